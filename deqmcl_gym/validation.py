@@ -1,0 +1,115 @@
+"""How bad input is refused: one sentence with what was given, what is allowed and what to do."""
+
+import dataclasses
+import difflib
+import math
+import numbers
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+T = TypeVar("T")
+
+
+class InputError(ValueError):
+    """A refused input. Its text is the one sentence a user reads, also at the command line."""
+
+
+def one_of(what: str, name: object, valid: Iterable[str]) -> str:
+    """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one."""
+    names = sorted(valid)
+    if isinstance(name, str) and name in names:
+        return name
+    nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
+    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+    raise InputError(f"unknown {what} {name!r}: {hint}allowed are {', '.join(names) or 'none'}.")
+
+
+def number(
+    what: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: bool = False,
+    finite: bool = True,
+) -> float:
+    """Return a real number in [low, high] (in (low, high] if ``above``), else refuse it."""
+    allowed = _interval(low, high, above, finite)
+    if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
+        raise InputError(f"{what} is {value!r}, but must be a number {allowed}.")
+    given = float(value)
+    inside = low < given if above else low <= given
+    if not (inside and given <= high) or (finite and not math.isfinite(given)):
+        raise InputError(f"{what} is {given:g}, but must be a number {allowed}.")
+    return given
+
+
+def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
+    """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
+    allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
+    if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
+        raise InputError(f"{what} is {value!r}, but must be a whole number {allowed}.")
+    if value < low or (high is not None and value > high):
+        raise InputError(f"{what} is {value}, but must be a whole number {allowed}.")
+    return int(value)
+
+
+def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """Return finite numbers of ``shape`` (None: any length) as a fresh float64 array, else refuse."""
+    words = " x ".join("n" if size is None else str(size) for size in shape)
+    try:
+        given = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is {value!r}, but must be {words} finite numbers.") from None
+    fits = given.ndim == len(shape) and all(
+        size in (None, seen) for size, seen in zip(shape, given.shape, strict=True)
+    )
+    if not fits:
+        seen = " x ".join(map(str, given.shape)) or "a single number"
+        raise InputError(f"{what} has shape {seen}, but must be {words} finite numbers.")
+    if not np.isfinite(given).all():
+        raise InputError(f"{what} is {given.tolist()}, but must be {words} finite numbers.")
+    return given
+
+
+def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
+    """Return a pose (x px, y px, heading rad), else refuse it; |heading| > 2π looks like degrees."""
+    x, y, heading = array(what, value, (3,)).tolist()
+    if abs(heading) > 2 * math.pi:
+        raise InputError(
+            f"{what} is ({x:g}, {y:g}, {heading:g}), but its heading must be in radians, "
+            f"from -2π to 2π: {heading:g}° would be {math.radians(heading):.4g}."
+        )
+    return x, y, heading
+
+
+def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: T) -> T:
+    """Return a frozen dataclass given as itself, as a mapping of changes to ``default``, or None.
+
+    This is what makes every part of the world configurable by JSON-able keyword arguments.
+    """
+    if value is None:
+        return default
+    if isinstance(value, cls):
+        return value
+    names = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    if not isinstance(value, Mapping):
+        raise InputError(
+            f"{what} is {value!r}, but must be a {cls.__name__} or a mapping of "
+            f"{', '.join(names)}."
+        )
+    for key in value:
+        one_of(f"key in {what}", key, names)
+    return dataclasses.replace(default, **value)  # type: ignore[type-var]
+
+
+def _interval(low: float, high: float, above: bool, finite: bool) -> str:
+    left = "above" if above else "from"
+    if math.isinf(low) and math.isinf(high):
+        return "that is finite" if finite else "that is not NaN"
+    if math.isinf(high):
+        return f"above {low:g}" if above else f"of {low:g} or more"
+    return f"{left} {low:g} to {high:g}"

@@ -1,0 +1,116 @@
+"""What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
+
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import number
+from localizers.models.motion import OdometryMotion
+from localizers.models.scan import BeamDensity, GaussianUniform
+
+Floats = NDArray[np.float64]
+Points = tuple[NDArray[np.floating], Floats]
+
+
+class Prior(Protocol):
+    """p(x_0), what is known of the pose before the first step."""
+
+    @property
+    def mean(self) -> tuple[float, float, float]:
+        """Expected pose (x px, y px, θ rad)."""
+        ...
+
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        """Draw n poses, (n, 3)."""
+        ...
+
+    def log_density(self, poses: Floats) -> Floats:
+        """Log-density of poses (n, 3), (n,)."""
+        ...
+
+
+class Belief(Protocol):
+    """What a localizer holds true: weighted poses of the present and, if it keeps them, of others."""
+
+    def points(self, offset: int = 0) -> Points | None:
+        """Return poses (n, 3) px, px, rad and weights (n,) of x_{t+offset}, as fresh arrays.
+
+        One point if the localizer only gives a pose; cell centres if it keeps a grid. None for an
+        offset it does not hold.
+        """
+        ...
+
+
+@runtime_checkable
+class Localizer(Protocol):
+    """Follows a robot by its commands, its scans and its plan."""
+
+    def reset(self, prior: Prior, plan: NDArray[np.floating], rng: np.random.Generator) -> Belief:
+        """Start anew and return the belief at t = 0.
+
+        Args:
+            prior: p(x_0).
+            plan: the planned actions (distance px, turn rad), (h, 2); may be empty.
+            rng: the localizer's only source of randomness.
+        """
+        ...
+
+    def update(
+        self,
+        ranges: NDArray[np.floating],
+        action: NDArray[np.floating],
+        plan: NDArray[np.floating],
+    ) -> Belief:
+        """Return the belief after one step.
+
+        Args:
+            ranges: the scan taken after the step, (B,) px.
+            action: the command carried out, (distance px, turn rad).
+            plan: the actions planned after it, (h, 2); shrinks to (0, 2) at the end.
+        """
+        ...
+
+
+class Motion(Protocol):
+    """The assumed motion model; see ``localizers.models.motion.OdometryMotion``."""
+
+    def sample(
+        self, states: NDArray[np.float32], action: Floats, rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Draw one successor of each pose (3, n)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotModel:
+    """What a localizer is made for: the map, the sensor and the noise it assumes.
+
+    Attributes:
+        floor_plan: the map m.
+        lidar: geometry of the sensor.
+        radius: of the robot's disc, px.
+        motion: p(x_t | x_{t-1}, a_t).
+        scan: p(o | ô) of one beam.
+    """
+
+    floor_plan: FloorPlan
+    lidar: Lidar
+    radius: float = 8.0
+    motion: Motion = field(default_factory=OdometryMotion)
+    scan: BeamDensity = field(default_factory=GaussianUniform)
+
+    def __post_init__(self) -> None:
+        number("radius", self.radius, low=0)
+
+
+def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:
+    """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
+    x, y, heading = np.asarray(poses, dtype=np.float64).T
+    return (
+        float(weights @ x),
+        float(weights @ y),
+        float(np.arctan2(weights @ np.sin(heading), weights @ np.cos(heading))),
+    )

@@ -1,0 +1,125 @@
+"""The weighted cloud of queues that a particle filter believes in."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from localizers.inference.parts import Actions, Indices, LogWeights, States
+from localizers.inference.queue import Queue
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+
+
+@dataclass(frozen=True)
+class Events:
+    """What happened since reset that a reader of the estimate should know.
+
+    Attributes:
+        weight_collapses: evidence that every particle denied; it was dropped, the weights of
+            before were kept.
+        replanned_steps: updates at which the queued future was redrawn under a changed plan.
+        skipped_beams: beams that were NaN, infinite or outside [0, max range].
+        blind_scans: scans without a usable beam; they changed no weight.
+    """
+
+    weight_collapses: int = 0
+    replanned_steps: int = 0
+    skipped_beams: int = 0
+    blind_scans: int = 0
+
+    def plus(self, **counts: int) -> "Events":
+        """Return these events and some more."""
+        return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
+
+
+@dataclass(frozen=True)
+class ParticleBelief:
+    """An immutable weighted cloud of queues, with the evidence it has absorbed.
+
+    Attributes:
+        queue: the states x_{t-L} … x_{t+F} of n particles.
+        log_weights: not normalised, (n,).
+        drawn: the actions by which the states after the present were drawn, (F_t, k).
+        log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
+        events: counted trouble since reset.
+        redraw_ess: effective sample size after the latest redraw of the future, NaN before.
+    """
+
+    queue: Queue
+    log_weights: LogWeights
+    drawn: Actions
+    log_normalizer: float = 0.0
+    events: Events = field(default_factory=Events)
+    redraw_ess: float = math.nan
+
+    @property
+    def present(self) -> States:
+        """States x_t, (d, n)."""
+        return self._held(0)
+
+    @property
+    def head(self) -> States:
+        """The newest states x_{t+F_t}, (d, n)."""
+        return self._held(self.queue.ahead)
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """Weights with sum 1, (n,)."""
+        return normalized(self.log_weights)
+
+    @property
+    def effective_sample_size(self) -> float:
+        """1 / Σ w², from 1 to n."""
+        return effective_sample_size(self.weights)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log of the unbiased estimate of ∫γ_t: p(o_{1:t}, every step of the queue feasible)."""
+        return self.log_normalizer + log_sum_exp(self.log_weights) - math.log(self.log_weights.size)
+
+    def points(self, offset: int = 0) -> tuple[States, NDArray[np.float64]] | None:
+        """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
+        states = self.queue.at(offset)
+        return None if states is None else (states.T, self.weights)
+
+    def resampled(self, ancestors: Indices | None) -> "ParticleBelief":
+        """Go on with these particles, equally weighted; None changes nothing."""
+        if ancestors is None:
+            return self
+        return replace(
+            self,
+            queue=self.queue.resampled(ancestors),
+            log_weights=np.zeros_like(self.log_weights),
+            log_normalizer=self.log_evidence,
+        )
+
+    def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
+        """Add newest states (d, n), drawn by ``action``."""
+        drawn = np.vstack([self.drawn, action])
+        return replace(self, queue=self.queue.appended(states), drawn=drawn)
+
+    def stepped(self, past: int) -> "ParticleBelief":
+        """Let the next state become the present; keep at most ``past`` states before it."""
+        return replace(self, queue=self.queue.stepped(past), drawn=self.drawn[1:])
+
+    def cut(self, keep: int) -> "ParticleBelief":
+        """Forget the states more than ``keep`` steps after the present."""
+        return replace(self, queue=self.queue.cut(keep), drawn=self.drawn[:keep])
+
+    def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
+        """Multiply each weight by exp(log_factor), (n,).
+
+        If that leaves no particle any weight, the factor is dropped (the weights of before stay)
+        and a weight collapse is counted: the cloud then goes on by motion alone until evidence
+        comes that some particle can explain.
+        """
+        total = self.log_weights + log_factor
+        if total.max() > -math.inf:
+            return replace(self, log_weights=total)
+        return replace(self, events=self.events.plus(weight_collapses=1))
+
+    def _held(self, offset: int) -> States:
+        states = self.queue.at(offset)
+        assert states is not None, "the present and the head are always held"
+        return states

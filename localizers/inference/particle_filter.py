@@ -1,0 +1,99 @@
+"""One particle filter for the whole family; its members differ by one part each."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.parts import (
+    Action,
+    Actions,
+    Feasibility,
+    Initial,
+    Motion,
+    Resampling,
+    Scan,
+)
+from localizers.inference.queue import Queue
+from localizers.inference.replanning import Redraw
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParticleFilter:
+    """γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s, m).
+
+    F_t = min(F, T - t) states are queued after the present, at most L before it. u_s is the action
+    carried out for s ≤ t, the planned one after.
+
+    Attributes:
+        particles: n.
+        past: L, how many states before the present are kept (and so smoothed).
+        future: F, how many planned steps are looked ahead.
+        pilots: rollouts per particle when the plan changes; see ``Redraw``.
+    """
+
+    motion: Motion
+    scan: Scan
+    feasibility: Feasibility
+    resampling: Resampling
+    particles: int
+    past: int = 0
+    future: int = 0
+    pilots: int = 16
+
+    def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
+        """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
+
+        x_0 has no scan and no charge. The prior's draws come from a stream of their own, so every
+        filter given the same ``rng`` starts from the same cloud.
+        """
+        cloud = prior.states(self.particles, rng.spawn(1)[0])
+        none_drawn = np.empty((0, plan.shape[1]))
+        belief = ParticleBelief(Queue((cloud,)), np.zeros(self.particles), none_drawn)
+        for action in plan[: self.future]:
+            belief = self._resampled(belief, rng)
+            belief = self._advanced(belief, action, rng)
+        return belief
+
+    def step(
+        self,
+        belief: ParticleBelief,
+        ranges: NDArray[np.float64],
+        action: Action,
+        plan: Actions,
+        rng: np.random.Generator,
+    ) -> ParticleBelief:
+        """Return the belief after one action and one scan.
+
+        Args:
+            belief: of the step before.
+            ranges: the scan o_t, (B,) px.
+            action: carried out between t - 1 and t, (k,).
+            plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
+            rng: the only source of randomness.
+        """
+        actions = np.vstack([action, plan[: self.future]])  # of the steps t … t + F
+        belief = self._resampled(belief, rng)
+        belief = self._redraw(belief, actions, rng)
+        for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
+            belief = self._advanced(belief, newest, rng)
+        belief = belief.stepped(self.past)
+        return belief.reweighted(self.scan.log_likelihood(belief.present, ranges))
+
+    def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
+        """Resample whole queues."""
+        return belief.resampled(self.resampling.ancestors(belief.log_weights, rng))
+
+    def _advanced(
+        self, belief: ParticleBelief, action: Action, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Append head' ~ p(· | head, action), charged once by g(head, head')."""
+        before = belief.head
+        after = self.motion.sample(before, action, rng)
+        return belief.appended(after, action).reweighted(self.feasibility.log_g(before, after))
+
+    @cached_property
+    def _redraw(self) -> Redraw:
+        return Redraw(self.motion, self.feasibility, self.pilots)

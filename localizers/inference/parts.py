@@ -1,0 +1,56 @@
+"""The parts a particle filter is put together from, as protocols over any state space.
+
+States stand in columns, (d, n): row i holds component i of all n particles. A room's states are
+poses, d = 3 (x px, y px, heading rad); the tests of exactness put five-state rings here.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+States = NDArray[Any]  # (d, n)
+LogWeights = NDArray[np.float64]  # (n,)
+Action = NDArray[np.float64]  # (k,)
+Actions = NDArray[np.float64]  # (steps, k)
+Indices = NDArray[np.intp]  # (n,)
+
+
+class Initial(Protocol):
+    """p(x_0)."""
+
+    def states(self, n: int, rng: np.random.Generator) -> States:
+        """Draw n states, (d, n)."""
+        ...
+
+
+class Motion(Protocol):
+    """p(x_t | x_{t-1}, a_t)."""
+
+    def sample(self, states: States, action: Action, rng: np.random.Generator) -> States:
+        """Draw one successor of each state, (d, n)."""
+        ...
+
+
+class Scan(Protocol):
+    """p(o_t | x_t, m)."""
+
+    def log_likelihood(self, states: States, ranges: NDArray[np.float64]) -> LogWeights:
+        """Log-density of the observation at each state, up to one common constant, (n,)."""
+        ...
+
+
+class Feasibility(Protocol):
+    """g(x', x), how likely the step x' → x is to be feasible on the map."""
+
+    def log_g(self, before: States, after: States) -> LogWeights:
+        """Log g of each step, (n,)."""
+        ...
+
+
+class Resampling(Protocol):
+    """When to resample, and how; draws one uniform number or row whether or not it triggers."""
+
+    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
+        """Return the particles to go on with, (n,), or None to keep all with their weights."""
+        ...

@@ -1,0 +1,130 @@
+"""The discrete event queue Q(t): states x_{t-L} … x_{t+F} of n particles, resampled by ancestry.
+
+Resampling a queue does not copy its 2L + 1 states: each slot keeps the states as they were drawn
+and a link, the index map from the order of the next slot's particles to its own. A state in
+today's order is its slot's states taken at the composition of the links after it. The present
+needs that at every step, so the composition over the future is kept by a sliding window.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from localizers.inference.parts import Indices, States
+
+Link = Indices | None  # None: the identity
+
+
+@dataclass(frozen=True)
+class SlidingComposition:
+    """The composition of a window of links, pushed at its new end and popped at its old: O(1).
+
+    Two stacks: the old half holds ready-made compositions from each link to the half's end, the
+    new half one running composition. When the old half is used up, the new half is turned into it.
+    """
+
+    old: tuple[Link, ...] = ()  # next to be popped: last
+    new: tuple[Link, ...] = ()
+    running: Link = None
+
+    def push(self, link: Link) -> "SlidingComposition":
+        """Add the link of a new slot."""
+        return replace(self, new=(*self.new, link), running=compose(self.running, link))
+
+    def pop(self) -> "SlidingComposition":
+        """Drop the oldest link."""
+        if self.old:
+            return replace(self, old=self.old[:-1])
+        turned: list[Link] = []
+        for link in reversed(self.new):
+            turned.append(compose(link, turned[-1] if turned else None))
+        return SlidingComposition(old=tuple(turned[:-1]))
+
+    def composed(self) -> Link:
+        """Return the map from the newest slot's order to the oldest's."""
+        return compose(self.old[-1], self.running) if self.old else self.running
+
+
+@dataclass(frozen=True)
+class Queue:
+    """An immutable queue of slots, oldest first; ``present`` is the index of x_t among them."""
+
+    slots: tuple[States, ...]
+    links: tuple[Link, ...] = ()  # links[i]: from the order of slot i + 1 to that of slot i
+    pending: Link = None  # from today's order to that of the newest slot
+    present: int = 0
+    future: SlidingComposition = SlidingComposition()
+
+    @property
+    def ahead(self) -> int:
+        """How many states after the present are held."""
+        return len(self.slots) - 1 - self.present
+
+    def resampled(self, ancestors: Indices) -> "Queue":
+        """Go on with these particles: whole queues, (n,)."""
+        return replace(self, pending=compose(self.pending, ancestors))
+
+    def appended(self, states: States) -> "Queue":
+        """Add a newest state, (d, n)."""
+        return replace(
+            self,
+            slots=(*self.slots, states),
+            links=(*self.links, self.pending),
+            pending=None,
+            future=self.future.push(self.pending),
+        )
+
+    def stepped(self, past: int) -> "Queue":
+        """Let the next state become the present; keep at most ``past`` states before it."""
+        drop = max(self.present + 1 - past, 0)
+        return replace(
+            self,
+            slots=self.slots[drop:],
+            links=self.links[drop:],
+            present=self.present + 1 - drop,
+            future=self.future.pop(),
+        )
+
+    def cut(self, keep: int) -> "Queue":
+        """Forget the states more than ``keep`` after the present, today's order unchanged."""
+        last = self.present + keep
+        future = SlidingComposition()
+        for link in self.links[self.present : last]:
+            future = future.push(link)
+        return replace(
+            self,
+            slots=self.slots[: last + 1],
+            links=self.links[:last],
+            pending=self._order(last),
+            future=future,
+        )
+
+    def at(self, offset: int) -> States | None:
+        """Return the states ``offset`` steps after the present (before it if negative), (d, n).
+
+        None if the queue does not hold them. The array is fresh.
+        """
+        index = self.present + offset
+        if not 0 <= index < len(self.slots):
+            return None
+        order = self._order(index)
+        states = self.slots[index]
+        return states.copy() if order is None else np.take(states, order, axis=1)
+
+    def _order(self, index: int) -> Link:
+        """Return the map from today's order to that of slot ``index``."""
+        if index <= self.present:
+            order = compose(self.future.composed(), self.pending)
+            later = self.links[index : self.present]
+        else:
+            order, later = self.pending, self.links[index:]
+        for link in reversed(later):
+            order = compose(link, order)
+        return order
+
+
+def compose(outer: Link, inner: Link) -> Link:
+    """Return the map i → outer[inner[i]]."""
+    if outer is None:
+        return inner
+    return outer if inner is None else outer[inner]

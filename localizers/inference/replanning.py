@@ -1,0 +1,113 @@
+"""What to do with a queued future whose actions turn out not to be the ones carried out."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States
+
+
+@dataclass(frozen=True)
+class Redraw:
+    """log w += log ĥ_new - log ĥ_old: exchange the future drawn by an old plan for a new one's.
+
+    The weights already hold the g of the old future, most of it absorbed by past resampling, so it
+    can be neither divided out nor left in. Per particle, from the last state x the plans share:
+    ĥ_old is the mean of Π g over the particle's own old future and M - 1 fresh ones, ĥ_new the
+    mean over M fresh futures under the new plan, of which one is kept with probability ∝ Π g.
+    Properly weighted for every M ≥ 1 (random weights by pilots: Lin, Chen & Liu 2013).
+
+    Attributes:
+        pilots: M.
+    """
+
+    motion: Motion
+    feasibility: Feasibility
+    pilots: int = 16
+
+    def __call__(
+        self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return a belief whose future is drawn by ``actions``, (steps, k).
+
+        A future that merely ends earlier than ``actions`` is left alone: it grows by itself.
+        """
+        held = belief.queue.ahead
+        shared = _shared_steps(belief.drawn, actions)
+        if shared == held:
+            return belief
+        anchor = belief.queue.at(shared)
+        assert anchor is not None, "the shared steps are held"
+        old = self._pilot_log_g(anchor, belief.drawn[shared:], self.pilots - 1, rng)
+        old = np.vstack([old, self._own_log_g(belief, shared)])
+        paths, new = self._pilot(anchor, actions[shared:held], self.pilots, rng)
+        log_factor = _log_mean(new) - _log_mean(old)
+        kept = _choose(new, rng)
+        redrawn = belief.cut(shared)
+        for states, action in zip(paths, actions[shared:held], strict=True):
+            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], action)
+        redrawn = redrawn.reweighted(log_factor)
+        return replace(
+            redrawn,
+            events=redrawn.events.plus(replanned_steps=1),
+            redraw_ess=redrawn.effective_sample_size,
+        )
+
+    def _own_log_g(self, belief: ParticleBelief, shared: int) -> LogWeights:
+        """Log Π g of the particles' own futures from ``shared`` on, (n,)."""
+        total = np.zeros(belief.log_weights.size)
+        for offset in range(shared, belief.queue.ahead):
+            before, after = belief.queue.at(offset), belief.queue.at(offset + 1)
+            assert before is not None, "the future is held"
+            assert after is not None, "the future is held"
+            total += self.feasibility.log_g(before, after)
+        return total
+
+    def _pilot(
+        self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
+    ) -> tuple[list[States], NDArray[np.float64]]:
+        """Roll out ``pilots`` futures per particle: states (d, M, n) per step, log Π g (M, n)."""
+        d, n = anchor.shape
+        states = np.tile(anchor, (1, pilots))
+        log_g = np.zeros(pilots * n)
+        paths = []
+        for action in actions:
+            before, states = states, self.motion.sample(states, action, rng)
+            log_g += self.feasibility.log_g(before, states)
+            paths.append(states.reshape(d, pilots, n))
+        return paths, log_g.reshape(pilots, n)
+
+    def _pilot_log_g(
+        self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        if pilots == 0:
+            return np.empty((0, anchor.shape[1]))
+        return self._pilot(anchor, actions, pilots, rng)[1]
+
+
+def _shared_steps(drawn: Actions, actions: Actions) -> int:
+    """How many leading actions are the same, by exact comparison of commands."""
+    both = min(len(drawn), len(actions))
+    differs = (drawn[:both] != actions[:both]).any(axis=1)
+    return int(differs.argmax()) if differs.any() else both
+
+
+def _log_mean(log_values: NDArray[np.float64]) -> LogWeights:
+    """Log of the mean of exp over axis 0, (n,); -inf where all are."""
+    top = log_values.max(axis=0)
+    base = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        total: LogWeights = base + np.log(np.exp(log_values - base).sum(axis=0))
+    return total - math.log(len(log_values))
+
+
+def _choose(log_weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
+    """One row per column, drawn with probability ∝ exp(log_weights); the first if all are -inf."""
+    top = log_weights.max(axis=0)
+    cumulative = np.cumsum(np.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
+    pointers = rng.random(log_weights.shape[1]) * cumulative[-1]
+    chosen: NDArray[np.intp] = (cumulative <= pointers).sum(axis=0)
+    return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)

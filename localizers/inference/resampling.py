@@ -1,0 +1,83 @@
+"""When to resample (always, or by effective sample size) and how (systematic, …)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.validation import number, one_of
+from localizers.inference.parts import Indices, LogWeights
+from localizers.inference.weights import effective_sample_size, normalized
+
+Scheme = Callable[[NDArray[np.float64], np.random.Generator], Indices]
+
+
+def systematic(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+    """One uniform offset for n equidistant pointers: each particle ⌊n w⌋ or ⌈n w⌉ times.
+
+    Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
+    """
+    n = weights.size
+    return _pointed_at(weights, (np.arange(n) + rng.random()) / n)
+
+
+def stratified(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+    """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
+    n = weights.size
+    return _pointed_at(weights, (np.arange(n) + rng.random(n)) / n)
+
+
+def multinomial(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+    """N independent draws by weight (Gordon, Salmond & Smith 1993)."""
+    return _pointed_at(weights, np.sort(rng.random(weights.size)))
+
+
+SCHEMES: dict[str, Scheme] = {
+    "systematic": systematic,
+    "stratified": stratified,
+    "multinomial": multinomial,
+}
+
+
+@dataclass(frozen=True)
+class Always:
+    """Resample at every step, as the paper does."""
+
+    scheme: Scheme = systematic
+
+    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
+        """Return the particles to go on with, (n,)."""
+        return self.scheme(normalized(log_weights), rng)
+
+
+@dataclass(frozen=True)
+class WhenDegenerate:
+    """Resample when the effective sample size falls below ``threshold`` times n.
+
+    The random numbers are drawn whether or not it triggers, so that runs stay comparable.
+    """
+
+    threshold: float
+    scheme: Scheme = systematic
+
+    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
+        """Return the particles to go on with, (n,), or None to keep all with their weights."""
+        weights = normalized(log_weights)
+        chosen = self.scheme(weights, rng)
+        degenerate = effective_sample_size(weights) < self.threshold * weights.size
+        return chosen if degenerate else None
+
+
+def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDegenerate:
+    """Return the strategy of these two parameters; ``ess_threshold`` None means always."""
+    scheme = SCHEMES[one_of("resampler", resampler, SCHEMES)]
+    if ess_threshold is None:
+        return Always(scheme)
+    return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
+
+
+def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:
+    cumulative = np.cumsum(weights)
+    chosen = np.searchsorted(cumulative, pointers * cumulative[-1], side="right")
+    return np.minimum(chosen, weights.size - 1)

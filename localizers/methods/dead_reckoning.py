@@ -1,0 +1,65 @@
+"""x_t = x_{t-1} ⊕ a_t from the prior's mean: no scan, no map, no noise. The baseline to beat."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.validation import array
+from localizers.api import Prior, RobotModel
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Track:
+    """One pose per step: those driven, then those planned."""
+
+    poses: Floats
+    present: int
+
+    def points(self, offset: int = 0) -> tuple[Floats, Floats] | None:
+        index = self.present + offset
+        if not 0 <= index < len(self.poses):
+            return None
+        return self.poses[index : index + 1].copy(), np.ones(1)
+
+
+class DeadReckoning:
+    """Integrates the commands from the prior's mean, and the plan beyond the present."""
+
+    def __init__(self) -> None:
+        self._driven: list[tuple[float, float, float]] = []
+
+    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
+        """Start at the prior's mean; see ``Localizer.reset``."""
+        self._driven = [prior.mean]
+        return self._track(plan)
+
+    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
+        """Add one command; see ``Localizer.update``."""
+        if not self._driven:
+            raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+        self._driven.append(_moved(self._driven[-1], array("the action", action, (2,))))
+        return self._track(plan)
+
+    def _track(self, plan: ArrayLike) -> _Track:
+        poses = list(self._driven)
+        actions = array("the plan", plan, (None, 2)) if np.size(plan) else np.empty((0, 2))
+        for action in actions:
+            poses.append(_moved(poses[-1], action))
+        return _Track(np.array(poses), len(self._driven) - 1)
+
+
+def dead_reckoning(robot: RobotModel) -> DeadReckoning:
+    """Return dead reckoning; it needs nothing of the robot."""
+    del robot
+    return DeadReckoning()
+
+
+def _moved(pose: tuple[float, float, float], action: Floats) -> tuple[float, float, float]:
+    x, y, heading = pose
+    distance, turn = action.tolist()
+    heading += turn
+    return x + distance * math.cos(heading), y + distance * math.sin(heading), heading

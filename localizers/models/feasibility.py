@@ -1,0 +1,46 @@
+"""g(x', x) = exp(-β C(x', x)), the paper's p(x_t | m): whether a step is feasible on the map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.validation import number
+
+Poses = NDArray[np.float32]  # (3, n)
+
+
+@dataclass(frozen=True)
+class Unconstrained:
+    """G = 1: the map says nothing about where the robot can go."""
+
+    def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
+        """Zero for each step, (n,)."""
+        return np.zeros(after.shape[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeSpace:
+    """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
+
+    The map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in {0, 1} per
+    step. Thrun et al. 2005, section 5.5.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of the robot's disc, px.
+        beta: β ≥ 0; 0 charges nothing, inf rejects the step outright.
+    """
+
+    floor_plan: FloorPlan
+    radius: float
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("beta", self.beta, low=0, finite=False)
+
+    def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
+        """-β for each step that collides, else 0, (n,)."""
+        collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        return np.where(collides, -self.beta, 0.0)

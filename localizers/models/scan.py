@@ -1,0 +1,165 @@
+"""p(o_t | x_t, m): how likely a lidar scan is at a pose, beam by beam."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import InputError, number
+from localizers.models.normal import normal_cdf, normal_pdf
+
+Floats = NDArray[np.float64]
+OUTSIDE = -30.0  # log-likelihood of a whole scan at a pose outside the outer walls
+ATOM = 1.0  # px: the ends of the range count as one pixel each in the uniform share
+
+
+class BeamDensity(Protocol):
+    """p(o | ô) of single beams."""
+
+    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
+        """Density (at an atom: mass) of each measured range.
+
+        Args:
+            ranges: o, (B,) px in [0, max_range].
+            expected: ô, exact ray-cast ranges, not cut at max_range, (n, B) px.
+            max_range: px.
+
+        Returns:
+            (n, B), positive.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianUniform:
+    """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
+
+    Attributes:
+        sigma: σ > 0, px.
+        uniform: u, share of beams that measure anything at all.
+    """
+
+    sigma: float = 100.0
+    uniform: float = 0.05
+
+    def __post_init__(self) -> None:
+        _check_mixture(self.sigma, self.uniform)
+
+    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
+        """Density of each measured range, (n, B) per px."""
+        hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
+        return (1 - self.uniform) * hit + self.uniform / max_range
+
+
+@dataclass(frozen=True, kw_only=True)
+class CensoredGaussianUniform:
+    """The GaussianUniform of a world that adds noise, then clips to [0, max_range].
+
+    Inside, p(o | ô) = (1 - u) N(o; ô, σ²) + v; at o = max_range the mass is
+    (1 - u) Φ((ô - max_range) / σ) + v·ATOM, at o = 0 it is (1 - u) Φ(-ô / σ) + v·ATOM, where
+    v = u / (max_range + 2 ATOM): densities and masses together come to 1.
+
+    Attributes:
+        sigma: σ > 0, px.
+        uniform: u, share of beams that measure anything at all.
+    """
+
+    sigma: float = 100.0
+    uniform: float = 0.05
+
+    def __post_init__(self) -> None:
+        _check_mixture(self.sigma, self.uniform)
+
+    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
+        """Density of each measured range inside, mass at the two ends, (n, B)."""
+        at_max, at_zero = ranges >= max_range, ranges <= 0
+        hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
+        hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
+        hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
+        anything = np.where(at_max | at_zero, ATOM, 1.0) * self.uniform / (max_range + 2 * ATOM)
+        return (1 - self.uniform) * hit + anything
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamModel:
+    """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand.
+
+    Attributes:
+        hit, short, max, rand: shares of the parts, with sum 1.
+        sigma: σ_hit > 0, px.
+        decay: λ_short > 0, per px.
+    """
+
+    hit: float = 0.8
+    short: float = 0.1
+    max: float = 0.05
+    rand: float = 0.05
+    sigma: float = 100.0
+    decay: float = 0.01
+
+    def __post_init__(self) -> None:
+        shares = {name: getattr(self, name) for name in ("hit", "short", "max", "rand")}
+        for name, share in shares.items():
+            number(f"scan.{name}", share, low=0, high=1)
+        number("scan.sigma", self.sigma, low=0, above=True)
+        number("scan.decay", self.decay, low=0, above=True)
+        if abs(sum(shares.values()) - 1) > 1e-9:
+            raise InputError(
+                f"the shares of the beam model add up to {sum(shares.values()):g} "
+                f"({shares}), but must add up to 1."
+            )
+
+    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
+        """Density of each measured range below max_range, mass at it, (n, B)."""
+        seen = np.minimum(expected, max_range)
+        inside = normal_cdf((max_range - seen) / self.sigma) - normal_cdf(-seen / self.sigma)
+        hit = normal_pdf((ranges - seen) / self.sigma) / (self.sigma * inside)
+        cut = -np.expm1(-self.decay * np.maximum(seen, 1e-6))
+        short = np.where(ranges <= seen, self.decay * np.exp(-self.decay * ranges) / cut, 0.0)
+        at_max = ranges >= max_range
+        return (
+            self.hit * hit
+            + self.short * short
+            + self.max * at_max
+            + self.rand * ~at_max / max_range
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarScan:
+    """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
+
+    A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
+    says nothing. A pose outside the outer walls gets ``OUTSIDE`` for the whole scan.
+    """
+
+    floor_plan: FloorPlan
+    lidar: Lidar
+    beam: BeamDensity
+
+    def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+        """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
+        usable = usable_beams(ranges, self.lidar.max_range)
+        if not usable.any():
+            return np.zeros(states.shape[1])
+        expected = self.floor_plan.ranges(states.T, self.lidar.bearings[usable])
+        outside = np.isnan(expected[:, 0])
+        exact = np.where(outside[:, None], 0.0, expected.astype(np.float64))
+        density = self.beam.density(ranges[usable], exact, self.lidar.max_range)
+        with np.errstate(divide="ignore"):
+            log_likelihood: Floats = np.log(density).sum(axis=1)
+        log_likelihood[outside] = OUTSIDE
+        return log_likelihood
+
+
+def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:
+    """Which beams are numbers in [0, max_range], (B,)."""
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(ranges) & (ranges >= 0) & (ranges <= max_range)
+
+
+def _check_mixture(sigma: float, uniform: float) -> None:
+    number("scan.sigma", sigma, low=0, above=True)
+    number("scan.uniform", uniform, low=0, high=1)

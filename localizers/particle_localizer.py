@@ -1,0 +1,109 @@
+"""The stateful shell around a particle filter: what users hold in their hands."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.validation import InputError, array, integer
+from localizers.api import Prior, RobotModel
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.resampling import resampling
+from localizers.models.feasibility import Unconstrained
+from localizers.models.scan import LidarScan, usable_beams
+
+MAX_PARTICLES = 10_000_000
+_BYTES_PER_PARTICLE = 3 * 4 + 8  # one queued pose and its link
+
+
+class ParticleLocalizer:
+    """A ``Localizer`` that runs a ``ParticleFilter``; checks what it is given, counts bad beams."""
+
+    def __init__(self, robot: RobotModel, particle_filter: ParticleFilter) -> None:
+        """Make a localizer for ``robot`` out of a filter's parts."""
+        self.robot = robot
+        self.filter = particle_filter
+        self._running: tuple[ParticleBelief, np.random.Generator] | None = None
+        _check_size(particle_filter)
+
+    @classmethod
+    def plain(
+        cls, robot: RobotModel, *, particles: int, resampler: str, ess_threshold: float | None
+    ) -> "ParticleLocalizer":
+        """Return MCL, the member of the family that all others are varied from."""
+        integer("particles", particles, low=1)
+        return cls(
+            robot,
+            ParticleFilter(
+                motion=robot.motion,
+                scan=LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan),
+                feasibility=Unconstrained(),
+                resampling=resampling(resampler, ess_threshold),
+                particles=particles,
+            ),
+        )
+
+    def varied(self, **parts: Any) -> "ParticleLocalizer":
+        """Return the localizer with other parts."""
+        return ParticleLocalizer(self.robot, replace(self.filter, **parts))
+
+    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
+        """Start anew; see ``Localizer.reset``."""
+        belief = self.filter.initial(_Cloud(prior), _checked_plan(plan), rng)
+        self._running = (belief, rng)
+        return belief
+
+    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
+        """Go one step on; see ``Localizer.update``."""
+        if self._running is None:
+            raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+        belief, rng = self._running
+        scan = self._checked_scan(ranges)
+        command = array("the action", action, (2,))
+        belief = self.filter.step(belief, scan, command, _checked_plan(plan), rng)
+        usable = int(usable_beams(scan, self.robot.lidar.max_range).sum())
+        if usable < scan.size:
+            events = belief.events.plus(
+                skipped_beams=scan.size - usable, blind_scans=int(usable == 0)
+            )
+            belief = replace(belief, events=events)
+        self._running = (belief, rng)
+        return belief
+
+    def _checked_scan(self, ranges: ArrayLike) -> NDArray[np.float64]:
+        scan = np.asarray(ranges, dtype=np.float64)
+        if scan.shape != (self.robot.lidar.beams,):
+            raise InputError(
+                f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
+                f"{self.robot.lidar.beams} beams: give ({self.robot.lidar.beams},) ranges, "
+                "or make a localizer for this lidar."
+            )
+        return scan
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """A prior over poses as the filter's columns."""
+
+    prior: Prior
+
+    def states(self, n: int, rng: np.random.Generator) -> NDArray[np.float32]:
+        return np.ascontiguousarray(self.prior.sample(n, rng).T, dtype=np.float32)
+
+
+def _checked_plan(plan: ArrayLike) -> NDArray[np.float64]:
+    if np.size(plan) == 0:
+        return np.empty((0, 2))
+    return array("the plan", plan, (None, 2))
+
+
+def _check_size(particle_filter: ParticleFilter) -> None:
+    n, slots = particle_filter.particles, particle_filter.past + 1 + particle_filter.future
+    if n > MAX_PARTICLES:
+        gibibytes = n * slots * _BYTES_PER_PARTICLE / 2**30
+        raise InputError(
+            f"particles is {n:,}, which would take {gibibytes:,.0f} GiB; "
+            f"allowed are 1 to {MAX_PARTICLES:,}."
+        )
