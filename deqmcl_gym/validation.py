@@ -52,13 +52,14 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {value!r}, but must be a whole number {allowed}.")
-    if value < low or (high is not None and value > high):
-        raise InputError(f"{what} is {value}, but must be a whole number {allowed}.")
-    return int(value)
+    given = int(value)
+    if given < low or (high is not None and given > high):
+        raise InputError(f"{what} is {given}, but must be a whole number {allowed}.")
+    return given
 
 
 def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return finite numbers of ``shape`` (None: any length) as a fresh float64 array, else refuse."""
+    """Return finite numbers of ``shape`` (None: any length) as a fresh array, else refuse."""
     words = " x ".join("n" if size is None else str(size) for size in shape)
     try:
         given = np.array(value, dtype=np.float64)
@@ -76,7 +77,7 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
 
 
 def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
-    """Return a pose (x px, y px, heading rad), else refuse it; |heading| > 2π looks like degrees."""
+    """Return a pose (x px, y px, heading rad), else refuse it; over 2π it looks like degrees."""
     x, y, heading = array(what, value, (3,)).tolist()
     if abs(heading) > 2 * math.pi:
         raise InputError(
@@ -98,8 +99,7 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
     names = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
     if not isinstance(value, Mapping):
         raise InputError(
-            f"{what} is {value!r}, but must be a {cls.__name__} or a mapping of "
-            f"{', '.join(names)}."
+            f"{what} is {value!r}, but must be a {cls.__name__} or a mapping of {', '.join(names)}."
         )
     for key in value:
         one_of(f"key in {what}", key, names)

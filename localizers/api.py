@@ -33,7 +33,7 @@ class Prior(Protocol):
 
 
 class Belief(Protocol):
-    """What a localizer holds true: weighted poses of the present and, if it keeps them, of others."""
+    """What a localizer holds true: weighted poses of the present, and of other steps if kept."""
 
     def points(self, offset: int = 0) -> Points | None:
         """Return poses (n, 3) px, px, rad and weights (n,) of x_{t+offset}, as fresh arrays.

@@ -58,7 +58,9 @@ class ParticleLocalizer:
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Go one step on; see ``Localizer.update``."""
         if self._running is None:
-            raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+            raise RuntimeError(
+                "update was called before reset: call reset(prior, plan, rng) first."
+            )
         belief, rng = self._running
         scan = self._checked_scan(ranges)
         command = array("the action", action, (2,))

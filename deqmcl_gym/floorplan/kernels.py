@@ -28,8 +28,16 @@ _ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding it rounds to the neares
 _PIO2_HIGH = np.float32(1.5703125)
 _PIO2_MIDDLE = np.float32(4.837512969970703125e-4)
 _PIO2_LOW = np.float32(7.54978995489188216e-8)
-_S1, _S2, _S3 = np.float32(-1.6666654611e-1), np.float32(8.3321608736e-3), np.float32(-1.9515295891e-4)
-_C1, _C2, _C3 = np.float32(4.166664568298827e-2), np.float32(-1.388731625493765e-3), np.float32(2.443315711809948e-5)
+_S1, _S2, _S3 = (
+    np.float32(-1.6666654611e-1),
+    np.float32(8.3321608736e-3),
+    np.float32(-1.9515295891e-4),
+)
+_C1, _C2, _C3 = (
+    np.float32(4.166664568298827e-2),
+    np.float32(-1.388731625493765e-3),
+    np.float32(2.443315711809948e-5),
+)
 _HALF = np.float32(0.5)
 
 
@@ -51,7 +59,9 @@ def sincos(angles: Floats, sines: Floats, cosines: Floats) -> None:
 
 
 @compiled
-def cast(x: Floats, y: Floats, sines: Floats, cosines: Floats, beams: Floats, walls: Floats, out: Floats) -> None:
+def cast(
+    x: Floats, y: Floats, sines: Floats, cosines: Floats, beams: Floats, walls: Floats, out: Floats
+) -> None:
     """Fill in the distance along each beam to the nearest wall, inf where there is none.
 
     Args:
@@ -111,7 +121,7 @@ def windings(x: Floats, y: Floats, walls: Floats, out: NDArray[np.int32]) -> Non
 
 @compiled
 def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
-    """Fill in the squared distance between each path and the nearest wall, (n,) px²; 0 if they cross.
+    """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
 
     Args:
         starts, ends: rows x and y of the paths' end points, (2, n) px.

@@ -141,4 +141,3 @@ def sincos(angles: Floats) -> tuple[Floats, Floats]:
 def _rows(items: ArrayLike, columns: int) -> Floats:
     """(n, d) in any layout as contiguous float32 rows (columns, n): no copy if it is one's view."""
     return np.ascontiguousarray(np.asarray(items, dtype=np.float32)[:, :columns].T)
-

@@ -40,7 +40,7 @@ def parse_polygon(name: str, polygon: Any) -> tuple[tuple[float, float], ...]:
 
 
 def oriented_edges(polygon: Polygon, *, solid: bool) -> NDArray[np.float64]:
-    """Return a polygon's edges, counterclockwise, or clockwise around something ``solid``, (S, 4)."""
+    """Return the edges (S, 4), counterclockwise, or clockwise around something ``solid``."""
     corners = np.array(polygon)
     clockwise = signed_area(corners) < 0
     return _edges(corners if clockwise == solid else corners[::-1])

@@ -80,4 +80,5 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
 def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:
     cumulative = np.cumsum(weights)
     chosen = np.searchsorted(cumulative, pointers * cumulative[-1], side="right")
-    return np.minimum(chosen, weights.size - 1)
+    held: Indices = np.minimum(chosen, weights.size - 1)
+    return held

@@ -16,8 +16,9 @@ def log_sum_exp(log_weights: NDArray[np.float64]) -> float:
 
 def normalized(log_weights: LogWeights) -> NDArray[np.float64]:
     """Weights with sum 1, (n,)."""
-    weights: NDArray[np.float64] = np.exp(log_weights - log_weights.max())
-    return weights / weights.sum()
+    weights = np.exp(log_weights - log_weights.max())
+    shares: NDArray[np.float64] = weights / weights.sum()
+    return shares
 
 
 def effective_sample_size(weights: NDArray[np.float64]) -> float:

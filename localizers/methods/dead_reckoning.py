@@ -40,7 +40,9 @@ class DeadReckoning:
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
         """Add one command; see ``Localizer.update``."""
         if not self._driven:
-            raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+            raise RuntimeError(
+                "update was called before reset: call reset(prior, plan, rng) first."
+            )
         self._driven.append(_moved(self._driven[-1], array("the action", action, (2,))))
         return self._track(plan)
 

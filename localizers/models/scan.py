@@ -119,12 +119,13 @@ class BeamModel:
         cut = -np.expm1(-self.decay * np.maximum(seen, 1e-6))
         short = np.where(ranges <= seen, self.decay * np.exp(-self.decay * ranges) / cut, 0.0)
         at_max = ranges >= max_range
-        return (
+        density: Floats = (
             self.hit * hit
             + self.short * short
             + self.max * at_max
             + self.rand * ~at_max / max_range
         )
+        return density
 
 
 @dataclass(frozen=True, kw_only=True)

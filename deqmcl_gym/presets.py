@@ -1,0 +1,24 @@
+"""The named worlds. What the filters assume of them is the harness's business.
+
+Of the paper's setting nothing but the room is published; see docs/equations.md for the choices.
+"""
+
+import math
+from types import MappingProxyType
+
+from deqmcl_gym.config import Start, World
+from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.room import PAPER_ROOM
+
+WORLDS = MappingProxyType(
+    {
+        # one weak beam ahead, small real noise, started where the map says
+        "paper": World(floor_plan=PAPER_ROOM),
+        # the same, but the start is a draw from what the filter is told
+        "matched": World(floor_plan=PAPER_ROOM, start=Start(sd_position=10.0, sd_heading=0.1)),
+        # a sharp fan of nine beams
+        "sharp": World(
+            floor_plan=PAPER_ROOM, lidar=Lidar(beams=9, field_of_view=math.pi / 2, sigma=5.0)
+        ),
+    }
+)

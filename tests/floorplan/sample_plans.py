@@ -1,0 +1,53 @@
+"""Floor plans of the tests, random poses on them, and their pymunk twins."""
+
+import numpy as np
+import pymunk
+
+from deqmcl_gym.floorplan import FloorPlan
+
+ROOM = FloorPlan(
+    outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
+    obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
+)
+# A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.
+HALL = FloorPlan(
+    outer=[(0, 0), (400, 0), (400, 300), (250, 300), (230, 190), (150, 200), (150, 300), (0, 300)],
+    obstacles=[
+        [(60, 60), (120, 60), (120, 80), (80, 80), (80, 120), (120, 120), (120, 140), (60, 140)],
+        [(250, 50), (270, 120), (320, 70)],
+        [(170, 30), (210, 50), (190, 90), (150, 70)],
+    ],
+)
+PLANS = {"room": ROOM, "hall": HALL}
+
+
+def corners(plan: FloorPlan) -> np.ndarray:
+    """All corners, (k, 2) px."""
+    return np.vstack([plan.outer, *plan.obstacles])
+
+
+def anywhere(plan: FloorPlan, n: int, rng: np.random.Generator, margin: float = 0.0) -> np.ndarray:
+    """Uniform points in the plan's box and ``margin`` around it, (n, 2) px."""
+    x0, y0, x1, y1 = plan.bounds
+    return rng.uniform((x0 - margin, y0 - margin), (x1 + margin, y1 + margin), (n, 2))
+
+
+def awkward_poses(plan: FloorPlan, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Poses (n, 3): a third heads exactly for a corner, a sixth runs parallel to the axes."""
+    points = anywhere(plan, n, rng)
+    headings = rng.uniform(-np.pi, np.pi, n)
+    target = rng.choice(corners(plan), n) - points
+    kind = rng.integers(0, 6, n)
+    headings = np.where(kind <= 1, np.arctan2(target[:, 1], target[:, 0]), headings)
+    headings = np.where(kind == 2, rng.integers(-2, 3, n) * np.pi / 2, headings)
+    return np.column_stack([points, headings])
+
+
+def space_of(plan: FloorPlan) -> pymunk.Space:
+    """The plan's walls as static segments without thickness."""
+    space = pymunk.Space()
+    for polygon in (plan.outer, *plan.obstacles):
+        for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+            space.add(pymunk.Segment(space.static_body, a, b, 0.0))
+    space.step(1e-9)  # index the shapes
+    return space
