@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
 
@@ -91,6 +93,12 @@ class Lap:
             if len(corners) < 3:
                 raise InputError(
                     f"lap.waypoints has {len(corners)} corners, but a lap needs 3 or more."
+                )
+            if (same := (corners == np.roll(corners, -1, axis=0)).all(axis=1)).any():
+                x, y = corners[same.argmax()]
+                raise InputError(
+                    f"lap.waypoints has ({x:g}, {y:g}) twice in a row: name each corner once; the "
+                    "last corner is joined to the first by itself."
                 )
             object.__setattr__(self, "waypoints", tuple((x, y) for x, y in corners.tolist()))
 

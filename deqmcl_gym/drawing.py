@@ -110,7 +110,7 @@ class Drawing:
 
     def text(self, words: str, at: tuple[int, int], size: float = 0.5) -> "Drawing":
         """Write words (ASCII), their baseline's left end at ``at`` (column, row)."""
-        cv2.putText(self.image, words, at, _FONT, size, BLACK, 1, cv2.LINE_AA)
+        write_words(self.image, words, at, size)
         return self
 
     def number(self, step: int) -> "Drawing":
@@ -127,6 +127,11 @@ def with_strip(image: Image, rows: int) -> Image:
     return np.pad(image, ((0, rows), (0, 0), (0, 0)), constant_values=255)
 
 
+def write_words(image: Image, words: str, at: tuple[int, int], size: float = 0.5) -> None:
+    """Write words (ASCII), their baseline's left end at ``at`` (column, row)."""
+    cv2.putText(image, words, at, _FONT, size, BLACK, 1, cv2.LINE_AA)
+
+
 def write_legend(
     image: Image, entries: list[tuple[str, Color]], at: tuple[int, int], size: float = 0.5
 ) -> None:
@@ -134,6 +139,6 @@ def write_legend(
     column, row = at
     for words, color in entries:
         cv2.circle(image, (column + 6, row - 5), 6, color, -1, cv2.LINE_AA)
-        cv2.putText(image, words, (column + 18, row), _FONT, size, BLACK, 1, cv2.LINE_AA)
+        write_words(image, words, (column + 18, row), size)
         (width, _), _ = cv2.getTextSize(words, _FONT, size, 1)
         column += 18 + width + 18

@@ -1,5 +1,6 @@
 """RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
 
+import contextlib
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -92,6 +93,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
     @property
     def elapsed_steps(self) -> int:
         """Steps carried out since reset."""
+        self._require_begun()
         return self._step
 
     def stream(self, stream: Stream) -> np.random.Generator:
@@ -143,6 +145,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
     @property
     def pose(self) -> Pose:
         """The true pose (x px, y px, θ rad)."""
+        self._require_begun()
         return (*self._physics.position, self._heading)
 
     def place(self, at: Pose) -> None:
@@ -151,6 +154,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         Raises:
             InputError: the robot would touch a wall there.
         """
+        self._require_begun()
         x, y, heading = pose("the pose", at)
         if not self._fits((x, y)):
             raise InputError(_no_room("the pose", (x, y, heading), self.world.robot.radius))
@@ -170,7 +174,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             self._checked(row)
         self.plan = np.vstack([self.plan[: self._step + 1], rows])
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return the world as it is, (h, w, 3) RGB, or None without a render mode."""
         if self.render_mode is None:
             gym.logger.warn('render() needs gym.make(..., render_mode="rgb_array").')
@@ -184,11 +188,16 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         drawing.beams(self.pose, self.lidar.bearings, self._scan)
         return drawing.robot(self.pose, self.world.robot.radius).number(self._step).image
 
+    def _require_begun(self) -> None:
+        if self._episode < 0:
+            raise RuntimeError("the episode has not begun: call reset() first.")
+
     def _checked(self, action: Any) -> NDArray[np.float32]:
-        try:
-            command = np.array(action, dtype=np.float32)
-        except (TypeError, ValueError):
-            command = np.empty(0, np.float32)
+        command = np.empty(0, np.float32)
+        with contextlib.suppress(ValueError), np.errstate(over="ignore"):
+            given = np.asarray(action)
+            if given.dtype.kind in "fiu":  # neither words nor complex numbers nor truth values
+                command = given.astype(np.float32)
         if command.shape != (2,) or not self.action_space.contains(command):
             (low, left), (high, right) = self.action_space.low, self.action_space.high  # type: ignore[attr-defined]
             raise InputError(

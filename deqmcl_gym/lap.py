@@ -78,6 +78,12 @@ def mid_corridor(floor_plan: FloorPlan) -> Floats:
     headings = np.arctan2(bisectors[:, 1], bisectors[:, 0])
     outside = hull + 1e-3 * bisectors  # past the obstacle's own walls
     gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
+    if (lost := ~np.isfinite(gaps)).any():
+        x, y = hull[lost.argmax()]
+        raise InputError(
+            f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap goes "
+            "around it: give lap.waypoints."
+        )
     steps = gaps[:, None] / 2 * np.column_stack([np.cos(headings), np.sin(headings)])
     corners: Floats = np.round(hull + steps, 2)
     return corners

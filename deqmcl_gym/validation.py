@@ -16,6 +16,10 @@ T = TypeVar("T")
 class InputError(ValueError):
     """A refused input. Its text is the one sentence a user reads, also at the command line."""
 
+    def __init__(self, sentence: str) -> None:
+        """Say ``sentence``, on one line even where it shows an array."""
+        super().__init__(" ".join(sentence.split()))
+
 
 def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one."""

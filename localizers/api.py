@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
-from deqmcl_gym.validation import number
+from deqmcl_gym.validation import array, number
 from localizers.models.motion import OdometryMotion
 from localizers.models.scan import BeamDensity, GaussianUniform
 
@@ -106,11 +106,17 @@ class RobotModel:
         number("radius", self.radius, low=0)
 
 
+def checked_plan(plan: ArrayLike) -> Floats:
+    """Return a plan as (h, 2) finite actions, (0, 2) for an empty one in any shape; else refuse."""
+    try:
+        empty = np.size(plan) == 0
+    except ValueError:  # a ragged list; ``array`` names it
+        empty = False
+    return np.empty((0, 2)) if empty else array("the plan", plan, (None, 2))
+
+
 def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:
     """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
-    return (
-        float(weights @ x),
-        float(weights @ y),
-        float(np.arctan2(weights @ np.sin(heading), weights @ np.cos(heading))),
-    )
+    sine, cosine = (weights * np.sin(heading)).sum(), (weights * np.cos(heading)).sum()
+    return float((weights * x).sum()), float((weights * y).sum()), float(np.arctan2(sine, cosine))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.validation import InputError, array, integer
-from localizers.api import Prior, RobotModel
+from localizers.api import Prior, RobotModel, checked_plan
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import resampling
@@ -51,7 +51,7 @@ class ParticleLocalizer:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start anew; see ``Localizer.reset``."""
-        belief = self.filter.initial(_Cloud(prior), _checked_plan(plan), rng)
+        belief = self.filter.initial(_Cloud(prior), checked_plan(plan), rng)
         self._running = (belief, rng)
         return belief
 
@@ -64,7 +64,7 @@ class ParticleLocalizer:
         belief, rng = self._running
         scan = self._checked_scan(ranges)
         command = array("the action", action, (2,))
-        belief = self.filter.step(belief, scan, command, _checked_plan(plan), rng)
+        belief = self.filter.step(belief, scan, command, checked_plan(plan), rng)
         usable = int(usable_beams(scan, self.robot.lidar.max_range).sum())
         if usable < scan.size:
             events = belief.events.plus(
@@ -75,7 +75,10 @@ class ParticleLocalizer:
         return belief
 
     def _checked_scan(self, ranges: ArrayLike) -> NDArray[np.float64]:
-        scan = np.asarray(ranges, dtype=np.float64)
+        try:
+            scan = np.asarray(ranges, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"the scan is {ranges!r}, but must be ranges in px.") from None
         if scan.shape != (self.robot.lidar.beams,):
             raise InputError(
                 f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
@@ -93,12 +96,6 @@ class _Cloud:
 
     def states(self, n: int, rng: np.random.Generator) -> NDArray[np.float32]:
         return np.ascontiguousarray(self.prior.sample(n, rng).T, dtype=np.float32)
-
-
-def _checked_plan(plan: ArrayLike) -> NDArray[np.float64]:
-    if np.size(plan) == 0:
-        return np.empty((0, 2))
-    return array("the plan", plan, (None, 2))
 
 
 def _check_size(particle_filter: ParticleFilter) -> None:

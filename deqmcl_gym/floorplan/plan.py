@@ -35,7 +35,13 @@ class FloorPlan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer))
-        solid = tuple(parse_polygon(f"obstacle {i}", o) for i, o in enumerate(self.obstacles))
+        try:
+            given = enumerate(self.obstacles)
+        except TypeError:
+            raise InputError(
+                f"obstacles is {self.obstacles!r}, but must be a list of polygons; () for none."
+            ) from None
+        solid = tuple(parse_polygon(f"obstacle {i}", o) for i, o in given)
         object.__setattr__(self, "obstacles", solid)
         x0, y0, x1, y1 = self.bounds
         grid = np.meshgrid(*(np.linspace(a, b, 130)[1:-1] for a, b in ((x0, x1), (y0, y1))))

@@ -44,7 +44,10 @@ class Redraw:
         old = self._pilot_log_g(anchor, belief.drawn[shared:], self.pilots - 1, rng)
         old = np.vstack([old, self._own_log_g(belief, shared)])
         paths, new = self._pilot(anchor, actions[shared:held], self.pilots, rng)
-        log_factor = _log_mean(new) - _log_mean(old)
+        log_old = _log_mean(old)
+        # Where β = inf and every old future collides, the weight is zero already, or the charge
+        # was dropped by a weight collapse: either way there is nothing to take back.
+        log_factor = _log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)
         for states, action in zip(paths, actions[shared:held], strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.validation import array
-from localizers.api import Prior, RobotModel
+from localizers.api import Prior, RobotModel, checked_plan
 
 Floats = NDArray[np.float64]
 
@@ -34,8 +34,7 @@ class DeadReckoning:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
-        self._driven = [prior.mean]
-        return self._track(plan)
+        return self._followed([prior.mean], plan)
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
         """Add one command; see ``Localizer.update``."""
@@ -43,15 +42,15 @@ class DeadReckoning:
             raise RuntimeError(
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
-        self._driven.append(_moved(self._driven[-1], array("the action", action, (2,))))
-        return self._track(plan)
+        moved = _moved(self._driven[-1], array("the action", action, (2,)))
+        return self._followed([*self._driven, moved], plan)
 
-    def _track(self, plan: ArrayLike) -> _Track:
-        poses = list(self._driven)
-        actions = array("the plan", plan, (None, 2)) if np.size(plan) else np.empty((0, 2))
-        for action in actions:
+    def _followed(self, driven: list[tuple[float, float, float]], plan: ArrayLike) -> _Track:
+        poses = list(driven)
+        for action in checked_plan(plan):
             poses.append(_moved(poses[-1], action))
-        return _Track(np.array(poses), len(self._driven) - 1)
+        self._driven = driven  # only now: a refused plan changes nothing
+        return _Track(np.array(poses), len(driven) - 1)
 
 
 def dead_reckoning(robot: RobotModel) -> DeadReckoning:

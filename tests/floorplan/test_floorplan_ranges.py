@@ -4,7 +4,8 @@ The law: a range is the exact range of some pose within 1e-3 px and 1e-5 rad of 
 Needed because float32 cannot do better near a corner, where an arbitrarily small turn changes the
 wall that is hit. Tested by perturbing the pose: half of the allowance goes to the perturbations
 (5e-4 px, 5e-6 rad), the other half to the distance along the beam. For one and the same wall the
-range is continuous in the pose, so every value between its least and its greatest is taken.
+range is continuous in the pose, so every value between its least and its greatest is taken; the
+extremes are reached where the beam just passes a corner, so those headings are tried as well.
 """
 
 from itertools import product
@@ -12,42 +13,61 @@ from itertools import product
 import numpy as np
 import pymunk
 import pytest
-from sample_plans import PLANS, anywhere, awkward_poses, space_of
+from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar, reference
 
-N = 12_000
 HALF_PX, HALF_RAD = 5e-4, 5e-6
 EVERYTHING = pymunk.ShapeFilter()
+SPACES = {id(plan): space_of(plan) for plan in PLANS.values()}
 
 
-def by_reference(plan: FloorPlan, pose: np.ndarray) -> tuple[float, object]:
-    """Range straight ahead and the wall it ends at."""
-    each = [reference.ranges(wall[None], pose[None], [0.0])[0, 0] for wall in plan.walls]
-    return min(each), int(np.argmin(each))
+def by_reference(plan: FloorPlan, poses: np.ndarray) -> tuple[np.ndarray, list]:
+    """Ranges straight ahead and the walls they end at."""
+    each = [reference.ranges(wall[None], poses, [0.0])[:, 0] for wall in plan.walls]
+    return np.min(each, axis=0), np.argmin(each, axis=0).tolist()
 
 
-def by_pymunk(space: pymunk.Space, pose: np.ndarray) -> tuple[float, object]:
-    x, y, heading = pose.tolist()
-    end = (x + 2000 * np.cos(heading), y + 2000 * np.sin(heading))
-    hit = space.segment_query_first((x, y), end, 0.0, EVERYTHING)
-    return (np.inf, None) if hit is None else (2000 * hit.alpha, hit.shape)
+def by_pymunk(plan: FloorPlan, poses: np.ndarray) -> tuple[np.ndarray, list]:
+    space = SPACES[id(plan)]
+    ends = poses[:, :2] + 2000 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    hits = [
+        space.segment_query_first(tuple(a), tuple(b), 0.0, EVERYTHING)
+        for a, b in zip(poses[:, :2].tolist(), ends.tolist(), strict=True)
+    ]
+    ranges = [np.inf if hit is None else 2000 * hit.alpha for hit in hits]
+    return np.array(ranges), [None if hit is None else hit.shape for hit in hits]
 
 
-def is_range_of_a_pose_nearby(seen: float, pose: np.ndarray, cast) -> bool:
+CASTERS = {"reference": by_reference, "pymunk": by_pymunk}
+
+
+def poses_nearby(plan: FloorPlan, pose: np.ndarray) -> np.ndarray:
+    steps = np.array(list(product((-1, 0, 1), repeat=3))) * (HALF_PX, HALF_PX, HALF_RAD)
+    moved = pose + steps
+    to_corner = corners(plan)[None] - moved[:, None, :2]
+    passing = np.arctan2(to_corner[..., 1], to_corner[..., 0])[..., None] + (-1e-10, 1e-10)
+    turns = np.angle(np.exp(1j * (passing - pose[2])))
+    row, corner, side = np.nonzero(np.abs(turns) <= HALF_RAD)
+    past_corners = moved[row]
+    past_corners[:, 2] = pose[2] + turns[row, corner, side]
+    return np.vstack([moved, past_corners])
+
+
+def is_range_of_a_pose_nearby(seen: float, plan: FloorPlan, pose: np.ndarray, cast) -> bool:
     spread: dict[object, list[float]] = {}
-    for dx, dy, turn in product((-1, 0, 1), repeat=3):
-        moved = pose + (dx * HALF_PX, dy * HALF_PX, turn * HALF_RAD)
-        exact, wall = cast(moved)
+    for exact, wall in zip(*cast(plan, poses_nearby(plan, pose)), strict=True):
         spread.setdefault(wall, []).append(exact)
     return any(min(r) - HALF_PX <= seen <= max(r) + HALF_PX for r in spread.values())
 
 
-def violations(seen: np.ndarray, exact: np.ndarray, poses: np.ndarray, cast) -> list[np.ndarray]:
+def violations(seen: np.ndarray, plan: FloorPlan, poses: np.ndarray, cast) -> list[np.ndarray]:
     """Poses whose range is not the exact one of any pose nearby."""
-    suspects = np.flatnonzero(~(np.abs(seen - exact) <= HALF_PX))
+    suspects = np.flatnonzero(~(np.abs(seen - cast(plan, poses)[0]) <= HALF_PX))
     return [
-        poses[i] for i in suspects if not is_range_of_a_pose_nearby(float(seen[i]), poses[i], cast)
+        poses[i]
+        for i in suspects
+        if not is_range_of_a_pose_nearby(float(seen[i]), plan, poses[i], cast)
     ]
 
 
@@ -58,39 +78,30 @@ def inside_the_outer_wall(plan: FloorPlan, poses: np.ndarray) -> np.ndarray:
     return poses[clear & (reference.winding(outer, poses[:, :2]) == 1)]
 
 
+@pytest.mark.parametrize("oracle", CASTERS)
 @pytest.mark.parametrize("name", PLANS)
-def test_each_range_is_the_references_range_of_a_pose_nearby(name):
+def test_each_range_is_the_exact_range_of_a_pose_nearby(name, oracle):
     plan = PLANS[name]
-    poses = inside_the_outer_wall(plan, awkward_poses(plan, N, np.random.default_rng(1)))
-    assert len(poses) > 10_000 or name == "hall"
+    poses = inside_the_outer_wall(plan, awkward_poses(plan, 13_000, np.random.default_rng(1)))
+    assert len(poses) > 10_000
     seen = plan.ranges(poses, [0.0])[:, 0]
-    exact = reference.ranges(plan.walls, poses, [0.0])[:, 0]
-    assert violations(seen, exact, poses, lambda pose: by_reference(plan, pose)) == []
+    assert violations(seen, plan, poses, CASTERS[oracle]) == []
 
 
-@pytest.mark.parametrize("name", PLANS)
-def test_each_range_is_pymunks_range_of_a_pose_nearby(name):
-    plan, space = PLANS[name], space_of(PLANS[name])
-    poses = inside_the_outer_wall(plan, awkward_poses(plan, N, np.random.default_rng(2)))
-    seen = plan.ranges(poses, [0.0])[:, 0]
-    exact = np.array([by_pymunk(space, pose)[0] for pose in poses])
-    assert violations(seen, exact, poses, lambda pose: by_pymunk(space, pose)) == []
-
-
-@pytest.mark.parametrize("change", [lambda r: r + 2e-3, lambda r: r - 2e-3])
-def test_the_law_notices_a_range_that_is_two_thousandths_of_a_pixel_off(change):
-    plan = PLANS["room"]
-    pose = np.array([50.0, 50.0, 0.3])
-    exact = reference.ranges(plan.walls, pose[None], [0.0])[0, 0]
-    cast = lambda near: by_reference(plan, near)  # noqa: E731
-    assert is_range_of_a_pose_nearby(exact, pose, cast)
-    assert not is_range_of_a_pose_nearby(change(exact), pose, cast)
+@pytest.mark.parametrize("oracle", CASTERS)
+@pytest.mark.parametrize("error", [-2e-3, 2e-3])
+def test_the_law_notices_a_range_that_is_two_thousandths_of_a_pixel_off(error, oracle):
+    # perpendicular to the wall, where a turn changes the range least
+    plan, cast = PLANS["room"], CASTERS[oracle]
+    pose = np.array([50.0, 50.0, np.pi])
+    assert is_range_of_a_pose_nearby(50.0, plan, pose, cast)
+    assert not is_range_of_a_pose_nearby(50.0 + error, plan, pose, cast)
 
 
 @pytest.mark.parametrize("name", PLANS)
 def test_no_beam_from_inside_the_outer_wall_escapes(name):
     plan = PLANS[name]
-    poses = inside_the_outer_wall(plan, awkward_poses(plan, 100_000, np.random.default_rng(3)))
+    poses = inside_the_outer_wall(plan, awkward_poses(plan, 50_000, np.random.default_rng(3)))
     seen = plan.ranges(poses, [0.0])
     x0, y0, x1, y1 = plan.bounds
     assert np.isfinite(seen).all()
@@ -106,9 +117,8 @@ def test_beams_are_turned_by_their_bearings_and_stand_in_columns():
     fan = plan.ranges(poses, lidar.bearings)
     assert fan.shape == (len(poses), 7)
     for beam, bearing in enumerate(lidar.bearings):
-        turned = poses + (0.0, 0.0, bearing)
-        exact = reference.ranges(plan.walls, turned, [0.0])[:, 0]
-        assert violations(fan[:, beam], exact, turned, lambda p: by_reference(plan, p)) == []
+        turned = poses + np.array([0.0, 0.0, bearing])
+        assert violations(fan[:, beam], plan, turned, CASTERS["reference"]) == []
 
 
 @pytest.mark.parametrize("n", [0, 1, 63, 64, 65, 200])

@@ -1,0 +1,1 @@
+"""The harness: paired trials of localizers in the world, their scores, tables and pictures."""

@@ -1,0 +1,98 @@
+"""``deqmcl run``: one lap of one localizer, its animation and its error curve."""
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.episode import room_of, trial_moments
+from benchmarks.figures import camera_of, lap_frames
+from benchmarks.frames import write_webp
+from benchmarks.metrics import state_error
+from benchmarks.plots import error_plot, require_plots
+from benchmarks.presets import ASSUMED
+from benchmarks.scoring import scores
+from benchmarks.spec import Trial
+from benchmarks.store import writable_folder, write_bytes, write_text
+from benchmarks.suites import paper_suite
+from benchmarks.tables import TITLES, state_name
+from benchmarks.trace import Trace, trace_of
+from deqmcl_gym.validation import integer, one_of
+from localizers import names
+
+
+@dataclass(frozen=True, kw_only=True)
+class LapRun:
+    """What ``deqmcl run`` can be told."""
+
+    localizer: str
+    preset: str = "paper"
+    seed: int = 0
+    particles: int = 1000
+    lag: int = 20
+
+    def __post_init__(self) -> None:
+        one_of("localizer", self.localizer, names())
+        one_of("preset", self.preset, ASSUMED)
+        integer("--seed", self.seed)
+        integer("--particles", self.particles, low=1)
+        integer("--lag", self.lag)
+
+    @property
+    def trial(self) -> Trial:
+        """Trial 0 of the paper's experiment with these parameters."""
+        (trial,) = paper_suite(
+            preset=self.preset,
+            localizers=[self.localizer],
+            trials=1,
+            seed=self.seed,
+            lag=self.lag,
+            particles=self.particles,
+        )
+        return trial
+
+
+def run_lap(lap: LapRun, out: Path) -> str:
+    """Run one lap; write lap.webp, error.png and error.csv; return what to print."""
+    require_plots()
+    writable_folder(out)
+    trial = lap.trial
+    camera = camera_of(trial.preset, trial.lag, scale=1.6)
+    episode = list(trial_moments(trial))
+    trace = trace_of(episode, trial.offsets, room_of(trial.preset))
+    title = TITLES.get(lap.localizer, lap.localizer)
+    curves = {
+        state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
+        for offset, kept in trace.offsets.items()
+    }
+    write_webp(out / "lap.webp", lap_frames(episode, camera, lap.localizer), 80)
+    write_bytes(
+        out / "error.png", error_plot(curves, f"{title}, preset {lap.preset}, seed {lap.seed}")
+    )
+    write_text(out / "error.csv", _curves_csv(trace))
+    lines = [
+        f"{state_name(row.offset):>8}: error {row.error:6.2f}, position RMSE "
+        f"{row.position_rmse:6.2f} px, heading RMSE {np.degrees(row.heading_rmse):5.1f} deg"
+        for row in scores(trace, lap.lag)
+    ]
+    return "\n".join(
+        [
+            f"{title}, preset {lap.preset}, seed {lap.seed}: {trace.steps} steps",
+            *lines,
+            f"Written to {out}: lap.webp, error.png, error.csv.",
+        ]
+    )
+
+
+def _curves_csv(trace: Trace) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"])
+    for offset, kept in trace.offsets.items():
+        truth = trace.truth[kept.states]
+        errors = state_error(kept.means, truth)
+        for state, true, mean, error in zip(kept.states, truth, kept.means, errors, strict=True):
+            writer.writerow([offset, state, *true, mean[0], mean[1], error])
+    return out.getvalue()

@@ -1,0 +1,47 @@
+"""Curves by matplotlib, an optional extra."""
+
+import io
+from collections.abc import Mapping
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.validation import InputError
+
+Curves = Mapping[str, tuple[NDArray[np.intp], NDArray[np.float64]]]
+
+
+def require_plots() -> None:
+    """Refuse to go on without matplotlib.
+
+    Raises:
+        InputError: naming the pip command.
+    """
+    if find_spec("matplotlib") is None:
+        raise InputError(
+            "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
+        )
+
+
+def error_plot(curves: Curves, title: str) -> bytes:
+    """Return error curves over the state's step as PNG."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.5), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    colors = {"x[t]": "tab:orange"}
+    for name, (states, errors) in curves.items():
+        fallback = "tab:pink" if "-" in name else "tab:blue"
+        axes.plot(states, errors, label=f"belief about {name}", color=colors.get(name, fallback))
+    axes.set(
+        xlabel="step of the state estimated",
+        ylabel="error e (px and unitless mixed, eq. 4)",
+        title=title,
+        ylim=(0, None),
+    )
+    axes.grid(alpha=0.3)
+    axes.legend()
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()

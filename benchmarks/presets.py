@@ -1,0 +1,64 @@
+"""What the filters assume of each named world. The worlds themselves: ``deqmcl_gym.presets``.
+
+Nothing of the paper's setting but room, L, β and the number of trials is published. ``paper`` was
+chosen by the plain MCL row of its Table 1 alone: large assumed noise, a weak sensor, a local start.
+"""
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from deqmcl_gym.env import RoomEnv
+from localizers import (
+    CensoredGaussianUniform,
+    GaussianPrior,
+    GaussianUniform,
+    OdometryMotion,
+    RobotModel,
+)
+from localizers.models.scan import BeamDensity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assumptions:
+    """Assumed noise and prior knowledge of the start, which is N(start of the lap, …)."""
+
+    motion: OdometryMotion = field(default_factory=OdometryMotion)
+    scan: BeamDensity = field(default_factory=GaussianUniform)
+    start_sd_position: float = 10.0
+    start_sd_heading: float = 0.1
+
+    def robot_model(self, room: RoomEnv) -> RobotModel:
+        """Return what localizers are made for: the room's map and lidar with this noise."""
+        return RobotModel(
+            floor_plan=room.floor_plan,
+            lidar=room.lidar,
+            radius=room.world.robot.radius,
+            motion=self.motion,
+            scan=self.scan,
+        )
+
+    def prior(self, room: RoomEnv) -> GaussianPrior:
+        """Return p(x_0); centred on the planned start, not on the truth."""
+        return GaussianPrior(
+            mean=room.course.start,
+            sd_position=self.start_sd_position,
+            sd_heading=self.start_sd_heading,
+        )
+
+
+ASSUMED = MappingProxyType(
+    {
+        # ten times the world's noise and more
+        "paper": Assumptions(),
+        # exactly the world's noise, sensor and start
+        "matched": Assumptions(
+            motion=OdometryMotion(drive=0.02, turn=0.02, drift=0.0005),
+            scan=CensoredGaussianUniform(sigma=100.0),
+        ),
+        # five times the world's motion noise (drift: twenty times), exactly its sensor
+        "sharp": Assumptions(
+            motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.01),
+            scan=CensoredGaussianUniform(sigma=5.0),
+        ),
+    }
+)

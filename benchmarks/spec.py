@@ -1,0 +1,71 @@
+"""What is run: a trial, named by everything its numbers depend on."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Params = tuple[tuple[str, Any], ...]
+
+_WORLD, _FILTER = 0, 1  # children of a trial's seed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One localizer on one lap of one world.
+
+    Attributes:
+        preset: name of the world and of what the filters assume of it.
+        localizer: name of the localizer.
+        params: its parameters, sorted by name.
+        lag: L, the offsets scored are -L, 0 and L.
+        seed: root of all randomness.
+        trial: number of the world; trials of the same number are paired.
+        filter_seed: which of several runs of the localizer on that world.
+    """
+
+    preset: str
+    localizer: str
+    params: Params
+    lag: int
+    seed: int
+    trial: int
+    filter_seed: int = 0
+
+    @property
+    def offsets(self) -> tuple[int, ...]:
+        """Offsets scored, in steps."""
+        return (0,) if self.lag == 0 else (0, -self.lag, self.lag)
+
+    @property
+    def world_seed(self) -> int:
+        """The seed for ``env.reset``: a function of (seed, trial), below 2**53."""
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))
+        return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
+
+    def filter_rng(self) -> np.random.Generator:
+        """Return the localizer's stream: a function of (seed, trial, filter_seed).
+
+        The same for every localizer, so that filters start from the same cloud.
+        """
+        key = (self.trial, _FILTER, self.filter_seed)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+    def canonical(self) -> dict[str, Any]:
+        """Return the trial as JSON-able values in a fixed order."""
+        return {
+            "preset": self.preset,
+            "localizer": self.localizer,
+            "params": dict(sorted(self.params)),
+            "lag": self.lag,
+            "seed": self.seed,
+            "trial": self.trial,
+            "filter_seed": self.filter_seed,
+        }
+
+    def key(self, provenance: str) -> str:
+        """Name of its result: a hash of the canonical configuration and of what computes it."""
+        words = json.dumps([self.canonical(), provenance], sort_keys=True)
+        return hashlib.sha256(words.encode()).hexdigest()[:32]

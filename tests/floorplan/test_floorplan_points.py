@@ -1,0 +1,118 @@
+"""free, bounds, what lies outside and inside, and the orientation of the polygons given."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from sample_plans import PLANS, anywhere, awkward_poses
+
+from deqmcl_gym.floorplan import FloorPlan, reference
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_point_is_free_iff_it_is_inside_the_outer_wall_and_in_no_obstacle(name):
+    plan = PLANS[name]
+    points = anywhere(plan, 10_000, np.random.default_rng(1), margin=50)
+    points = points[reference.clearance(plan.walls, points, points) > 1e-3]
+    expected = reference.winding(plan.walls, points) == 1
+    assert len(points) > 9_900
+    assert 0.2 < expected.mean() < 0.8
+    assert np.array_equal(plan.free(points), expected)
+
+
+def test_free_space_of_the_papers_room_is_the_outer_rectangle_without_the_inner_one():
+    points = anywhere(PLANS["room"], 10_000, np.random.default_rng(2), margin=50)
+    x, y = points.T
+    expected = (x > 0) & (x < 350) & (y > 0) & (y < 300)
+    expected &= ~((x > 100) & (x < 250) & (y > 100) & (y < 200))
+    assert np.array_equal(PLANS["room"].free(points), expected)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_disc_is_free_iff_standing_there_does_not_collide(name):
+    plan = PLANS[name]
+    points = anywhere(plan, 10_000, np.random.default_rng(3), margin=20)
+    clearance = reference.clearance(plan.walls, points, points)
+    sure = np.abs(clearance - 8.0) > 1e-3
+    expected = (clearance > 8.0) & (reference.winding(plan.walls, points) == 1)
+    assert np.array_equal(plan.free(points, 8.0)[sure], expected[sure])
+
+
+def test_nothing_is_free_at_nan_or_infinity():
+    points = [(np.nan, 50.0), (50.0, np.nan), (np.inf, 50.0), (50.0, -np.inf)]
+    assert not PLANS["room"].free(points).any()
+    assert PLANS["room"].collides([(50.0, 50.0)] * 4, points, 8.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "box"), [("room", (0.0, 0.0, 350.0, 300.0)), ("hall", (0.0, 0.0, 400.0, 300.0))]
+)
+def test_bounds_are_the_smallest_box_around_the_outer_wall(name, box):
+    assert PLANS[name].bounds == box
+
+
+def test_ranges_are_nan_outside_the_outer_wall_and_nowhere_else():
+    plan = PLANS["hall"]
+    rng = np.random.default_rng(4)
+    points = anywhere(plan, 10_000, rng, margin=50)
+    outer = plan.walls[: len(plan.outer)]
+    points = points[reference.clearance(outer, points, points) > 1e-3]
+    poses = np.column_stack([points, rng.uniform(-np.pi, np.pi, len(points))])
+    nan = np.isnan(plan.ranges(poses, [-0.3, 0.3]))
+    outside = reference.winding(outer, points) != 1
+    assert 0.2 < outside.mean() < 0.8
+    assert np.array_equal(nan, np.column_stack([outside, outside]))
+
+
+def test_from_inside_an_obstacle_the_obstacles_walls_are_seen():
+    poses = [(175, 150, 0), (175, 150, np.pi / 2), (175, 150, np.pi), (175, 150, -np.pi / 2)]
+    # 1e-3 px: the law of test_floorplan_ranges, perpendicular to the wall
+    assert PLANS["room"].ranges(poses, [0.0]).ravel() == pytest.approx([75, 50, 75, 50], abs=1e-3)
+
+
+@pytest.mark.parametrize("turned", ["outer", "obstacles", "both"])
+@pytest.mark.parametrize("name", PLANS)
+def test_the_orientation_in_which_polygons_are_given_does_not_matter(name, turned):
+    plan = PLANS[name]
+    outer = plan.outer[::-1] if turned in ("outer", "both") else plan.outer
+    solid = [o[::-1] if turned in ("obstacles", "both") else o for o in plan.obstacles]
+    other = FloorPlan(outer, tuple(solid))
+    rng = np.random.default_rng(5)
+    poses = awkward_poses(plan, 5_000, rng)
+    ends = anywhere(plan, 5_000, rng, margin=20)
+    # The same walls in another order, from the other end: float32 rounds differently by a few
+    # units in the last place, so answers near a decision may differ; ranges away from corners
+    # and grazing must be the same to 1e-3 px.
+    sure = np.abs(reference.clearance(plan.walls, poses, ends) - 8) > 1e-3
+    assert np.array_equal(
+        plan.collides(poses, ends, 8.0)[sure], other.collides(poses, ends, 8.0)[sure]
+    )
+    off_walls = reference.clearance(plan.walls, ends, ends) > 1e-3
+    assert np.array_equal(plan.free(ends)[off_walls], other.free(ends)[off_walls])
+    fan = np.random.default_rng(6).uniform(-np.pi, np.pi, 3)
+    apart = np.abs(plan.ranges(poses, fan) - other.ranges(poses, fan))
+    assert np.nanmedian(apart) < 1e-4
+    assert np.nanmean(apart > 1e-3) < 0.01
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_walls_have_free_space_on_their_left(name):
+    plan = PLANS[name]
+    start, along = plan.walls[:, :2], plan.walls[:, 2:] - plan.walls[:, :2]
+    left = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    middle = start + along / 2
+    assert plan.free(middle + 0.1 * left).all()
+    assert not plan.free(middle - 0.1 * left).any()
+
+
+def test_a_floor_plan_cannot_be_changed():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        PLANS["room"].outer = ()
+
+
+def test_what_is_given_is_not_kept_by_reference():
+    outer, obstacle = [[0, 0], [100, 0], [100, 100], [0, 100]], [[20, 20], [40, 20], [40, 40]]
+    plan = FloorPlan(outer, [obstacle])
+    outer[1][0], obstacle[0][0] = 10_000, 99
+    assert plan.bounds == (0.0, 0.0, 100.0, 100.0)
+    assert plan.obstacles == (((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)),)

@@ -1,0 +1,37 @@
+"""The compiled sine and cosine against NumPy's in float64."""
+
+import numpy as np
+import pytest
+
+from deqmcl_gym.floorplan import sincos
+
+# Half a unit in the last place of a float32 below 1 is 3e-8. The polynomial, its evaluation and the
+# reduction of the argument add a few more half units: 1.2e-7 is four of them (the kernel says
+# "about 1e-7").
+TOLERANCE = 1.2e-7
+
+
+@pytest.mark.parametrize("bound", [1.0, 10.0, 100.0, 1000.0])
+def test_sincos_is_accurate_to_four_half_units_over_its_whole_range(bound):
+    angles = np.random.default_rng(1).uniform(-bound, bound, 200_000).astype(np.float32)
+    sines, cosines = sincos(angles)
+    assert np.abs(sines - np.sin(angles.astype(np.float64))).max() < TOLERANCE
+    assert np.abs(cosines - np.cos(angles.astype(np.float64))).max() < TOLERANCE
+
+
+def test_sincos_is_accurate_on_both_sides_of_every_quarter_turn():
+    quarters = (np.arange(-636, 637) * (np.pi / 4)).astype(np.float32)
+    up, down = np.nextafter(quarters, np.float32(2e3)), np.nextafter(quarters, np.float32(-2e3))
+    angles = np.concatenate([quarters, up, down])
+    sines, cosines = sincos(angles)
+    assert np.abs(sines - np.sin(angles.astype(np.float64))).max() < TOLERANCE
+    assert np.abs(cosines - np.cos(angles.astype(np.float64))).max() < TOLERANCE
+
+
+def test_zero_is_exact_and_sine_is_odd_and_cosine_even():
+    angles = np.linspace(0, 50, 10_001, dtype=np.float32)
+    sines, cosines = sincos(angles)
+    mirrored_sines, mirrored_cosines = sincos(-angles)
+    assert (sines[0], cosines[0]) == (0.0, 1.0)
+    assert np.array_equal(mirrored_sines, -sines)
+    assert np.array_equal(mirrored_cosines, cosines)

@@ -1,0 +1,160 @@
+"""A world of five states on a ring, small enough to enumerate γ_t exactly.
+
+γ_t(x_{0:t+F_t}) = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
+
+A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
+number of particles and however it resamples. So thousands of filters with eight particles each
+must average to the enumerated figure, for every t, every state of the queue and every value.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.resampling import Always, WhenDegenerate
+
+STATES, STEPS = 5, 4
+FUTURE, PAST, PARTICLES = 2, 1, 8
+PRIOR = np.array([0.4, 0.3, 0.1, 0.1, 0.1])
+NOISE = {-1: 0.25, 0: 0.5, 1: 0.25}  # of a step
+SENSOR = np.array(  # p(o | x), row x
+    [[0.7, 0.2, 0.1], [0.2, 0.6, 0.2], [0.1, 0.3, 0.6], [0.5, 0.1, 0.4], [0.2, 0.4, 0.4]]
+)
+OBSERVED = (0, 1, 2, 0)  # o_1 … o_4
+# Steps that collide: the wall between 4 and 0, and a hole at 2 that only standing still avoids.
+COLLIDES = np.zeros((STATES, STATES), dtype=bool)
+COLLIDES[4, 0] = COLLIDES[0, 4] = True
+COLLIDES[[0, 1, 3, 4], 2] = True
+
+Plan = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is carried out, and the plan at each time: the actions after the present one."""
+
+    executed: tuple[int, ...]
+    plans: tuple[Plan, ...]  # at t = 0 … 4
+
+    @classmethod
+    def as_planned(cls, *actions: int) -> "Drive":
+        return cls(actions, tuple(actions[t:] for t in range(STEPS + 1)))
+
+    def commands(self, t: int, future: int) -> Plan:
+        """u_1 … u_{t+F_t}."""
+        return (*self.executed[:t], *self.plans[t][:future])
+
+
+class RingPrior:
+    def states(self, n, rng):
+        return np.searchsorted(np.cumsum(PRIOR), rng.random(n))[None]
+
+
+class RingMotion:
+    def sample(self, states, action, rng):
+        moves = np.array(list(NOISE))
+        noise = moves[np.searchsorted(np.cumsum(list(NOISE.values())), rng.random(states.shape[1]))]
+        return (states + int(action[0]) + noise) % STATES
+
+
+class RingScan:
+    def log_likelihood(self, states, ranges):
+        return np.log(SENSOR[states[0], int(ranges[0])])
+
+
+@dataclass(frozen=True)
+class RingWalls:
+    beta: float
+
+    def log_g(self, before, after):
+        return np.where(COLLIDES[before[0], after[0]], -self.beta, 0.0)
+
+
+RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
+
+
+def ring_filter(beta: float, **parts) -> ParticleFilter:
+    return ParticleFilter(
+        motion=RingMotion(),
+        scan=RingScan(),
+        feasibility=RingWalls(beta),
+        resampling=parts.pop("resampling", Always()),
+        particles=PARTICLES,
+        **parts,
+    )
+
+
+def gamma(t: int, commands: Plan, beta: float) -> np.ndarray:
+    """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i)."""
+    moved = np.zeros((STATES, STATES))  # of no command: p(x + k | x)
+    for (noise, share), x in product(NOISE.items(), range(STATES)):
+        moved[x, (x + noise) % STATES] += share
+    g = np.exp(-beta * COLLIDES)
+    total = np.zeros((len(commands) + 1, STATES))
+    for path in product(range(STATES), repeat=len(commands) + 1):
+        weight = PRIOR[path[0]]
+        for s, command in enumerate(commands, start=1):
+            before, after = path[s - 1], path[s]
+            weight *= moved[before, (after - command) % STATES] * g[before, after]
+            if s <= t:
+                weight *= SENSOR[after, OBSERVED[s - 1]]
+        total[range(len(path)), path] += weight
+    return total
+
+
+@dataclass(frozen=True)
+class Run:
+    """Unnormalised estimates of one filter: at (t, offset), one figure per state."""
+
+    estimates: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
+
+    def record(self, t: int, belief, past: int, future: int) -> None:
+        scale = math.exp(belief.log_evidence)
+        for offset in range(-past, future + 1):
+            if (points := belief.points(offset)) is not None:
+                states, weights = points
+                share = np.bincount(states[:, 0], weights=weights, minlength=STATES)
+                self.estimates[t, offset] = scale * share
+
+
+def run(ring: ParticleFilter, drive: Drive, seed: int) -> Run:
+    """One filter over the whole drive."""
+    rng, result = np.random.default_rng(seed), Run()
+
+    def column(plan: Plan) -> np.ndarray:
+        return np.array(plan, dtype=float).reshape(-1, 1)
+
+    belief = ring.initial(RingPrior(), column(drive.plans[0]), rng)
+    result.record(0, belief, ring.past, ring.future)
+    for t, action in enumerate(drive.executed, start=1):
+        scan = np.array([float(OBSERVED[t - 1])])
+        belief = ring.step(belief, scan, np.array([float(action)]), column(drive.plans[t]), rng)
+        result.record(t, belief, ring.past, ring.future)
+    return result
+
+
+def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -> dict:
+    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
+    runs = [run(ring, drive, seed).estimates for seed in range(replicates)]
+    scores = {}
+    for t, offset in runs[0]:
+        exact = gamma(t, drive.commands(t, ring.future), beta)[t + offset]
+        seen = np.array([one[t, offset] for one in runs])
+        error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
+        # A value never seen must have no weight: an infinite score if it has some.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            score = (seen.mean(axis=0) - exact) / error
+        scores[t, offset] = np.where(np.isclose(seen.mean(axis=0), exact, rtol=1e-12), 0.0, score)
+    return scores
+
+
+def worst(scores: dict) -> float:
+    """Largest |z| of all."""
+    return max(float(np.abs(z).max()) for z in scores.values())
+
+
+def without_walls(ring: ParticleFilter) -> ParticleFilter:
+    return replace(ring, feasibility=RingWalls(0.0))
