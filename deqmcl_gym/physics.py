@@ -22,7 +22,8 @@ class Physics:
         """Build the space anew: one per episode, so that no contact outlives its episode."""
         self.space = pymunk.Space()
         self.radius = radius
-        for shape in _wall_shapes(floor_plan, self.space.static_body):
+        self._walls = _wall_shapes(floor_plan, self.space.static_body)
+        for shape in self._walls:
             shape.filter = pymunk.ShapeFilter(categories=_WALLS)
             self.space.add(shape)
         self.robot = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
@@ -49,8 +50,9 @@ class Physics:
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
-        The disc is swept by pymunk's segment query. That misses walls which the disc overlaps at
-        the start; a point query finds those, and the robot stays where it is.
+        The disc is swept by pymunk's segment query, wall by wall: the space's own looks for walls
+        along the thin line only, and finds none that the line does not meet. Either misses walls
+        which the disc overlaps at the start; a point query finds those, and the robot stays there.
         """
         if distance == 0.0:
             return False
@@ -58,11 +60,14 @@ class Physics:
         dx, dy = distance * math.cos(heading), distance * math.sin(heading)
         if not self.clear_at((x, y)):
             return True
-        contact = self.space.segment_query_first((x, y), (x + dx, y + dy), self.radius, _SEES_WALLS)
-        if contact is None:
+        contacts = (
+            wall.segment_query((x, y), (x + dx, y + dy), self.radius) for wall in self._walls
+        )
+        first = min((contact.alpha for contact in contacts if contact is not None), default=None)
+        if first is None:
             self.robot.position = (x + dx, y + dy)
             return False
-        share = max(contact.alpha - SKIN / abs(distance), 0.0)
+        share = max(first - SKIN / abs(distance), 0.0)
         self.robot.position = (x + share * dx, y + share * dy)
         return True
 

@@ -8,7 +8,7 @@ must average to the enumerated figure, for every t, every state of the queue and
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -105,40 +105,37 @@ def gamma(t: int, commands: Plan, beta: float) -> np.ndarray:
     return total
 
 
-@dataclass(frozen=True)
-class Run:
-    """Unnormalised estimates of one filter: at (t, offset), one figure per state."""
-
-    estimates: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
-
-    def record(self, t: int, belief, past: int, future: int) -> None:
-        scale = math.exp(belief.log_evidence)
-        for offset in range(-past, future + 1):
-            if (points := belief.points(offset)) is not None:
-                states, weights = points
-                share = np.bincount(states[:, 0], weights=weights, minlength=STATES)
-                self.estimates[t, offset] = scale * share
-
-
-def run(ring: ParticleFilter, drive: Drive, seed: int) -> Run:
-    """One filter over the whole drive."""
-    rng, result = np.random.default_rng(seed), Run()
+def beliefs(ring: ParticleFilter, drive: Drive, seed: int):
+    """One filter over the whole drive: its beliefs at t = 0 … 4."""
+    rng = np.random.default_rng(seed)
 
     def column(plan: Plan) -> np.ndarray:
         return np.array(plan, dtype=float).reshape(-1, 1)
 
     belief = ring.initial(RingPrior(), column(drive.plans[0]), rng)
-    result.record(0, belief, ring.past, ring.future)
+    yield belief
     for t, action in enumerate(drive.executed, start=1):
         scan = np.array([float(OBSERVED[t - 1])])
         belief = ring.step(belief, scan, np.array([float(action)]), column(drive.plans[t]), rng)
-        result.record(t, belief, ring.past, ring.future)
-    return result
+        yield belief
+
+
+def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, int], np.ndarray]:
+    """Unnormalised estimates of one filter at (t, offset), one figure per value of the state."""
+    figures = {}
+    for t, belief in enumerate(beliefs(ring, drive, seed)):
+        scale = math.exp(belief.log_evidence)
+        for offset in range(-ring.past, ring.future + 1):
+            if (points := belief.points(offset)) is not None:
+                states, weights = points
+                share = np.bincount(states[:, 0], weights=weights, minlength=STATES)
+                figures[t, offset] = scale * share
+    return figures
 
 
 def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -> dict:
     """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
-    runs = [run(ring, drive, seed).estimates for seed in range(replicates)]
+    runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores = {}
     for t, offset in runs[0]:
         exact = gamma(t, drive.commands(t, ring.future), beta)[t + offset]
@@ -147,7 +144,7 @@ def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -
         # A value never seen must have no weight: an infinite score if it has some.
         with np.errstate(divide="ignore", invalid="ignore"):
             score = (seen.mean(axis=0) - exact) / error
-        scores[t, offset] = np.where(np.isclose(seen.mean(axis=0), exact, rtol=1e-12), 0.0, score)
+        scores[t, offset] = np.where(np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0), 0.0, score)
     return scores
 
 
@@ -155,6 +152,3 @@ def worst(scores: dict) -> float:
     """Largest |z| of all."""
     return max(float(np.abs(z).max()) for z in scores.values())
 
-
-def without_walls(ring: ParticleFilter) -> ParticleFilter:
-    return replace(ring, feasibility=RingWalls(0.0))
