@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,13 +21,15 @@ class _Parser(argparse.ArgumentParser):
             sentence = f"unknown argument {given!r}"
             known = [flag for action in self._actions for flag in action.option_strings]
             nearest = difflib.get_close_matches(given.split("=")[0], known, n=1)
-            sentence += f", did you mean {nearest[0]}?" if nearest else ""
+            sentence += f" (did you mean {nearest[0]}?)" if nearest else ""
         print(f"{self.prog}: {sentence}; see {self.prog} --help.", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code: 0 done, 2 bad input, 3 failed, 130 interrupted."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = _parse(given)
     try:
@@ -52,7 +55,8 @@ def _explain(error: Exception) -> int:
         print(f"deqmcl: {words}.", file=sys.stderr)
         return FAILED
     kind = "" if isinstance(error, RuntimeError) else f"{type(error).__name__}: "
-    print(f"deqmcl: {kind}{error} (--debug shows where)", file=sys.stderr)
+    words = " ".join(str(error).split())  # on one line, whatever raised it
+    print(f"deqmcl: {kind}{words} (--debug shows where)", file=sys.stderr)
     return FAILED
 
 
@@ -102,7 +106,11 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     lap.add_argument("--localizer", required=True, metavar="NAME", help="the method")
     lap.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
     lap.set_defaults(run=_lap)
-    return parser.parse_args(arguments)
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:  # said by the command's own parser, which knows its flags
+        command = {"paper": paper, "run": lap}[options.command]
+        command.error(f"unrecognized arguments: {' '.join(unknown)}")
+    return options
 
 
 def _paper(options: argparse.Namespace, given: Sequence[str]) -> str:

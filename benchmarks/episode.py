@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.presets import ASSUMED
 from benchmarks.spec import Trial
 from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.validation import one_of
+from deqmcl_gym.validation import InputError, one_of
 from localizers import Belief, Localizer, Prior, make
 
 Floats = NDArray[np.floating]
@@ -88,11 +88,30 @@ def room_of(preset: str) -> RoomEnv:
 
 def trial_moments(trial: Trial) -> Iterator[Moment]:
     """Run a trial; yield each step."""
-    room, assumed = room_of(trial.preset), ASSUMED[trial.preset]
-    localizer = make(trial.localizer, assumed.robot_model(room), **dict(trial.params))
-    yield from moments(
-        room, localizer, assumed.prior(room), trial.filter_rng(), seed=trial.world_seed
-    )
+    room = room_of(trial.preset)
+    prior = ASSUMED[trial.preset].prior(room)
+    localizer = _localizer(trial, room)
+    yield from moments(room, localizer, prior, trial.filter_rng(), seed=trial.world_seed)
+
+
+def check_params(trial: Trial) -> None:
+    """Let a trial's localizer look at its parameters, before anything is run or written.
+
+    Raises:
+        InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
+    """
+    room = room_of(trial.preset)
+    try:
+        _localizer(trial, room)
+    except InputError:
+        raise
+    except Exception:
+        return
+
+
+def _localizer(trial: Trial, room: RoomEnv) -> Localizer:
+    robot = ASSUMED[trial.preset].robot_model(room)
+    return make(trial.localizer, robot, **dict(trial.params))
 
 
 def _plan(info: dict[str, Any]) -> Floats:

@@ -71,7 +71,7 @@ def _fig_5(episode: Sequence[Moment], camera: Camera) -> list[tuple[int, Image]]
         return []
     truth = episode[FIG_5_STATE].truth
     images = []
-    for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):
+    for step, offset in dict.fromkeys(((FIG_5_STATE, 0), (later, -camera.lag))):  # one if L = 0
         seen = _error_and_spread(episode[step].belief, offset, truth)
         note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
         images.append((step, camera.frame(episode[step], FIG_5_METHOD, note)))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.episode import room_of, trial_moments
+from benchmarks.episode import check_params, room_of, trial_moments
 from benchmarks.figures import camera_of, lap_frames
 from benchmarks.frames import write_webp
 from benchmarks.metrics import state_error
@@ -57,8 +57,9 @@ class LapRun:
 def run_lap(lap: LapRun, out: Path) -> str:
     """Run one lap; write lap.webp, error.png and error.csv; return what to print."""
     require_plots()
-    writable_folder(out)
     trial = lap.trial
+    check_params(trial)
+    writable_folder(out)
     camera = camera_of(trial.preset, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
     trace = trace_of(episode, trial.offsets, room_of(trial.preset))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.episode import check_params
 from benchmarks.figures import FIG_4_METHODS, write_figures
 from benchmarks.presets import ASSUMED
 from benchmarks.provenance import environment
@@ -61,7 +62,6 @@ class PaperExperiment:
 def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Sequence[str]) -> str:
     """Run the experiment (what ``out`` already holds is not run again); return what to print."""
     integer("--jobs", jobs, low=1)
-    store = Store(out)
     suite = paper_suite(
         preset=experiment.preset,
         localizers=experiment.localizers,
@@ -70,7 +70,9 @@ def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Seq
         lag=experiment.lag,
         particles=experiment.particles,
     )
-    records = run_trials(suite, store, jobs=jobs)
+    for first in suite[:: experiment.trials]:  # one trial of each method
+        check_params(first)
+    records = run_trials(suite, Store(out), jobs=jobs)
     rows = table_rows(records)
     write_text(out / "table.csv", table_csv(rows))
     write_text(out / "trials.csv", trials_csv(records))

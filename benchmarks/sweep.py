@@ -50,8 +50,13 @@ def run_trials(
             f"{len(reasons)} of {len(trials)} trials failed, the rest is kept; "
             f"first: {sorted(reasons)[0]}"
         )
-    records = [store.get(key) for key in keys]
-    return [found for found in records if found is not None]
+    records = [found for key in keys if (found := store.get(key)) is not None]
+    if len(records) < len(keys):
+        raise TrialsFailedError(
+            f"{len(keys) - len(records)} of {len(keys)} finished trials have gone from "
+            f"{store.out}, or cannot be read: run the command again."
+        )
+    return records
 
 
 def available_cpus() -> int:
@@ -75,7 +80,7 @@ def _run_all(trials: Sequence[Trial], out: Path, jobs: int) -> Iterator[str | No
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         try:
-            futures = [pool.submit(_run_and_store, trial, out) for trial in trials]
+            futures = [pool.submit(_run_and_store, trial, out, provenance()) for trial in trials]
             for future in as_completed(futures):
                 yield future.result()
         finally:
@@ -84,10 +89,13 @@ def _run_all(trials: Sequence[Trial], out: Path, jobs: int) -> Iterator[str | No
 
 def _run_here(trials: Iterable[Trial], out: Path) -> Iterator[str | None]:
     for trial in trials:
-        yield _run_and_store(trial, out)
+        yield _run_and_store(trial, out, provenance())
 
 
-def _run_and_store(trial: Trial, out: Path) -> str | None:
+def _run_and_store(trial: Trial, out: Path, code: str) -> str | None:
+    """Run and store a trial; ``code`` is the provenance that the sweep was started with."""
+    if provenance() != code:  # a worker loads the code when it starts
+        return "the code changed while the trials ran: run the command again"
     try:
         trace = trial_trace(trial)
         result = {"trial": trial.canonical()} | record(trace, trial.lag)

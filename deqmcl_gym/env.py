@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym import validation
 from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.info import RoomInfo
@@ -16,7 +17,7 @@ from deqmcl_gym.path import Pose
 from deqmcl_gym.physics import Physics
 from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import NormalRows, Stream, episode_stream
-from deqmcl_gym.validation import InputError, array, integer, one_of, pose
+from deqmcl_gym.validation import InputError, integer, one_of, pose
 
 COLLISION_PENALTY = 10.0  # px of progress
 _START_TRIES = 1000
@@ -168,8 +169,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         Raises:
             InputError: wrong shape, NaN, or an action outside the action space.
         """
-        rest = array("the plan", actions, (None, 2)) if np.size(actions) else np.empty((0, 2))
-        rows = rest.astype(np.float32)
+        rows = validation.actions("the plan", actions).astype(np.float32)
         for row in rows:
             self._checked(row)
         self.plan = np.vstack([self.plan[: self._step + 1], rows])

@@ -6,10 +6,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deqmcl_gym import validation
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.path import Pose
 from deqmcl_gym.seeding import Stream
-from deqmcl_gym.validation import InputError, array, integer, number
+from deqmcl_gym.validation import InputError, integer, number
 
 Scan = NDArray[np.float32]
 Action = NDArray[np.float32]
@@ -90,7 +91,7 @@ class PlanChange(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConstr
     """
 
     def __init__(self, env: gym.Env[Scan, Action], step: int, actions: ArrayLike) -> None:
-        given = array("actions", actions, (None, 2)) if np.size(actions) else np.empty((0, 2))
+        given = validation.actions("actions", actions)
         gym.utils.RecordConstructorArgs.__init__(self, step=step, actions=given.tolist())
         super().__init__(env)
         self._room = _room(env)

@@ -80,5 +80,6 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
 def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:
     cumulative = np.cumsum(weights)
     chosen = np.searchsorted(cumulative, pointers * cumulative[-1], side="right")
-    held: Indices = np.minimum(chosen, weights.size - 1)
+    last = np.searchsorted(cumulative, cumulative[-1])  # of weight above zero
+    held: Indices = np.minimum(chosen, last)
     return held

@@ -1,6 +1,6 @@
 """A world of five states on a ring, small enough to enumerate γ_t exactly.
 
-γ_t(x_{0:t+F_t}) = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
+γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
 
 A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
 number of particles and however it resamples. So thousands of filters with eight particles each
@@ -20,6 +20,7 @@ STATES, STEPS = 5, 4
 FUTURE, PAST, PARTICLES = 2, 1, 8
 PRIOR = np.array([0.4, 0.3, 0.1, 0.1, 0.1])
 NOISE = {-1: 0.25, 0: 0.5, 1: 0.25}  # of a step
+_MOVES, _CUMULATIVE = np.array(list(NOISE)), np.cumsum(list(NOISE.values()))
 SENSOR = np.array(  # p(o | x), row x
     [[0.7, 0.2, 0.1], [0.2, 0.6, 0.2], [0.1, 0.3, 0.6], [0.5, 0.1, 0.4], [0.2, 0.4, 0.4]]
 )
@@ -55,8 +56,7 @@ class RingPrior:
 
 class RingMotion:
     def sample(self, states, action, rng):
-        moves = np.array(list(NOISE))
-        noise = moves[np.searchsorted(np.cumsum(list(NOISE.values())), rng.random(states.shape[1]))]
+        noise = _MOVES[_CUMULATIVE.searchsorted(rng.random(states.shape[1]))]
         return (states + int(action[0]) + noise) % STATES
 
 
@@ -124,12 +124,10 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
     """Unnormalised estimates of one filter at (t, offset), one figure per value of the state."""
     figures = {}
     for t, belief in enumerate(beliefs(ring, drive, seed)):
-        scale = math.exp(belief.log_evidence)
+        mass = math.exp(belief.log_evidence) * belief.weights
         for offset in range(-ring.past, ring.future + 1):
-            if (points := belief.points(offset)) is not None:
-                states, weights = points
-                share = np.bincount(states[:, 0], weights=weights, minlength=STATES)
-                figures[t, offset] = scale * share
+            if (states := belief.queue.at(offset)) is not None:
+                figures[t, offset] = np.bincount(states[0], weights=mass, minlength=STATES)
     return figures
 
 
@@ -144,11 +142,12 @@ def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -
         # A value never seen must have no weight: an infinite score if it has some.
         with np.errstate(divide="ignore", invalid="ignore"):
             score = (seen.mean(axis=0) - exact) / error
-        scores[t, offset] = np.where(np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0), 0.0, score)
+        scores[t, offset] = np.where(
+            np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0), 0.0, score
+        )
     return scores
 
 
 def worst(scores: dict) -> float:
     """Largest |z| of all."""
     return max(float(np.abs(z).max()) for z in scores.values())
-

@@ -1,0 +1,119 @@
+"""What names a trial, and where its randomness comes from."""
+
+from dataclasses import fields, replace
+
+import pytest
+
+from benchmarks.spec import Trial
+from benchmarks.suites import PAPER_METHODS, paper_suite
+
+TRIAL = Trial(
+    preset="paper",
+    localizer="deq-mcl",
+    params=(("lag", 20), ("particles", 1000)),
+    lag=20,
+    seed=0,
+    trial=3,
+)
+CHANGED = {
+    "preset": "matched",
+    "localizer": "mcl",
+    "params": (("lag", 20), ("particles", 1001)),
+    "lag": 21,
+    "seed": 1,
+    "trial": 4,
+    "filter_seed": 1,
+}
+WORLD = {"seed", "trial"}  # what the world depends on
+FILTER = WORLD | {"filter_seed"}  # what the localizer's randomness depends on
+
+
+def stream(trial):
+    return trial.filter_rng().integers(2**63, size=4).tolist()
+
+
+@pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
+def test_every_field_is_part_of_the_name_of_a_result(field):
+    other = replace(TRIAL, **{field: CHANGED[field]})  # KeyError: a new field needs a case here
+    assert other.key("p") != TRIAL.key("p")
+
+
+def test_what_computed_a_result_is_part_of_its_name():
+    assert TRIAL.key("p") != TRIAL.key("q")
+
+
+def test_equal_trials_have_one_name_whatever_the_order_of_their_parameters():
+    assert replace(TRIAL).key("p") == TRIAL.key("p")
+    assert replace(TRIAL, params=TRIAL.params[::-1]).key("p") == TRIAL.key("p")
+
+
+def test_a_name_is_a_file_name():
+    key = TRIAL.key("p")
+    assert len(key) == 32
+    assert set(key) <= set("0123456789abcdef")
+
+
+@pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
+def test_the_world_depends_on_the_root_seed_and_the_trials_number_only(field):
+    other = replace(TRIAL, **{field: CHANGED[field]})
+    assert (other.world_seed != TRIAL.world_seed) == (field in WORLD)
+
+
+@pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
+def test_the_localizers_stream_depends_on_the_world_and_the_filter_seed_only(field):
+    other = replace(TRIAL, **{field: CHANGED[field]})
+    assert (stream(other) != stream(TRIAL)) == (field in FILTER)
+
+
+def test_a_stream_begins_anew_each_time_it_is_asked_for():
+    assert stream(TRIAL) == stream(TRIAL)
+
+
+def test_world_seeds_differ_and_are_whole_numbers_that_any_json_reader_holds_exactly():
+    seeds = [replace(TRIAL, seed=s, trial=i).world_seed for s in range(5) for i in range(400)]
+    # 2,000 random numbers below 2**53 collide with probability 2e-10
+    assert len(set(seeds)) == len(seeds)
+    assert all(isinstance(seed, int) and 0 <= seed < 2**53 for seed in seeds)
+    assert max(seeds) > 2**52  # the range is used
+
+
+def test_streams_of_trials_and_filter_seeds_differ():
+    streams = [
+        tuple(stream(replace(TRIAL, trial=i, filter_seed=j))) for i in range(20) for j in range(20)
+    ]
+    assert len(set(streams)) == len(streams)
+
+
+@pytest.mark.parametrize(("lag", "offsets"), [(0, {0}), (1, {0, -1, 1}), (20, {0, -20, 20})])
+def test_the_present_and_the_lag_to_both_sides_are_scored(lag, offsets):
+    trial = replace(TRIAL, lag=lag)
+    assert set(trial.offsets) == offsets
+    assert len(trial.offsets) == len(offsets)
+
+
+def test_the_suite_runs_every_method_on_the_same_worlds():
+    suite = paper_suite(
+        preset="paper", localizers=PAPER_METHODS, trials=3, seed=7, lag=5, particles=10
+    )
+    worlds = {}
+    for trial in suite:
+        worlds.setdefault(trial.localizer, []).append((trial.world_seed, stream(trial)))
+    assert tuple(worlds) == PAPER_METHODS
+    assert all(own == worlds["mcl"] for own in worlds.values())
+    assert len(worlds["mcl"]) == 3
+
+
+def test_a_method_gets_only_the_parameters_it_has_a_use_for():
+    suite = paper_suite(
+        preset="paper", localizers=PAPER_METHODS, trials=1, seed=0, lag=5, particles=10
+    )
+    given = {trial.localizer: dict(trial.params) for trial in suite}
+    both = {"lag": 5, "particles": 10}
+    assert given == {
+        "mcl": {"particles": 10},
+        "mcl-map": {"particles": 10},
+        "mcl-smoother": both,
+        "mcl-map-smoother": both,
+        "deq-mcl": both,
+        "dead-reckoning": {},
+    }

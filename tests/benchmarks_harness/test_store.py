@@ -1,0 +1,172 @@
+"""One file per finished trial: whole or not there."""
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from benchmarks import store as store_module
+from benchmarks.store import Store, writable_folder, write_bytes, write_text
+from deqmcl_gym.validation import InputError
+
+RECORD = {"scores": [{"offset": 0, "error": 1.5, "entropy": None}], "steps_done": 3}
+KEY = "0123abcd"
+
+
+def files(folder):
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+
+
+def stored(tmp_path):
+    """The store, and the file of a finished trial in it."""
+    store = Store(tmp_path)
+    store.put(KEY, RECORD, 2.5)
+    return store, tmp_path / "trials" / f"{KEY}.json"
+
+
+def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
+    store, _ = stored(tmp_path / "new" / "folder")
+    found = store.get(KEY)
+    assert found == RECORD | {"schema": 1, "key": KEY, "seconds": 2.5}
+    assert files(store.out) == [f"timings/{KEY}.json", f"trials/{KEY}.json"]
+    assert Store(store.out).get(KEY) == found
+    assert store.get("another") is None
+
+
+def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
+    store, path = stored(tmp_path)
+    before = path.read_bytes()
+    store.put(KEY, RECORD, 99.0)
+    assert path.read_bytes() == before
+
+
+def test_a_trial_without_its_time_is_still_finished(tmp_path):
+    store, _ = stored(tmp_path)
+    (tmp_path / "timings" / f"{KEY}.json").unlink()
+    assert store.get(KEY) == RECORD | {"schema": 1, "key": KEY, "seconds": None}
+
+
+def damaged(good):
+    """Contents that are no finished trial of this key, by what is wrong with them."""
+    value = json.loads(good)
+    return {
+        "empty": b"",
+        "torn": good[: len(good) // 2],
+        "not text": b"\xff\xfe\x00" + good,
+        "not an object": b"[1, 2]\n",
+        "not JSON": b"error,entropy\n1,2\n",
+        "of another schema": json.dumps(value | {"schema": 2}).encode(),
+        "without schema": json.dumps({k: v for k, v in value.items() if k != "schema"}).encode(),
+        "of another trial": json.dumps(value | {"key": "ffff"}).encode(),
+        "without key": json.dumps({k: v for k, v in value.items() if k != "key"}).encode(),
+    }
+
+
+@pytest.mark.parametrize("kind", damaged(b'{"schema": 1, "key": "0123abcd"}'))
+def test_a_damaged_trial_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
+    store, path = stored(tmp_path)
+    good = path.read_bytes()
+    path.write_bytes(damaged(good)[kind])
+    assert store.get(KEY) is None
+    store.put(KEY, RECORD, 2.5)
+    assert path.read_bytes() == good
+
+
+def test_a_stray_temporary_file_is_no_trial(tmp_path):
+    store, path = stored(tmp_path)
+    (path.parent / ".ffff.json.x1y2.tmp").write_bytes(path.read_bytes())
+    assert store.get("ffff") is None
+    assert store.get(KEY) is not None
+
+
+@pytest.mark.parametrize("broken", ["fsync", "replace"])
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
+    tmp_path, monkeypatch, broken
+):
+    target = tmp_path / "table.csv"
+    write_text(target, "old\n")
+
+    def fail(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, broken, fail)
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_text(target, "new\n")
+    assert caught.value.filename == str(target)  # which file, for the reader of the message
+    assert files(tmp_path) == ["table.csv"]
+    assert target.read_text() == "old\n"
+
+
+def test_an_interrupted_write_leaves_no_temporary_file(tmp_path, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes(tmp_path / "lap.webp", b"x")
+    assert files(tmp_path) == []
+
+
+def test_a_write_becomes_visible_only_when_it_is_whole(tmp_path, monkeypatch):
+    target = tmp_path / "table.csv"
+    write_text(target, "old\n")
+    really, seen = os.replace, []
+
+    def look(source, destination):
+        seen.append((target.read_text(), Path(source).read_text(), Path(source).parent))
+        really(source, destination)
+
+    monkeypatch.setattr(os, "replace", look)
+    write_text(target, "new\n")
+    assert seen == [("old\n", "new\n", tmp_path)]
+    assert target.read_text() == "new\n"
+
+
+def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):
+    written, really = [], store_module.write_text
+
+    def note(path, text):
+        written.append(path.parent.name)
+        really(path, text)
+
+    monkeypatch.setattr(store_module, "write_text", note)
+    stored(tmp_path)
+    assert written == ["timings", "trials"]
+
+
+def test_a_nan_is_never_written(tmp_path):
+    store = Store(tmp_path)
+    with pytest.raises(ValueError, match="JSON"):
+        store.put(KEY, {"scores": [float("nan")]}, 1.0)
+    assert store.get(KEY) is None
+    assert not (tmp_path / "trials").exists()
+
+
+@pytest.mark.parametrize("below", ["", "/a", "/a/b"])
+def test_an_output_path_that_is_a_file_or_below_one_is_refused_and_the_file_kept(tmp_path, below):
+    (tmp_path / "file").write_text("precious")
+    with pytest.raises(InputError, match=r"the output folder .*file.* is a file.*: give a folder"):
+        Store(Path(f"{tmp_path}/file{below}"))
+    assert (tmp_path / "file").read_text() == "precious"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write to a read-only folder")
+def test_a_read_only_folder_is_refused(tmp_path):
+    tmp_path.chmod(0o555)
+    with pytest.raises(InputError, match=r"cannot be written to \(Permission denied\)"):
+        writable_folder(tmp_path)
+
+
+@pytest.mark.parametrize("kind", [errno.EACCES, errno.EROFS, errno.ENOSPC])
+def test_a_folder_in_which_no_file_can_be_made_is_refused_with_the_reason(
+    tmp_path, monkeypatch, kind
+):
+    def fail(**_):
+        raise OSError(kind, os.strerror(kind))
+
+    monkeypatch.setattr(store_module.tempfile, "TemporaryFile", fail)
+    with pytest.raises(InputError, match=os.strerror(kind)) as caught:
+        writable_folder(tmp_path)
+    assert str(tmp_path) in str(caught.value)

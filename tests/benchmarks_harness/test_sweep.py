@@ -1,0 +1,191 @@
+"""Trials: each is run once, depends on itself alone, and fails alone."""
+
+import math
+import re
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from benchmarks import sweep
+from benchmarks.episode import trial_moments
+from benchmarks.spec import Trial
+from benchmarks.store import Store
+from benchmarks.suites import paper_suite
+from benchmarks.sweep import TrialsFailedError, run_trials
+from benchmarks.tables import table_csv, table_rows, trials_csv
+from localizers import registry
+
+
+def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
+    return paper_suite(
+        preset="paper", localizers=localizers, trials=trials, seed=0, lag=lag, particles=particles
+    )
+
+
+def run(trials, out, jobs=1):
+    return run_trials(trials, Store(out), jobs=jobs, progress=False)
+
+
+def results(out):
+    """Contents of the files of finished trials, by name."""
+    return {path.name: path.read_bytes() for path in (out / "trials").iterdir()}
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    """The trials that were run rather than found."""
+    ran = []
+
+    def noted(trial: Trial):
+        ran.append(trial)
+        return trial_moments(trial)
+
+    monkeypatch.setattr(sweep, "trial_moments", noted)
+    return ran
+
+
+def test_a_finished_sweep_is_not_run_again_and_gives_the_same_tables(tmp_path, runs):
+    first = run(suite(), tmp_path)
+    assert runs == suite()
+    written = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    again = run(suite(), tmp_path)
+    assert runs == suite()  # no more than before
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == written
+    assert again == first
+    assert table_csv(table_rows(again)) == table_csv(table_rows(first))
+    assert trials_csv(again) == trials_csv(first)
+
+
+@pytest.mark.parametrize("damage", [lambda p: p.unlink(), lambda p: p.write_bytes(b'{"schema')])
+def test_only_a_lost_or_damaged_trial_is_run_again_and_comes_back_byte_for_byte(
+    tmp_path, runs, damage
+):
+    run(suite(), tmp_path)
+    before = results(tmp_path)
+    lost = suite()[1]
+    damage(tmp_path / "trials" / f"{lost.key(sweep.provenance())}.json")
+    runs.clear()
+    run(suite(), tmp_path)
+    assert runs == [lost]
+    assert results(tmp_path) == before
+
+
+def test_a_larger_sweep_runs_only_what_is_new(tmp_path, runs):
+    run(suite(), tmp_path)
+    runs.clear()
+    records = run(suite(trials=3), tmp_path)
+    assert [(trial.localizer, trial.trial) for trial in runs] == [("mcl", 2), ("dead-reckoning", 2)]
+    assert len(records) == 6
+
+
+def test_a_changed_parameter_is_another_trial(tmp_path, runs):
+    run(suite(["mcl"], trials=1), tmp_path)
+    run(suite(["mcl"], trials=1, particles=16), tmp_path)
+    assert [dict(trial.params) for trial in runs] == [{"particles": 15}, {"particles": 16}]
+    assert len(results(tmp_path)) == 2
+
+
+def test_results_of_other_code_are_not_taken_for_ours(tmp_path, runs, monkeypatch):
+    run(suite(["mcl"], trials=1), tmp_path)
+    monkeypatch.setattr(sweep, "provenance", lambda: "other code")
+    run(suite(["mcl"], trials=1), tmp_path)
+    assert len(runs) == 2
+
+
+def test_the_order_in_which_trials_run_changes_no_result(tmp_path):
+    forward = run(suite(), tmp_path / "a")
+    backward = run(suite()[::-1], tmp_path / "b")
+    assert results(tmp_path / "a") == results(tmp_path / "b")
+    for record in [*forward, *backward]:
+        record.pop("seconds")
+    assert backward[::-1] == forward
+
+
+def test_records_come_in_the_order_asked_for(tmp_path):
+    trials = suite()[::-1]
+    assert [record["trial"] for record in run(trials, tmp_path)] == [t.canonical() for t in trials]
+
+
+def test_more_workers_than_trials_are_no_trouble_and_no_trials_are_no_work(tmp_path):
+    assert len(run(suite(["dead-reckoning"], trials=1), tmp_path, jobs=64)) == 1
+    assert run([], tmp_path, jobs=2) == []
+
+
+def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, monkeypatch):
+    def digest():  # the code was edited between the start of the sweep and that of its workers
+        return "before" if threading.current_thread() is threading.main_thread() else "after"
+
+    def pool(workers, mp_context):
+        return ThreadPoolExecutor(workers)
+
+    monkeypatch.setattr(sweep, "ProcessPoolExecutor", pool)
+    monkeypatch.setattr(sweep, "provenance", digest)
+    with pytest.raises(TrialsFailedError, match=r"4 of 4 trials failed.*the code changed"):
+        run(suite(), tmp_path, jobs=2)
+    assert not (tmp_path / "trials").exists()
+
+
+def test_results_that_vanish_during_a_sweep_are_missed(tmp_path, monkeypatch):
+    monkeypatch.setattr(Store, "put", lambda *_: None)
+    with pytest.raises(TrialsFailedError, match="2 of 2 finished trials have gone"):
+        run(suite(["dead-reckoning"]), tmp_path)
+
+
+class Broken:
+    """A localizer that fails in one of its calls."""
+
+    def __init__(self, where):
+        self._where = where
+        self._fail("make")
+
+    def reset(self, prior, plan, rng):
+        self._fail("reset")
+        return self
+
+    def update(self, ranges, action, plan):
+        self._fail("update")
+        return None if self._where == "none" else self
+
+    def points(self, offset=0):
+        self._fail("points")
+
+    def _fail(self, where):
+        if self._where == where:
+            raise ArithmeticError(f"broken in {where}")
+
+
+@pytest.mark.parametrize("where", ["make", "reset", "update", "points", "none"])
+def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(
+    tmp_path, monkeypatch, runs, where
+):
+    monkeypatch.setitem(registry._FACTORIES, "broken", lambda robot: Broken(where))
+    trials = suite(["broken", "dead-reckoning"])
+    reason = "AttributeError" if where == "none" else f"ArithmeticError: broken in {where}"
+    with pytest.raises(TrialsFailedError, match="2 of 4 trials failed") as caught:
+        run(trials, tmp_path)
+    assert re.search(f"broken, trial 0: {reason}", str(caught.value))
+    assert len(results(tmp_path)) == 2
+    runs.clear()
+    assert len(run(suite(["dead-reckoning"]), tmp_path)) == 2
+    assert runs == []  # kept
+
+
+def test_what_a_method_has_no_use_for_does_not_reach_it(tmp_path):
+    rows = {lag: table_rows(run(suite(["mcl"], lag=lag), tmp_path)) for lag in (0, 5, 20, 300)}
+    kept = [
+        {k: v for k, v in vars(row).items() if k != "error_window"}
+        for own in rows.values()
+        for row in own
+    ]
+    assert len(kept) == 4  # offset 0 each, no other
+    assert all(row == kept[0] for row in kept)
+    window = [own[0].error_window for own in rows.values()]
+    assert window[0] == kept[0]["error"]
+    assert len({*window[:3]}) == 3
+    assert math.isnan(window[3])
+
+
+def test_every_trial_tells_how_many_steps_and_scans_it_saw(tmp_path):
+    for record in run(suite(trials=1), tmp_path):
+        assert record["steps_done"] == record["scans_used"] == 204  # the paper preset's lap

@@ -1,0 +1,152 @@
+"""Which states each score covers, on hand-made episodes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from fake_episode import FREE, IN_WALL, ROOM, USABLE, FakeBelief, mean_error, traced, truth_of
+
+from benchmarks.episode import Moment
+from benchmarks.scoring import SCORE_NAMES, record, scores
+from benchmarks.trace import trace_of
+
+T, L = 10, 3
+OFFSETS = (0, -L, L)
+# sums of up to ten terms around 10² … 10⁴ with the roundings of x = 100 + s + error
+CLOSE = {"rel": 1e-12}
+
+
+def scored(trace, lag=L):
+    return {row.offset: row for row in scores(trace, lag)}
+
+
+@pytest.mark.parametrize(
+    ("offset", "states"),
+    [
+        (0, range(1, T + 1)),  # not s = 0: the prior is not an estimate
+        (-L, range(1, T - L + 1)),  # x_0, seen at t = L, is left out too
+        (+L, range(L, T + 1)),  # from what was foreseen at t = 0
+    ],
+)
+def test_the_error_at_an_offset_is_the_mean_over_the_states_from_1_that_it_estimates(
+    offset, states
+):
+    row = scored(traced(T, OFFSETS))[offset]
+    assert row.error == pytest.approx(mean_error(states, offset), **CLOSE)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_the_window_is_the_same_for_every_offset(offset):
+    row = scored(traced(T, OFFSETS))[offset]
+    assert row.error_window == pytest.approx(mean_error(range(L, T - L + 1), offset), **CLOSE)
+
+
+def test_without_a_lag_the_window_is_the_whole_lap():
+    (row,) = scores(traced(T, (0,)), 0)
+    assert row.error_window == row.error == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+
+
+@pytest.mark.parametrize("missing", [-L, L])
+def test_an_offset_that_a_method_does_not_hold_has_no_row(missing):
+    held = [k for k in OFFSETS if k != missing]
+    assert set(scored(traced(T, held, OFFSETS))) == set(held)
+
+
+def test_an_offset_held_at_some_steps_only_is_scored_there_only():
+    trace = traced(T, OFFSETS)
+    states = {offset: kept.states.tolist() for offset, kept in trace.offsets.items()}
+    assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
+
+
+def test_states_after_the_end_of_the_lap_are_not_scored_even_if_believed_in():
+    everything = FakeBelief({k: (truth_of(0)[None], np.ones(1)) for k in OFFSETS})
+    moments = [Moment(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
+    trace = trace_of(moments, OFFSETS, ROOM)
+    assert trace.offsets[L].states.tolist() == [*range(L, T + 1)]
+    assert trace.offsets[-L].states.tolist() == [*range(T - L + 1)]
+
+
+@pytest.mark.parametrize("lag", [T + 1, 10 * T])
+def test_a_lag_longer_than_the_episode_leaves_the_present_and_no_window(lag):
+    rows = scored(traced(T, (0, -lag, lag)), lag)
+    assert set(rows) == {0}
+    assert rows[0].error == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+    assert math.isnan(rows[0].error_window)
+
+
+def test_position_and_heading_scores_are_roots_of_mean_squares_from_state_1():
+    def off(state, offset):
+        return truth_of(state)[None] + [3.0 * state, 4.0 * state, 0.01 * state], np.ones(1)
+
+    row = scored(traced(T, (0,), points=off))[0]
+    rms = math.sqrt(sum(s * s for s in range(1, T + 1)) / T)
+    assert row.position_rmse == pytest.approx(5 * rms, **CLOSE)
+    assert row.heading_rmse == pytest.approx(0.01 * rms, **CLOSE)
+
+
+def test_variances_and_entropy_are_means_over_steps_from_state_1():
+    def pair(state, offset):  # x = truth ± s: variance s²; nothing else varies
+        return truth_of(state) + np.array([[state, 0, 0], [-state, 0, 0]]), np.full(2, 0.5)
+
+    row = scored(traced(T, (0,), points=pair))[0]
+    assert row.var_x == pytest.approx(sum(s * s for s in range(1, T + 1)) / T, **CLOSE)
+    assert [row.var_y, row.var_cos, row.var_sin] == pytest.approx([0, 0, 0], abs=1e-30)
+    constant = 2 * math.log(2 * math.pi * math.e) + 0.5 * math.log(1e-2 * 1e-6 * 1e-6)
+    expected = constant + sum(math.log(s) for s in range(1, T + 1)) / T
+    assert row.entropy == pytest.approx(expected, **CLOSE)
+
+
+def test_a_belief_of_one_point_has_errors_but_neither_variance_nor_entropy():
+    row = scored(traced(T, (0,)))[0]
+    assert math.isfinite(row.error)
+    assert math.isfinite(row.position_rmse)
+    for unknown in (row.var_x, row.var_y, row.var_cos, row.var_sin, row.entropy):
+        assert math.isnan(unknown)
+
+
+def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
+    def partly(state, offset):  # all inside at s = 0, which is not scored; then 0.3
+        shares = (0.0, 1.0) if state == 0 else (0.7, 0.3)
+        return np.array([FREE, IN_WALL]), np.array(shares)
+
+    assert scored(traced(T, (0,), points=partly))[0].wall_share == pytest.approx(0.3, **CLOSE)
+
+
+def test_scans_used_counts_those_after_the_start_with_at_least_one_usable_beam():
+    nan, inf = math.nan, math.inf
+    limit = ROOM.lidar.max_range
+    beams = [
+        (10.0, 10.0),  # of t = 0: shown to nobody
+        (10.0, 10.0),
+        (nan, 10.0),
+        (nan, nan),
+        (inf, -inf),
+        (-1.0, limit + 1),
+        (0.0, nan),
+        (limit, nan),
+    ]
+    used = [t > 0 and any(0 <= beam <= limit for beam in scan) for t, scan in enumerate(beams)]
+    trace = traced(len(beams) - 1, (0,), ranges=lambda t: np.array(beams[t], np.float32))
+    assert trace.scans_used == sum(used) == 4
+    assert trace.steps == len(beams) - 1
+
+
+def test_the_time_of_a_trial_leaves_the_reset_out():
+    assert traced(4, (0,), seconds=0.25).seconds == 4 * 0.25
+
+
+def test_a_record_is_strict_json_with_null_for_what_is_unknown():
+    result = record(traced(T, OFFSETS), L)
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    (present,) = (row for row in result["scores"] if row["offset"] == 0)
+    assert set(present) == {"offset", *SCORE_NAMES}
+    assert present["entropy"] is None
+    assert result["steps_done"] == result["scans_used"] == T
+
+
+def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error():
+    curves = record(traced(T, OFFSETS), L)["curves"]
+    assert {k: v["first_state"] for k, v in curves.items()} == {"0": 0, "-3": 0, "3": L}
+    # written with six digits: relative rounding at most 5e-6
+    assert curves["3"]["error"] == pytest.approx([5 * 2.0**s for s in range(L, T + 1)], rel=5e-6)

@@ -1,0 +1,74 @@
+"""Worlds and drives that the tests of the environment share."""
+
+import math
+
+import numpy as np
+
+from deqmcl_gym.env import RoomEnv
+
+STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
+
+PAPER = {
+    "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
+    "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
+}
+TRIANGLE = {
+    "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
+    "obstacles": [[[120, 90], [240, 110], [170, 210]]],
+}
+# Of both orientations, one of them not convex.
+SEVERAL = {
+    "outer": [[0, 0], [500, 0], [500, 400], [0, 400]],
+    "obstacles": [
+        [[150, 120], [220, 130], [200, 190]],
+        [[260, 270], [350, 260], [340, 130], [330, 130], [330, 240], [260, 240]],
+        [[180, 230], [210, 270], [170, 280], [150, 250]],
+    ],
+}
+EMPTY = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
+FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
+
+# One long episode of an undisturbed robot: a 40,000 px wide hall whose planned lap has > 20,000
+# steps, so that samples are drawn step by step, without resets and walls.
+_WIDE = {"outer": [[0, 0], [40_000, 0], [40_000, 40_000], [0, 40_000]]}
+
+
+def calm(**kwargs) -> RoomEnv:
+    """A RoomEnv without motion noise, begun with seed 0."""
+    env = RoomEnv(noise=STILL, **kwargs)
+    env.reset(seed=0)
+    return env
+
+
+def wide(**kwargs) -> RoomEnv:
+    """A RoomEnv with > 20,000 planned steps and nothing to touch, not yet reset."""
+    kwargs = {"start": {"pose": (20_000, 20_000, 0.0)}, "lap": {"step": 2.0}} | kwargs
+    env = RoomEnv(floor_plan=_WIDE, horizon=1, ends_at_goal=False, **kwargs)
+    assert len(env.plan) > 20_000
+    return env
+
+
+def drive(env, actions) -> list[tuple]:
+    """What ``env.step`` says to each action."""
+    return [env.step(np.asarray(action, np.float32)) for action in actions]
+
+
+def poses_of(env, actions) -> np.ndarray:
+    """The true poses after each action, (n, 3)."""
+    return np.array([said[4]["truth"] for said in drive(env, actions)])
+
+
+def wrapped(angles):
+    """Angles in [-π, π)."""
+    return (np.asarray(angles) + math.pi) % (2 * math.pi) - math.pi
+
+
+def closing_error(actions: np.ndarray) -> float:
+    """How far float32 commands of an exact lap may miss its end, px.
+
+    Half a float32 ulp per command: a turn is below 0.5 rad (2^-26 rad), a drive below 8 px
+    (2^-22 px). Heading errors add up over the turns and act on all that is driven after them.
+    """
+    turns = np.count_nonzero(actions[:, 1])
+    drives = np.count_nonzero(actions[:, 0])
+    return float(actions[:, 0].sum()) * turns * 2.0**-26 + drives * 2.0**-22

@@ -1,0 +1,177 @@
+"""Calls at the wrong time or with the wrong values are refused, and nothing has happened."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from room_cases import calm, drive
+from room_trace import ROOM_ID
+
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
+
+BAD_ACTIONS = {
+    "None": None,
+    "word": "drive",
+    "numbers in words": ["5", "0"],
+    "a mapping": {"distance": 5},
+    "one number": 5.0,
+    "one entry": [5.0],
+    "three entries": [5.0, 0.0, 0.0],
+    "a table": np.zeros((3, 4)),
+    "a batch of one": np.zeros((1, 2), np.float32),
+    "ragged": [[5.0], [0.0, 0.0]],
+    "truth values": [True, False],
+    "complex": np.array([5 + 1j, 0]),
+    "objects": [None, 0.0],
+    "NaN": [np.nan, 0.0],
+    "NaN turn": [5.0, np.nan],
+    "infinite": [np.inf, 0.0],
+    "beyond float32": [1e300, 0.0],
+    "backwards": [-0.01, 0.0],
+    "too far": [10.01, 0.0],
+    "too much to the left": [5.0, 0.79],
+    "too much to the right": [5.0, -0.79],
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", BAD_ACTIONS)
+def test_a_bad_action_is_refused_and_leaves_no_trace(name):
+    env, other = (RoomEnv(lidar={"beams": 3}) for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=9)
+        drive(one, one.plan[:5])
+    with pytest.raises(InputError, match=r"the action is .*, but must be two numbers") as caught:
+        env.step(BAD_ACTIONS[name])
+    assert len(str(caught.value).splitlines()) == 1
+    assert env.pose == other.pose
+    assert env.elapsed_steps == 5
+    for action in env.plan[5:15]:
+        np.testing.assert_equal(env.step(action), other.step(action))
+
+
+@pytest.mark.parametrize("name", ["NaN", "too far", "one entry"])
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda env: Kidnap(env, step=3),
+        lambda env: BeamDropout(env, 0.5),
+        lambda env: PlanChange(env, 3, [(1.0, 0.1)] * 20),
+    ],
+    ids=["kidnap", "dropout", "plan-change"],
+)
+def test_a_bad_action_leaves_no_trace_under_wrappers_either(wrap, name):
+    env, other = (wrap(RoomEnv(lidar={"beams": 3})) for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=9)
+        drive(one, np.zeros((2, 2)))
+    with pytest.raises(InputError):
+        env.step(BAD_ACTIONS[name])
+    for _ in range(10):
+        action = np.float32([1.0, 0.2])
+        np.testing.assert_equal(env.step(action), other.step(action))
+
+
+@pytest.mark.parametrize(
+    "action", [[5, 0], (5.0, 0.0), np.array([5.0, 0.0]), np.float32([5, 0]), np.array([5, 0])]
+)
+def test_two_real_numbers_of_any_kind_are_an_action(action):
+    info = calm().step(action)[4]
+    assert info["action"].dtype == np.float32
+    np.testing.assert_array_equal(info["action"], [5, 0])
+
+
+def test_the_ends_of_the_action_space_are_actions():
+    env = calm(start={"pose": (60, 250, 0.0)})
+    for action in (env.action_space.low, env.action_space.high):
+        np.testing.assert_array_equal(env.step(action)[4]["action"], action)
+
+
+def test_nothing_can_be_done_before_reset():
+    env = RoomEnv(render_mode="rgb_array")
+    calls = {
+        "step": lambda: env.step(np.zeros(2, np.float32)),
+        "place": lambda: env.place((175, 50, 0)),
+        "render": env.render,
+        "pose": lambda: env.pose,
+        "steps": lambda: env.elapsed_steps,
+        "kidnap": lambda: Kidnap(env, 1).step(np.zeros(2, np.float32)),
+        "dropout": lambda: BeamDropout(env, 0.5).step(np.zeros(2, np.float32)),
+        "plan change": lambda: PlanChange(env, 1, []).step(np.zeros(2, np.float32)),
+    }
+    for call in calls.values():
+        with pytest.raises(RuntimeError, match=r"call reset\(\)"):
+            call()
+    env.reset(seed=0)  # and afterwards everything works
+    assert env.step(env.plan[0])[4]["planned_count"] == 203
+
+
+def test_gymnasium_refuses_a_step_before_reset_too():
+    with pytest.raises(gym.error.ResetNeeded):
+        gym.make(ROOM_ID).step(np.zeros(2, np.float32))
+
+
+def test_no_step_follows_the_end_until_reset():
+    env = calm(ends_at_goal=False)
+    drive(env, np.zeros((204, 2)))
+    pose = env.pose
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match=r"the episode has ended: call reset\(\)"):
+            env.step(np.zeros(2, np.float32))
+    assert env.pose == pose
+    assert env.elapsed_steps == 204
+    env.reset()
+    assert env.step(env.plan[0])[2] is False
+
+
+def test_closing_twice_is_fine():
+    for env in (RoomEnv(render_mode="rgb_array"), gym.make(ROOM_ID)):
+        env.reset(seed=0)
+        env.close()
+        env.close()
+
+
+@pytest.mark.parametrize("seed", [-1, "a", 1.5, True, [1], np.float64(3)])
+def test_a_bad_seed_is_refused_and_leaves_no_trace(seed):
+    env, other = RoomEnv(), RoomEnv()
+    for one in (env, other):
+        one.reset(seed=9)
+    with pytest.raises(InputError, match=r"seed is .*, but must be a whole number of 0 or more"):
+        env.reset(seed=seed)
+    np.testing.assert_equal(env.step(env.plan[0]), other.step(env.plan[0]))
+    np.testing.assert_equal(env.reset(), other.reset())
+
+
+@pytest.mark.parametrize("seed", [0, 2**63, np.int64(5), np.uint32(5)])
+def test_whole_numbers_of_any_size_and_kind_are_seeds(seed):
+    one, two = RoomEnv(), RoomEnv()
+    np.testing.assert_equal(one.reset(seed=seed), two.reset(seed=int(seed)))
+
+
+@pytest.mark.parametrize("options", [None, {}])
+def test_no_options_is_the_only_choice_of_options(options):
+    np.testing.assert_equal(RoomEnv().reset(seed=1, options=options), RoomEnv().reset(seed=1))
+
+
+def test_an_unknown_option_is_refused_and_leaves_no_trace():
+    env, other = RoomEnv(), RoomEnv()
+    for one in (env, other):
+        one.reset(seed=9)
+    with pytest.raises(InputError, match="unknown reset option 'pose': allowed are none"):
+        env.reset(seed=1, options={"pose": (1, 2, 3)})
+    np.testing.assert_equal(env.step(env.plan[0]), other.step(env.plan[0]))
+
+
+@pytest.mark.parametrize("pose", [(150, 150, 0), (5, 50, 0), (400, 50, 0), (np.nan, 50, 0), (1, 2)])
+def test_the_robot_is_only_put_where_it_fits(pose):
+    env = calm()
+    before = env.pose
+    with pytest.raises(InputError, match="the pose"):
+        env.place(pose)
+    assert env.pose == before
+
+
+def test_an_unknown_render_mode_is_refused():
+    with pytest.raises(InputError, match="unknown render_mode 'ansi'"):
+        RoomEnv(render_mode="ansi")

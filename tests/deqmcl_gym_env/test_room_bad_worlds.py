@@ -1,0 +1,171 @@
+"""Worlds that cannot be are refused when they are made, in one sentence that names the field."""
+
+import math
+
+import gymnasium as gym
+import pytest
+from room_cases import PAPER
+from room_trace import ROOM_ID
+
+from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.validation import InputError
+
+OUTER = PAPER["outer"]
+
+
+def refused(text: str, **kwargs) -> str:
+    """Make the env by gymnasium; its refusal must be one line and say ``text``."""
+    with pytest.raises(InputError) as caught:
+        gym.make(ROOM_ID, **kwargs)
+    message = str(caught.value)
+    assert text in message
+    assert len(message.splitlines()) == 1
+    assert message.endswith(".")
+    return message
+
+
+@pytest.mark.parametrize(
+    ("pose", "text"),
+    [
+        ((150, 150, 0), "start.pose is (150, 150, 0), where a robot of radius 8 px touches"),
+        ((175, 7, 0), "start.pose is (175, 7, 0)"),  # nearer to the wall than the radius
+        ((-50, 50, 0), "start.pose is (-50, 50, 0)"),
+        ((math.nan, 50, 0), "start.pose is [nan, 50.0, 0.0]"),
+        ((math.inf, 50, 0), "start.pose is [inf, 50.0, 0.0]"),
+        ((175, 50, 90), "90° would be 1.571"),
+        ((175, 50, -7), "from -2π to 2π"),
+        ((175, 50), "start.pose has shape 2, but must be 3 finite numbers"),
+        ("here", "start.pose is 'here'"),
+        (5, "start.pose has shape a single number"),
+    ],
+)
+def test_a_bad_start_pose_is_refused_by_name(pose, text):
+    refused(text, start={"pose": pose})
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf, "1", True, [1.0]])
+@pytest.mark.parametrize(
+    ("part", "field"),
+    [
+        ("robot", "radius"), ("robot", "max_distance"), ("robot", "max_turn"),
+        ("noise", "drive"), ("noise", "turn"), ("noise", "drift"),
+        ("start", "sd_position"), ("start", "sd_heading"),
+        ("lidar", "field_of_view"), ("lidar", "max_range"), ("lidar", "sigma"),
+        ("lap", "step"), ("lap", "turn"),
+    ],
+)  # fmt: skip
+def test_what_is_no_size_is_refused_by_name(part, field, value):
+    refused(f"{part}.{field} is ", **{part: {field: value}})
+
+
+@pytest.mark.parametrize(
+    ("part", "field", "value"),
+    [
+        ("robot", "max_distance", 0), ("robot", "max_turn", 0), ("robot", "max_turn", 3.2),
+        ("lidar", "field_of_view", 0), ("lidar", "field_of_view", 6.3), ("lidar", "max_range", 0),
+        ("lidar", "beams", 0), ("lidar", "beams", -1), ("lidar", "beams", 1.5),
+        ("lidar", "beams", 10**9), ("lap", "step", 0), ("lap", "turn", 0), ("lap", "turn", 3.2),
+    ],
+)  # fmt: skip
+def test_sizes_just_outside_their_range_are_refused_by_name(part, field, value):
+    refused(f"{part}.{field} is {value}", **{part: {field: value}})
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"noise": MotionNoise(drive=0, turn=0, drift=0)},
+        {"lidar": Lidar(sigma=0, field_of_view=2 * math.pi, beams=8)},
+        {"robot": Robot(max_turn=math.pi, radius=0)},
+        {"start": Start(pose=(175, 50, -2 * math.pi))},
+        {"lap": Lap(turn=math.pi / 4)},
+    ],
+)
+def test_sizes_at_the_end_of_their_range_are_fine(parts):
+    env = RoomEnv(**parts)
+    env.reset(seed=0)
+    assert not env.step(env.plan[0])[4]["collided"]
+
+
+def test_a_robot_wider_than_the_passage_is_refused():
+    refused("radius 50 px: give a smaller robot", robot={"radius": 50})
+    refused("radius 1000 px", robot={"radius": 1000})
+
+
+@pytest.mark.parametrize(
+    ("floor_plan", "text"),
+    [
+        ({"outer": []}, "the outer wall"),
+        ({"outer": OUTER[:2]}, "the outer wall has 2 corners"),  # open
+        ({"outer": [[0, 0], [350, 0], [350, math.nan]]}, "the outer wall is"),
+        ({"outer": [*OUTER, OUTER[-1]]}, "edge of zero length at (0, 300)"),
+        ({"outer": [[0, 0], [350, 300], [350, 0], [0, 300]]}, "the outer wall crosses itself"),
+        ({"outer": None}, "the outer wall is None"),
+        ({"outer": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}, "the outer wall has shape 3 x 3"),
+        ({"obstacles": []}, "the outer wall is None"),
+        ({"outer": OUTER, "obstacles": [OUTER[:2]]}, "obstacle 0 has 2 corners"),
+        ({"outer": OUTER, "obstacles": [[[-9, -9], [360, -9], [360, 309], [-9, 309]]]},
+         "the floor plan has no free space"),
+        ({"outer": OUTER, "obstacles": [[[100, -9], [200, -9], [200, 99], [100, 99]]]},
+         "the obstacle corner (100, -9) lies on or outside the outer wall"),
+        ({"outer": OUTER, "obstacles": 5}, "obstacles is 5"),
+        ({"outer": OUTER, "walls": []}, "unknown key in floor_plan 'walls'"),
+        ([OUTER], "floor_plan is"),
+    ],
+)  # fmt: skip
+def test_a_bad_floor_plan_is_refused(floor_plan, text):
+    refused(text, floor_plan=floor_plan)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "text"),
+    [
+        ([(50, 50), (300, 50)], "lap.waypoints has 2 corners"),
+        ([(50, 50), (300, 50), (300, math.nan)], "lap.waypoints is"),
+        ([(50, 50), (300, 50), (300, 250), (50, 50)], "has (50, 50) twice in a row"),
+        ([(50, 50), (300, 50), (300, 50), (50, 250)], "has (300, 50) twice in a row"),
+        ([(50, 50), (300, 250), (50, 250)], "the lap touches a wall between (50, 50)"),
+        ([(50, 50), (400, 50), (50, 250)], "the lap touches a wall between (50, 50)"),
+    ],
+)
+def test_bad_waypoints_are_refused(waypoints, text):
+    refused(text, lap={"waypoints": waypoints})
+
+
+def test_a_lap_the_robot_cannot_do_is_refused():
+    refused("lap.step is 11, but the robot can do at most 10", lap={"step": 11.0})
+    refused("lap.turn is 1, but the robot can do at most 0.785398", lap={"turn": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "nearest"),
+    [
+        ({"preset": "papr"}, "'paper'"),
+        ({"lidar": {"beam": 3}}, "'beams'"),
+        ({"robot": {"radios": 3}}, "'radius'"),
+        ({"noise": {"drives": 3}}, "'drive'"),
+        ({"start": {"sd_positions": 3}}, "'sd_position'"),
+        ({"lap": {"waypoint": 3}}, "'waypoints'"),
+        ({"floor_plan": {"outter": OUTER}}, "'outer'"),
+    ],
+)
+def test_an_unknown_name_is_answered_with_the_nearest_one(kwargs, nearest):
+    refused(f"did you mean {nearest}?", **kwargs)
+
+
+def test_a_part_of_the_wrong_kind_is_refused():
+    refused("lidar is 3, but must be a Lidar or a mapping of beams", lidar=3)
+    refused("robot is ", robot=Lidar())
+
+
+@pytest.mark.parametrize("horizon", [0, -1, 1.5, "all", True])
+def test_a_horizon_without_a_plan_is_refused(horizon):
+    refused("horizon is ", horizon=horizon)
+
+
+def test_a_start_that_hardly_ever_fits_is_refused_at_reset():
+    env = gym.make(ROOM_ID, start={"sd_position": 1e9})
+    with pytest.raises(InputError, match=r"none of 1000 starts drawn around \(175, 50\) is free"):
+        env.reset(seed=0)

@@ -1,0 +1,148 @@
+"""RoomEnv keeps Gymnasium's contract: checker, registration, specs, vector envs."""
+
+import json
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from room_trace import ROOM_ID
+
+import deqmcl_gym
+from deqmcl_gym.env import RoomEnv
+
+# The action Box is in px and rad on purpose; this is the only warning allowed.
+UNITS = r".*we recommend using a symmetric and normalized space.*"
+
+WORLDS = [
+    {},
+    {"preset": "matched"},
+    {"preset": "sharp"},
+    {"lidar": {"beams": 5, "sigma": 0.0}, "horizon": 20, "ends_at_goal": False},
+]
+
+
+@pytest.mark.parametrize("kwargs", WORLDS)
+def test_the_env_checker_has_nothing_to_say(kwargs):
+    env = gym.make("deqmcl_gym/Room-v0", **kwargs)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=UNITS)
+        check_env(env.unwrapped)  # instantiates every declared render mode, too
+
+
+def test_the_id_names_the_module_and_the_version():
+    assert deqmcl_gym.ENV_ID == "deqmcl_gym/Room-v0"
+    assert isinstance(gym.make(deqmcl_gym.ENV_ID).unwrapped, RoomEnv)
+    assert isinstance(gym.make(ROOM_ID).unwrapped, RoomEnv)
+
+
+def test_the_entry_point_is_text_so_that_the_spec_is_json():
+    spec = gym.spec(deqmcl_gym.ENV_ID)
+    assert spec.entry_point == "deqmcl_gym.env:RoomEnv"
+    assert json.loads(spec.to_json())["id"] == deqmcl_gym.ENV_ID
+
+
+def test_the_time_limit_is_twice_the_plan_of_the_default_room():
+    env = gym.make(deqmcl_gym.ENV_ID)
+    assert env.spec.max_episode_steps == 2 * len(env.unwrapped.plan)
+
+
+def test_a_time_limit_below_the_plan_truncates():
+    env = gym.make(deqmcl_gym.ENV_ID, max_episode_steps=3)
+    env.reset(seed=0)
+    said = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(3)]
+    assert said == [(False, False), (False, False), (False, True)]
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="gym.make gives the unwrapped env a spec whose max_episode_steps is None, so the env "
+    "never sees the limit it would warn of",
+)
+def test_a_lap_longer_than_the_time_limit_warns_at_reset():
+    env = gym.make(deqmcl_gym.ENV_ID, lap={"step": 1.0})
+    with pytest.warns(UserWarning, match="the lap has 924 steps, but the time limit is 408"):
+        env.reset(seed=0)
+
+
+def test_a_spec_with_json_kwargs_makes_the_same_env_again():
+    kwargs = {
+        "preset": "sharp",
+        "floor_plan": {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]},
+        "lidar": {"beams": 4, "sigma": 2.5},
+        "robot": {"radius": 6.0},
+        "noise": {"drive": 0.1},
+        "start": {"pose": [150, 75, 0.0], "sd_position": 3.0},
+        "lap": {"step": 4.0},
+        "horizon": 7,
+        "ends_at_goal": False,
+    }
+    first = gym.make(ROOM_ID, **kwargs)
+    second = gym.make(EnvSpec.from_json(first.spec.to_json()))
+    assert second.unwrapped.world == first.unwrapped.world
+    said = [(env.reset(seed=5)[0], env.step(np.float32([3, 0.1]))) for env in (first, second)]
+    np.testing.assert_equal(said[0], said[1])
+
+
+def test_spaces_are_the_documented_boxes():
+    env = RoomEnv(lidar={"beams": 4, "max_range": 123.0}, robot={"max_turn": 0.5})
+    assert env.observation_space == gym.spaces.Box(0.0, 123.0, (4,), np.float32)
+    low, high = np.float32([0, -0.5]), np.float32([10, 0.5])
+    assert env.action_space == gym.spaces.Box(low, high, dtype=np.float32)
+
+
+def test_step_returns_plain_python_floats_and_bools():
+    env = RoomEnv()
+    env.reset(seed=0)
+    _, reward, terminated, truncated, _ = env.step(np.float32([5, 0]))
+    assert [type(said) for said in (reward, terminated, truncated)] == [float, bool, bool]
+
+
+def test_every_observation_lies_in_its_space():
+    env = RoomEnv(lidar={"beams": 3, "sigma": 200.0})  # noise as large as the room: clipped often
+    scans = [env.reset(seed=1)[0]]
+    scans += [env.step(action)[0] for action in env.plan[:150]]
+    assert all(env.observation_space.contains(scan) for scan in scans)
+
+
+@pytest.mark.parametrize(
+    ("mode", "options"),
+    [("sync", {}), ("async", {}), ("async", {"context": "spawn"})],
+    ids=["sync", "async", "async-spawn"],
+)
+def test_a_vector_env_says_what_its_envs_say(mode, options):
+    seeds = [11, 12]
+    vector = gym.make_vec(
+        ROOM_ID, num_envs=2, vectorization_mode=mode, vector_kwargs=options, horizon=20
+    )
+    singles = [gym.make(ROOM_ID, horizon=20) for _ in seeds]
+    scans, infos = vector.reset(seed=seeds)
+    said = [env.reset(seed=seed) for env, seed in zip(singles, seeds, strict=True)]
+    try:
+        for _ in range(5):
+            for i, (scan, info) in enumerate(said):
+                np.testing.assert_array_equal(scans[i], scan)
+                for key, value in info.items():
+                    assert infos[f"_{key}"][i]
+                    np.testing.assert_array_equal(infos[key][i], value)
+            assert infos["planned_actions"].shape == (2, 20, 2)
+            actions = np.stack([infos["planned_actions"][0, 0], np.float32([2.0, 0.3])])
+            scans, rewards, terminated, truncated, infos = vector.step(actions)
+            steps = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+            said = [(step[0], step[4]) for step in steps]
+            assert list(rewards) == [step[1] for step in steps]
+            assert not np.concatenate([terminated, truncated]).any()
+    finally:
+        vector.close()
+
+
+def test_the_metadata_suits_gymnasiums_human_rendering():
+    modes, fps = RoomEnv.metadata["render_modes"], RoomEnv.metadata["render_fps"]
+    assert "rgb_array" in modes
+    assert "human" not in modes
+    assert fps > 0
+    env = gym.wrappers.HumanRendering(gym.make(ROOM_ID, render_mode="rgb_array"))
+    assert env.render_mode == "human"

@@ -1,0 +1,110 @@
+"""``info`` has the keys, types and shapes of RoomInfo, fresh at every step."""
+
+import numpy as np
+import pytest
+from room_cases import calm, drive
+
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.info import RoomInfo
+
+ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}
+
+
+def said_in_an_episode(env: RoomEnv) -> list[dict]:
+    _, info = env.reset(seed=0)
+    return [info] + [said[4] for said in drive(env, env.plan)]
+
+
+@pytest.mark.parametrize("horizon", [None, 1, 20, 1000])
+def test_keys_types_and_shapes_never_change(horizon):
+    env = RoomEnv(horizon=horizon, ends_at_goal=False)
+    rows = len(env.plan) if horizon is None else horizon
+    shapes = {"planned_actions": (rows, 2), "action": (2,), "truth": (3,)}
+    for info in said_in_an_episode(env):
+        assert set(info) == set(RoomInfo.__annotations__)
+        assert type(info["planned_count"]) is int
+        assert type(info["collided"]) is bool
+        for key, dtype in ARRAYS.items():
+            assert type(info[key]) is np.ndarray
+            assert info[key].dtype == dtype
+            assert info[key].shape == shapes[key]
+            assert np.isfinite(info[key]).all()
+
+
+@pytest.mark.parametrize("horizon", [None, 1, 20, 1000])
+def test_the_plan_shows_the_next_actions_and_then_zeros(horizon):
+    env = RoomEnv(horizon=horizon, ends_at_goal=False)
+    plan = env.plan
+    infos = said_in_an_episode(env)
+    assert len(infos) == len(plan) + 1
+    for step, info in enumerate(infos):
+        count = min(horizon or len(plan), len(plan) - step)
+        assert info["planned_count"] == count
+        np.testing.assert_array_equal(info["planned_actions"][:count], plan[step : step + count])
+        assert not info["planned_actions"][count:].any()
+
+
+def test_the_plan_goes_by_the_step_count_also_after_a_deviating_action():
+    env = calm(horizon=10)
+    for step in range(1, 30):
+        info = env.step(np.float32([0.0, 0.5]))[4]  # planned are 25 drives first
+        np.testing.assert_array_equal(info["planned_actions"], env.plan[step : step + 10])
+
+
+def test_every_planned_action_is_one():
+    env = RoomEnv()
+    assert all(env.action_space.contains(action) for action in env.plan)
+
+
+def test_action_is_the_command_before_noise_and_contact():
+    env = RoomEnv(start={"pose": (335, 50, 0.0)}, noise={"drive": 0.5, "turn": 0.5})
+    _, info = env.reset(seed=0)
+    np.testing.assert_array_equal(info["action"], np.zeros(2, np.float32))
+    assert info["collided"] is False
+    for command in ([9.7, 0.1], [9.7, 0.0], [0.3, 0.2]):  # into the wall x = 350
+        before = env.pose
+        info = env.step(np.array(command))[4]  # float64 is cast
+        np.testing.assert_array_equal(info["action"], np.float32(command))
+        way = np.hypot(info["truth"][0] - before[0], info["truth"][1] - before[1])
+        assert way != pytest.approx(command[0], abs=1e-3)  # noise or contact: not what was done
+
+
+def test_truth_is_the_pose_of_the_env():
+    env = RoomEnv()
+    env.reset(seed=0)
+    for action in env.plan[:40]:
+        np.testing.assert_array_equal(env.step(action)[4]["truth"], env.pose)
+
+
+def test_what_is_done_to_returned_arrays_matters_to_nobody():
+    spoiled, other = (RoomEnv(horizon=20, render_mode="rgb_array") for _ in range(2))
+    plan = np.array(spoiled.plan)
+    kept = []  # infos of the other env as they were told, and as they are later
+
+    def spoil(scan, info):
+        for array in (scan, *(info[key] for key in ARRAYS)):
+            array[...] = 7
+
+    spoil(*spoiled.reset(seed=2))
+    other.reset(seed=2)
+    for action in plan[:60]:
+        given = action.copy()
+        scan, reward, *_, info = spoiled.step(given)
+        same_scan, same_reward, *_, same_info = other.step(action)
+        assert reward == same_reward
+        np.testing.assert_array_equal(scan, same_scan)
+        np.testing.assert_equal(info, same_info)
+        kept.append((same_info, {key: np.array(value) for key, value in same_info.items()}))
+        spoil(scan, info)
+        given[...] = 7
+        np.testing.assert_array_equal(spoiled.render(), other.render())
+    for told, then in kept:
+        np.testing.assert_equal({key: np.array(value) for key, value in told.items()}, then)
+
+
+def test_the_action_array_of_the_caller_is_neither_kept_nor_changed():
+    env = calm()
+    given = np.float32([5, 0])
+    info = env.step(given)[4]
+    given[0] = 1.0
+    np.testing.assert_array_equal(info["action"], np.float32([5, 0]))

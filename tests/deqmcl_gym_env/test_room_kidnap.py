@@ -1,0 +1,135 @@
+"""Kidnap: one jump before one step, everything else as it was."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from room_cases import SEVERAL, calm, drive, poses_of
+
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.floorplan import reference
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.wrappers import Kidnap
+
+ELSEWHERE = (60.0, 200.0, 1.0)
+
+
+def kidnapped(step: int, pose=None, **kwargs) -> Kidnap:
+    return Kidnap(RoomEnv(ends_at_goal=False, **kwargs), step=step, pose=pose)
+
+
+def test_the_robot_takes_the_given_step_from_the_given_pose():
+    env = Kidnap(calm(ends_at_goal=False), step=4, pose=ELSEWHERE)
+    env.reset(seed=0)
+    poses = poses_of(env, [(5, 0)] * 6)
+    x, y, heading = ELSEWHERE
+    way = np.array([math.cos(heading), math.sin(heading)])
+    before = [(175 + 5 * k, 50, 0) for k in (1, 2, 3)]
+    after = [(*((x, y) + 5 * k * way), heading) for k in (1, 2, 3)]
+    np.testing.assert_allclose(poses, before + after, rtol=0, atol=1e-10)  # float64 below 1000
+
+
+@pytest.mark.parametrize("step", [1, 204])
+def test_the_first_and_the_last_step_can_be_the_one(step):
+    env = Kidnap(calm(ends_at_goal=False), step=step, pose=ELSEWHERE)
+    env.reset(seed=0)
+    pose = poses_of(env, np.zeros((step, 2)))[-1]
+    np.testing.assert_allclose(pose, ELSEWHERE, rtol=0, atol=1e-15)  # wrapping may round
+
+
+def test_every_episode_has_its_jump():
+    env = Kidnap(calm(ends_at_goal=False), step=2, pose=ELSEWHERE)
+    for _ in range(3):
+        env.reset()
+        poses = poses_of(env, np.zeros((3, 2)))
+        np.testing.assert_allclose(poses[:, 0], (175, 60, 60), rtol=0, atol=0)
+
+
+def test_noise_and_everything_told_but_the_truth_stay_those_of_the_unkidnapped_robot():
+    usual, taken = RoomEnv(ends_at_goal=False), kidnapped(10, ELSEWHERE)
+    mine, theirs = ([env.reset(seed=3)[1]] for env in (usual, taken))
+    for action in usual.plan[:25]:
+        mine.append(usual.step(action)[4])
+        theirs.append(taken.step(action)[4])
+    for key in ("planned_actions", "planned_count", "action", "collided"):
+        np.testing.assert_array_equal(*([info[key] for info in told] for told in (mine, theirs)))
+    truths, elsewhere = (np.array([info["truth"] for info in told]) for told in (mine, theirs))
+    np.testing.assert_array_equal(truths[:10], elsewhere[:10])
+    # From there on both turn and drive with the same errors, each in its own direction;
+    # float64 numbers below 400 are exact to 6e-14.
+    turns = [np.diff(poses[10:, 2]) for poses in (truths, elsewhere)]
+    ways = [
+        np.linalg.norm(np.diff(poses[10:, :2], axis=0), axis=1) for poses in (truths, elsewhere)
+    ]
+    np.testing.assert_allclose(*turns, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(*ways, rtol=0, atol=1e-12)
+
+
+def test_the_jump_itself_earns_nothing():
+    env = Kidnap(calm(ends_at_goal=False), step=1, pose=(175, 250, math.pi))
+    env.reset(seed=0)
+    assert abs(drive(env, [(5, 0)])[0][1] - 5) < 1e-9  # 5 px along the upper side of the lap
+
+
+def random_poses(seed: int, count: int, **kwargs) -> np.ndarray:
+    env = kidnapped(1, **kwargs)
+    poses = []
+    for episode in range(count):
+        env.reset(seed=seed if episode == 0 else None)
+        poses.append(env.step(np.zeros(2, np.float32))[4]["truth"])
+    return np.array(poses)
+
+
+def test_a_random_pose_follows_from_the_seed_and_differs_between_episodes():
+    first = random_poses(1, 3)
+    np.testing.assert_array_equal(random_poses(1, 3), first)
+    assert len(np.unique(np.vstack([first, random_poses(2, 3)]), axis=0)) == 6
+
+
+def test_random_poses_are_free_and_all_over_the_floor():
+    poses = random_poses(1, 300, floor_plan=SEVERAL)
+    walls = RoomEnv(floor_plan=SEVERAL).floor_plan.walls
+    assert reference.clearance(walls, poses, poses).min() > 8.0 - 1e-4  # decided in float32
+    assert (reference.winding(walls, poses) == 1).all()
+    # Each quarter of the box has over 10 % of the free space, each quarter turn 25 % of the
+    # headings: P(fewer than 8 of 300) is below 1e-6.
+    quarters = (poses[:, 0] > 250) + 2 * (poses[:, 1] > 200)
+    assert np.bincount(quarters, minlength=4).min() >= 8
+    assert np.bincount(((poses[:, 2] + math.pi) // (math.pi / 2)).astype(int)).min() >= 8
+
+
+def test_a_random_pose_leaves_the_motion_noise_alone():
+    usual, taken = RoomEnv(ends_at_goal=False), kidnapped(5)
+    for env in (usual, taken):
+        env.reset(seed=3)
+    turns = np.tile(np.float32([0, 0.5]), (20, 1))
+    one, two = (np.unwrap(poses_of(env, turns)[:, 2]) for env in (usual, taken))
+    # from step 5 on the same turns from another heading
+    np.testing.assert_allclose(np.diff(one[4:]), np.diff(two[4:]), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("pose", [(150, 150, 0), (1000, 150, 0), (5, 150, 0), (60, 200, 90.0)])
+def test_a_pose_in_a_wall_is_refused_and_nothing_has_happened(pose):
+    env = kidnapped(2, pose)
+    env.reset(seed=0)
+    env.step(np.float32([5, 0]))
+    before = env.unwrapped.pose
+    with pytest.raises(InputError, match="the pose is"):
+        env.step(np.float32([5, 0]))
+    assert env.unwrapped.pose == before
+    assert env.unwrapped.elapsed_steps == 1
+
+
+@pytest.mark.parametrize("step", [0, -1, 1.5, "2", None])
+def test_a_step_that_never_comes_is_refused(step):
+    with pytest.raises(InputError, match=r"step is .* whole number of 1 or more"):
+        kidnapped(step)
+
+
+def test_only_a_room_can_be_wrapped():
+    class Other(gym.Env):
+        pass
+
+    with pytest.raises(InputError, match="needs deqmcl_gym/Room-v0"):
+        Kidnap(Other(), step=1)

@@ -1,0 +1,174 @@
+"""Frames show the world where it is, and drawing has no side effects."""
+
+import math
+
+import numpy as np
+import pytest
+from room_cases import SEVERAL, calm, drive
+
+from deqmcl_gym.drawing import (
+    GRAY,
+    LIGHT_BLUE,
+    ORANGE,
+    PALE,
+    PINK,
+    WHITE,
+    Drawing,
+    View,
+    with_strip,
+    write_legend,
+)
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.room import PAPER_ROOM
+
+SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
+
+
+def at(image: np.ndarray, x: float, y: float) -> tuple:
+    """The colour at a point of the 350 × 300 room; rows count downwards from y = 300."""
+    return tuple(image[round((300 - y) * SCALE + MARGIN), round(x * SCALE + MARGIN)].tolist())
+
+
+def pixels_of(image: np.ndarray, color: tuple) -> int:
+    return int((image == color).all(axis=2).sum())
+
+
+def test_a_frame_is_an_even_sized_uint8_image():
+    env = calm(render_mode="rgb_array")
+    frame = env.render()
+    assert frame.dtype == np.uint8
+    assert frame.shape == (300 * 2 + 16, 350 * 2 + 16, 3)
+
+
+@pytest.mark.parametrize("side", [100.0, 100.3, 100.7, 101.0, 101.4])
+def test_frames_of_odd_floor_plans_are_even_and_large_enough(side):
+    room = FloorPlan([(0, 0), (side, 0), (side, 2 * side + 0.25), (0, 2 * side + 0.25)])
+    width, height = View(room).size
+    assert (width % 2, height % 2) == (0, 0)
+    assert width >= side * SCALE + 2 * MARGIN
+    assert height >= (2 * side + 0.25) * SCALE + 2 * MARGIN
+
+
+@pytest.mark.parametrize("pose", [(175, 50, 0.0), (60, 240, 0.0), (300, 30, math.pi)])
+def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up(pose):
+    x, y, _ = pose
+    frame = calm(start={"pose": pose}, render_mode="rgb_array").render()
+    # Across the heading, clear of the nose line (1 px) and of the rim (8 px ± 1 px).
+    assert {at(frame, x, y + d) for d in (-6, -4, 4, 6)} == {GRAY}
+    assert GRAY not in {at(frame, x + dx, y + dy) for dx, dy in ((0, 10), (0, -10), (-10, 2))}
+    assert at(frame, x, 300 - y + 4) != GRAY  # nor upside down
+    # A disc of radius 16 image pixels, less a rim of 2 and a nose line of 4 × 16 at most.
+    assert math.pi * 14**2 - 64 <= pixels_of(frame, GRAY) <= math.pi * 16**2
+
+
+def test_the_nose_points_along_the_heading():
+    room = calm(start={"pose": (50, 150, math.pi / 2)}, render_mode="rgb_array")
+    frame = room.render()
+    assert max(at(frame, 50, 154)) < 60  # dark, upwards
+    assert at(frame, 50, 146) == GRAY
+
+
+def test_obstacles_are_pale_walls_dark_and_the_floor_white():
+    frame = calm(render_mode="rgb_array").render()
+    assert at(frame, 150, 120) == PALE
+    assert max(at(frame, 100, 120)) < 60  # a side of the obstacle
+    assert max(at(frame, 0, 120)) < 60  # the outer wall
+    assert at(frame, 30, 120) == WHITE
+
+
+def test_a_frame_follows_the_robot():
+    env = calm(render_mode="rgb_array", ends_at_goal=False)
+    before = env.render()
+    drive(env, [(10, 0)] * 3)
+    after = env.render()
+    assert at(before, 175, 54) == GRAY
+    assert at(after, 205, 54) == GRAY
+    assert at(after, 175, 54) != GRAY
+
+
+def test_rendering_changes_nothing_and_every_frame_is_fresh():
+    seen, unseen = RoomEnv(render_mode="rgb_array"), RoomEnv()
+    scans = [env.reset(seed=1)[0] for env in (seen, unseen)]
+    np.testing.assert_array_equal(*scans)
+    for action in seen.plan[:30]:
+        first, second = seen.render(), seen.render()
+        np.testing.assert_array_equal(first, second)
+        first[...] = 0
+        np.testing.assert_array_equal(seen.render(), second)
+        np.testing.assert_equal(seen.step(action), unseen.step(action))
+
+
+def test_without_a_render_mode_there_is_no_frame_but_a_warning():
+    with pytest.warns(UserWarning, match=r'render\(\) needs .*render_mode="rgb_array"'):
+        assert calm().render() is None
+
+
+def test_points_are_dots_at_their_pixels():
+    image = Drawing(View(PAPER_ROOM)).points([(30, 60), (330, 280)], ORANGE).image
+    assert at(image, 30, 60) == at(image, 330, 280) == ORANGE
+    assert pixels_of(image, ORANGE) == 2 * 3 * 3
+    image = Drawing(View(PAPER_ROOM)).points([(30, 60, 1.5)], ORANGE, size=1).image
+    assert pixels_of(image, ORANGE) == 1
+
+
+def test_points_outside_the_frame_are_left_out_without_wrapping_around():
+    far = [(-40, 50), (50, -40), (390, 50), (50, 340), (-1e6, 1e6), (-354, 150), (175, 604)]
+    blank = Drawing(View(PAPER_ROOM)).image
+    np.testing.assert_array_equal(Drawing(View(PAPER_ROOM)).points(far, PINK).image, blank)
+    # Half of a dot on the frame's left edge: 2 of its 3 columns, and nothing at the right.
+    image = Drawing(View(PAPER_ROOM)).points([(-MARGIN / SCALE, 150)], PINK).image
+    assert pixels_of(image[:, :2], PINK) == pixels_of(image, PINK) == 2 * 3
+
+
+def test_an_empty_cloud_draws_nothing():
+    blank = Drawing(View(PAPER_ROOM)).image
+    image = Drawing(View(PAPER_ROOM)).points(np.empty((0, 3)), PINK).image
+    np.testing.assert_array_equal(image, blank)
+
+
+def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
+    blank = Drawing(View(PAPER_ROOM)).image
+    fan = [-math.pi / 2, 0.0, math.pi / 2]
+    drawn = Drawing(View(PAPER_ROOM)).beams((175, 60, 0.0), fan, [20.0, math.inf, math.nan]).image
+    changed = (drawn != blank).any(axis=2)
+    rows, columns = np.nonzero(changed)
+    assert abs(columns - (175 * SCALE + MARGIN)).max() <= 1  # one vertical line
+    top, bottom = ((300 - y) * SCALE + MARGIN for y in (60, 40))
+    assert abs(rows.min() - top) <= 1
+    assert abs(rows.max() - bottom) <= 1
+
+
+def test_drawing_leaves_its_inputs_and_other_drawings_alone():
+    view = View(FloorPlan(**SEVERAL))
+    first, second = Drawing(view), Drawing(view)
+    cloud = np.array([(50.0, 50.0, 0.0), (70.0, 60.0, 1.0)])
+    kept = cloud.copy()
+    first.points(cloud, PINK).path(cloud, LIGHT_BLUE).robot(cloud[0], 8.0).number(3)
+    np.testing.assert_array_equal(cloud, kept)
+    np.testing.assert_array_equal(second.image, Drawing(view).image)
+
+
+def test_the_step_number_stands_at_the_top_left():
+    blank = Drawing(View(PAPER_ROOM)).image
+    one, two = (Drawing(View(PAPER_ROOM)).number(step).image for step in (150, 170))
+    rows, columns = np.nonzero((one != blank).any(axis=2))
+    assert rows.max() < blank.shape[0] / 8
+    assert columns.max() < blank.shape[1] / 8
+    assert (one != two).any()
+
+
+def test_a_legend_shows_each_colour_below_the_picture_and_changes_nothing_else():
+    picture = Drawing(View(PAPER_ROOM)).image
+    height = picture.shape[0]
+    tall = with_strip(picture, 30)
+    assert tall.shape == (height + 30, *picture.shape[1:])
+    assert (tall[height:] == 255).all()
+    write_legend(tall, [("present", ORANGE), ("past", PINK)], (10, height + 20))
+    np.testing.assert_array_equal(tall[:height], picture)
+    assert not (picture == ORANGE).all(axis=2).any()
+    # Dots of radius 6: at least the disc of radius 5 inside the smoothed rim.
+    for color in (ORANGE, PINK):
+        assert pixels_of(tall[height:], color) > math.pi * 5**2
+    columns = [np.nonzero((tall == color).all(axis=2))[1] for color in (ORANGE, PINK)]
+    assert columns[0].max() < columns[1].min()  # in their order, side by side

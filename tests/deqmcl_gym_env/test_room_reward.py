@@ -1,0 +1,123 @@
+"""Reward is progress along the lap; episodes end at the goal or with the plan."""
+
+import math
+
+import numpy as np
+import pytest
+from room_cases import FLOOR_PLANS, calm, closing_error, drive
+
+from deqmcl_gym.env import COLLISION_PENALTY, RoomEnv
+
+FULL = 900.0  # px: the paper's lap, 2 · (250 + 200)
+EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
+
+
+def rewards_of(said: list[tuple]) -> np.ndarray:
+    return np.array([step[1] for step in said])
+
+
+@pytest.mark.parametrize("name", FLOOR_PLANS)
+def test_without_noise_the_rewards_of_a_lap_add_up_to_its_length(name):
+    env = calm(floor_plan=FLOOR_PLANS[name], ends_at_goal=False)
+    corners = env.course.path.corners
+    length = sum(math.dist(a, b) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True))
+    total = rewards_of(drive(env, env.plan)).sum()
+    assert abs(total - length) < closing_error(env.plan)
+    if name == "paper":
+        assert abs(total - FULL) < closing_error(env.plan)
+
+
+def test_with_noise_rewards_telescope_to_the_way_between_the_projections_of_start_and_end():
+    env = RoomEnv(ends_at_goal=False)
+    env.reset(seed=6)
+    said = drive(env, env.plan[:20])  # along the bottom side, where the arc length is x
+    assert not any(step[4]["collided"] for step in said)
+    assert abs(rewards_of(said).sum() - (env.pose[0] - 175)) < EXACT
+
+
+def test_a_drive_along_the_lap_earns_its_distance_a_turn_nothing_and_back_is_negative():
+    env = calm(robot={"max_turn": math.pi}, ends_at_goal=False)
+    forth, turn, back = rewards_of(drive(env, [(5, 0), (0, math.pi), (5, 0)]))
+    assert abs(forth - 5) < EXACT
+    assert abs(turn) < EXACT
+    # π in float32 is off by 9e-8 rad: the way back is 5 cos(9e-8) = 5 px to 2e-14
+    assert abs(back + 5) < EXACT
+
+
+def test_a_collision_costs_ten():
+    assert COLLISION_PENALTY == 10.0
+    env = calm(start={"pose": (175, 30, -math.pi / 2)}, ends_at_goal=False)
+    said = drive(env, [(10, 0), (10, 0), (10, 0), (10, 0)])
+    # Towards the wall y = 0, across the lap: no progress; the rim touches after 22 px.
+    assert [step[4]["collided"] for step in said] == [False, False, True, True]
+    np.testing.assert_allclose(rewards_of(said), [0, 0, -10, -10], rtol=0, atol=EXACT)
+
+
+def test_an_episode_ends_within_a_radius_of_the_start_after_a_full_turn():
+    env = calm()
+    said = []
+    for action in env.plan:
+        said.append(env.step(action))
+        if said[-1][2]:
+            break
+    # 5 px a step: one step before the end 5 px are missing, less than the radius 8; two before, 10.
+    assert len(said) == 203
+    assert not any(step[2] or step[3] for step in said[:-1])
+    assert abs(rewards_of(said).sum() - (FULL - 5)) < closing_error(env.plan)
+
+
+def test_with_ends_at_goal_false_all_planned_steps_are_run():
+    env = calm(ends_at_goal=False)
+    assert [step[2] for step in drive(env, env.plan)] == [False] * 203 + [True]
+
+
+def test_an_episode_ends_with_the_plan_wherever_the_robot_is():
+    env = calm()
+    still = [step[2] for step in drive(env, np.zeros((204, 2)))]
+    assert still == [False] * 203 + [True]
+
+
+def lap_in_large_steps(side: int) -> np.ndarray:
+    """The paper's lap in 10 px drives, with turns of ±90°, after one turn into its direction."""
+    legs = (125, 200, 250, 200, 125)
+    about = [] if side > 0 else [(0, math.pi)]
+    rows = list(about)
+    for i, leg in enumerate(legs):
+        rows += [(0, side * math.pi / 2)] * (i > 0) + [(10, 0)] * (leg // 10)
+        rows += [(5, 0)] * (leg % 10 == 5)
+    return np.float32(rows)
+
+
+def test_a_clockwise_lap_does_not_count():
+    ends, totals = {}, {}
+    for side in (1, -1):
+        env = calm(robot={"max_turn": math.pi})
+        actions = lap_in_large_steps(side)
+        assert len(actions) < len(env.plan)
+        said = []
+        for action in actions:
+            said.append(env.step(action))
+            if said[-1][2]:
+                break
+        # Turns by float32 right angles: 5 errors of 1e-7 rad over 900 px are below 1e-3 px.
+        ends[side] = (said[-1][2], math.dist(env.pose[:2], (175, 50)) < 5 + 1e-3)
+        totals[side] = rewards_of(said).sum()
+    assert ends == {1: (True, True), -1: (False, True)}
+    assert abs(totals[1] - (FULL - 5)) < 1e-3  # ends a step of 5 px before the start
+    assert abs(totals[-1] + FULL) < 1e-3
+
+
+def test_half_a_lap_and_back_does_not_count():
+    env = calm(robot={"max_turn": math.pi})
+    forth = lap_in_large_steps(1)[:40]
+    back = np.float32([(0, math.pi), *((d, -t) for d, t in forth[::-1])])
+    said = drive(env, [*forth, *back])
+    assert math.dist(env.pose[:2], (175, 50)) < 1e-3
+    assert not any(step[2] for step in said)
+    assert abs(rewards_of(said).sum()) < 1e-3
+
+
+def test_the_reward_ignores_a_jump():
+    env = calm(ends_at_goal=False)
+    env.place((175, 250, math.pi))  # half a lap on
+    assert abs(drive(env, [(5, 0)])[0][1] - 5) < EXACT

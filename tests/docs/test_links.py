@@ -1,0 +1,111 @@
+"""Every link within the documents leads somewhere."""
+
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = sorted(
+    path
+    for path in (
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+        *(ROOT / "docs").rglob("*.md"),
+    )
+    if path.is_file()
+)
+DECISIONS = ROOT / "docs" / "decisions"
+
+FENCE = re.compile(r"^(```|~~~).*?^\1[ \t]*$", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"(`+)(?!`).*?(?<!`)\1(?!`)", re.DOTALL)
+TARGETS = re.compile(
+    r"""\]\(\s*<?([^()\s<>]+(?:\([^()\s]*\))?[^()\s<>]*)>?(?:\s+["'(][^)]*)?\)"""  # [words](target)
+    r"""|^\s{0,3}\[[^\]]+\]:\s*<?(\S+?)>?(?:\s|$)"""  # [words]: target
+    r"""|<(?:a|img|source|video)\b[^>]*?\b(?:href|src|srcset)\s*=\s*["']([^"']+)["']""",
+    re.MULTILINE,
+)
+ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)  # http:, https:, mailto:
+
+
+def targets(text):
+    """Where the links and images of a Markdown text lead, code left out."""
+    prose = CODE.sub("", FENCE.sub("", text))
+    return [next(filter(None, found)) for found in TARGETS.findall(prose)]
+
+
+def anchors(text):
+    """Names by which GitHub lets one link to the headings of a text, and those given by hand."""
+    found = []
+    for heading in re.findall(r"^#{1,6}[ \t]+(.+?)[ \t]*#*$", FENCE.sub("", text), re.MULTILINE):
+        words = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading)  # a link's words count
+        name = re.sub(r"[^\w\- ]", "", words.replace("`", "").lower()).replace(" ", "-")
+        twins = sum(
+            re.fullmatch(re.escape(name) + r"(-\d+)?", other) is not None for other in found
+        )
+        found.append(f"{name}-{twins}" if name in found else name)
+    return {*found, *re.findall(r"""\b(?:id|name)=["']([^"']+)["']""", text)}
+
+
+def broken(document):
+    """Links of a document that lead nowhere, with the reason."""
+    text = document.read_text()
+    for target in targets(text):
+        if ELSEWHERE.match(target):
+            continue
+        path, _, anchor = unquote(target).partition("#")
+        place = document if not path else (document.parent / path)
+        if not place.exists():
+            yield f"{target}: there is no {path}"
+        elif ROOT not in (place.resolve(), *place.resolve().parents):
+            yield f"{target}: leads out of the project"
+        elif anchor and place.suffix == ".md" and anchor not in anchors(place.read_text()):
+            yield f"{target}: {place.name} has no heading #{anchor}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_link_and_image_leads_to_a_file_and_a_heading_that_are_there(document):
+    assert list(broken(document)) == []
+
+
+def test_there_are_documents():
+    assert {"README.md", "docs/README.md", "docs/equations.md"} <= {
+        path.relative_to(ROOT).as_posix() for path in DOCUMENTS
+    }
+
+
+def test_the_reader_of_links_finds_every_kind_and_nothing_in_code():
+    text = (
+        "[a](one.md) ![b](two.png 'words') [c](three.md#x) [![d](four.png)](five.md)\n"
+        '<img alt="e" src="six.svg"> [f][g] [h](<seven.md>) [i](eight_(x).md)\n\n'
+        "[g]: nine.md\n"
+        "`[no](no.md)` ``a ` [no](no.md)``\n```python\n[no](no.md)\n```\n[j](ten.md)\n"
+    )
+    in_files = ["one.md", "two.png", "three.md#x", "four.png", "five.md", "six.svg", "seven.md"]
+    assert sorted(targets(text)) == sorted([*in_files, "eight_(x).md", "nine.md", "ten.md"])
+
+
+def test_headings_are_named_as_github_names_them():
+    text = (
+        "# The `env`, end to end!\n```\n# a comment\n```\n## Q(t)\n## Q(t)\n## See [it](x.md) #\n"
+    )
+    assert anchors(text) == {"the-env-end-to-end", "qt", "qt-1", "see-it"}
+
+
+def test_a_broken_link_is_noticed(tmp_path, monkeypatch):
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
+    document = tmp_path / "a.md"
+    document.write_text("# Here\n[x](#here) [y](#there) [z](b.md) [u](a.md#here) [v](../..)\n")
+    assert [line.partition(":")[0] for line in broken(document)] == ["#there", "b.md", "../.."]
+
+
+@pytest.mark.parametrize(
+    "decision", sorted({p.name for p in DECISIONS.glob("*.md")} - {"README.md"})
+)
+def test_every_decision_is_listed(decision):
+    assert decision in targets((DECISIONS / "README.md").read_text())
+
+
+def test_decisions_are_numbered_without_a_gap():
+    names = sorted({path.name for path in DECISIONS.glob("*.md")} - {"README.md"})
+    assert [name[:5] for name in names] == [f"{i:04d}-" for i in range(1, len(names) + 1)]

@@ -1,0 +1,44 @@
+"""Drive a localizer along and compare what it believes, bit by bit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import localizers
+
+Drive = tuple[np.ndarray, np.ndarray]
+
+
+def follow(
+    localizer: localizers.Localizer,
+    prior: localizers.Prior,
+    drive: Drive,
+    seed: int = 0,
+    plans: Sequence[np.ndarray] | None = None,
+) -> list[localizers.Belief]:
+    """Beliefs at t = 0 … T; the plan is the rest of the drive unless ``plans`` are given."""
+    actions, scans = drive
+    if plans is None:
+        plans = [actions[t:] for t in range(len(actions) + 1)]
+    beliefs = [localizer.reset(prior, plans[0], np.random.default_rng(seed))]
+    for action, scan, plan in zip(actions, scans, plans[1:], strict=True):
+        beliefs.append(localizer.update(scan, action, plan))
+    return beliefs
+
+
+def same(
+    one: Sequence[localizers.Belief],
+    other: Sequence[localizers.Belief],
+    offsets: Sequence[int] = (0,),
+) -> bool:
+    """Whether all points and weights are equal, bit by bit."""
+    for a, b in zip(one, other, strict=True):
+        for offset in offsets:
+            p, q = a.points(offset), b.points(offset)
+            if (p is None) != (q is None):
+                return False
+            if p is None:
+                continue
+            if not (np.array_equal(p[0], q[0]) and np.array_equal(p[1], q[1])):
+                return False
+    return True

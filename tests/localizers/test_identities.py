@@ -1,0 +1,173 @@
+"""Members of the family that must be the same number for number under the same rng."""
+
+import numpy as np
+import pytest
+from following import follow, same
+
+import localizers
+from deqmcl_gym.floorplan import Lidar
+from localizers.models.feasibility import Unconstrained
+from localizers.models.scan import LidarScan
+
+PAST, BOTH = range(-6, 1), range(-6, 7)
+STRATEGIES = [
+    {},
+    {"ess_threshold": 0.5},
+    {"resampler": "stratified"},
+    {"resampler": "multinomial", "ess_threshold": 0.9},
+]
+
+
+@pytest.fixture(params=STRATEGIES, ids=str)
+def make(request, robot):
+    """make(name, **params) with 60 particles and one of the strategies."""
+
+    def made(name: str, **params):
+        return localizers.make(name, robot, particles=60, **request.param, **params)
+
+    return made
+
+
+def test_the_smoother_without_lag_is_mcl(make, prior, drive):
+    smoother = follow(make("mcl-smoother", lag=0), prior, drive)
+    assert same(smoother, follow(make("mcl"), prior, drive), offsets=PAST)
+
+
+@pytest.mark.parametrize("lag", [1, 5, 20])
+def test_the_smoother_at_the_present_is_mcl(make, prior, drive, lag):
+    smoother = follow(make("mcl-smoother", lag=lag), prior, drive)
+    assert same(smoother, follow(make("mcl"), prior, drive))
+    assert not same(smoother, follow(make("mcl"), prior, drive), offsets=PAST)
+
+
+@pytest.mark.parametrize("lag", [0, 5])
+def test_the_map_based_smoother_at_the_present_is_map_based_mcl(make, prior, drive, lag):
+    smoother = follow(make("mcl-map-smoother", lag=lag, beta=2.0), prior, drive)
+    assert same(smoother, follow(make("mcl-map", beta=2.0), prior, drive))
+
+
+def test_deq_mcl_without_future_and_without_g_is_the_smoother(make, prior, drive):
+    deq = make("deq-mcl", lag=5).varied(future=0, feasibility=Unconstrained())
+    assert same(
+        follow(deq, prior, drive), follow(make("mcl-smoother", lag=5), prior, drive), offsets=BOTH
+    )
+
+
+def test_deq_mcl_without_future_is_the_map_based_smoother(make, prior, drive):
+    deq = follow(make("deq-mcl", lag=5, beta=2.0).varied(future=0), prior, drive)
+    ablation = follow(make("mcl-map-smoother", lag=5, beta=2.0), prior, drive)
+    assert same(deq, ablation, offsets=BOTH)
+
+
+def test_deq_mcl_without_lag_is_map_based_mcl(make, prior, drive):
+    deq = follow(make("deq-mcl", lag=0, beta=2.0), prior, drive)
+    assert same(deq, follow(make("mcl-map", beta=2.0), prior, drive), offsets=BOTH)
+
+
+@pytest.mark.parametrize("future", [0, 2, 5])
+def test_beta_zero_is_g_one_at_equal_future(make, prior, drive, future):
+    deq = make("deq-mcl", lag=5, beta=0.0).varied(future=future)
+    free = deq.varied(feasibility=Unconstrained())
+    assert same(follow(deq, prior, drive), follow(free, prior, drive), offsets=BOTH)
+
+
+def test_beta_zero_is_g_one_also_where_the_future_is_redrawn(make, prior, drive):
+    actions, scans = drive
+    planned = actions + np.array([0.0, 0.1])
+    plans = [planned[t:] for t in range(len(actions) + 1)]
+    deq = make("deq-mcl", lag=4, beta=0.0)
+    free = deq.varied(feasibility=Unconstrained())
+    one, other = (follow(f, prior, (actions, scans), plans=plans) for f in (deq, free))
+    assert one[-1].events.replanned_steps > 0
+    assert same(one, other, offsets=BOTH)
+
+
+def test_the_past_that_is_kept_does_not_touch_the_present_and_the_future(make, prior, drive):
+    deq = make("deq-mcl", lag=5, beta=2.0)
+    assert same(
+        follow(deq, prior, drive), follow(deq.varied(past=0), prior, drive), offsets=range(7)
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "params"),
+    [
+        ("mcl-map", {"beta": 2.0}),
+        ("deq-mcl", {"beta": 2.0, "lag": 5}),
+        ("mcl-smoother", {"lag": 5}),
+    ],
+)
+def test_the_methods_do_differ_from_mcl_where_they_should(make, prior, drive, name, params):
+    # Else every identity above could hold because nothing has an effect.
+    offset = -3 if name == "mcl-smoother" else 0
+    other = follow(make(name, **params), prior, drive)
+    assert not same(other, follow(make("mcl"), prior, drive), offsets=[offset])
+
+
+@pytest.mark.parametrize("name", ["mcl", "mcl-map", "deq-mcl"])
+def test_an_ess_threshold_of_one_is_resampling_always(robot, prior, drive, name):
+    # Weights differ after every step here, so the effective sample size is always below n.
+    always = localizers.make(name, robot, particles=60)
+    whenever = localizers.make(name, robot, particles=60, ess_threshold=1.0)
+    assert same(follow(always, prior, drive), follow(whenever, prior, drive), offsets=BOTH)
+
+
+def test_an_ess_threshold_of_zero_never_resamples_so_weights_are_products_of_likelihoods(
+    robot, prior, drive
+):
+    never = localizers.make("mcl-smoother", robot, particles=60, lag=12, ess_threshold=0)
+    last = follow(never, prior, drive)[-1]
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    total = np.zeros(60)
+    for s, ranges in enumerate(drive[1], start=1):  # each particle's own path
+        total += scan.log_likelihood(last.points(s - 12)[0].T.copy(), ranges)
+    expected = np.exp(total - total.max())
+    assert last.points()[1] == pytest.approx(expected / expected.sum(), rel=1e-9)
+    assert last.log_evidence == pytest.approx(np.log(np.exp(total).mean()), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", localizers.names())
+def test_the_same_rng_gives_the_same_beliefs_and_another_one_others(robot, prior, drive, name):
+    params = {} if name == "dead-reckoning" else {"particles": 60}
+    localizer = localizers.make(name, robot, **params)
+    first = follow(localizer, prior, drive, seed=1)
+    assert same(first, follow(localizer, prior, drive, seed=1), offsets=BOTH)  # reset forgets
+    fresh = localizers.make(name, robot, **params)
+    assert same(first, follow(fresh, prior, drive, seed=1), offsets=BOTH)
+    differs = not same(first, follow(fresh, prior, drive, seed=2))
+    assert differs == (name != "dead-reckoning")
+
+
+def test_all_methods_start_from_the_same_cloud(robot, prior):
+    clouds = [
+        localizers.make(name, robot, particles=60).reset(prior, [], np.random.default_rng(3))
+        for name in ("mcl", "mcl-map", "mcl-smoother", "deq-mcl")
+    ]
+    assert all(same([cloud], [clouds[0]]) for cloud in clouds)
+
+
+def test_two_localizers_do_not_disturb_each_other(robot, prior, drive):
+    alone = follow(localizers.make("deq-mcl", robot, particles=60, lag=3), prior, drive)
+    a, b = (localizers.make("deq-mcl", robot, particles=60, lag=3) for _ in range(2))
+    actions, scans = drive
+    beliefs = [a.reset(prior, actions, np.random.default_rng(0))]
+    b.reset(prior, actions, np.random.default_rng(9))
+    for t, (action, scan) in enumerate(zip(actions, scans, strict=True), start=1):
+        b.update(scan, action, actions[t:])
+        beliefs.append(a.update(scan, action, actions[t:]))
+    assert same(alone, beliefs, offsets=BOTH)
+
+
+def test_a_scan_with_more_beams_is_used(robot, prior, drive):
+    wide = Lidar(beams=3, max_range=400.0)
+    three = localizers.RobotModel(
+        floor_plan=robot.floor_plan, lidar=wide, motion=robot.motion, scan=robot.scan
+    )
+    actions, scans = drive
+    one = follow(localizers.make("mcl", robot, particles=60), prior, drive)
+    padded = np.hstack([np.full_like(scans, np.nan), scans, np.full_like(scans, np.nan)])
+    blind = follow(localizers.make("mcl", three, particles=60), prior, (actions, padded))
+    assert same(one, blind)  # skipped beams are no beams
+    seeing = np.hstack([scans, scans, scans])
+    more = follow(localizers.make("mcl", three, particles=60), prior, (actions, seeing))
+    assert not same(one, more)

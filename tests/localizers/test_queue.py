@@ -1,0 +1,117 @@
+"""The queue by ancestry against a queue that copies all its states at every resampling."""
+
+import numpy as np
+import pytest
+
+from localizers.inference.queue import Queue, SlidingComposition, compose
+
+
+class CopyingQueue:
+    """The oracle: a list of states (d, n), reordered as a whole."""
+
+    def __init__(self, states: np.ndarray) -> None:
+        self.states, self.present = [states], 0
+
+    def resampled(self, ancestors: np.ndarray) -> None:
+        self.states = [states[:, ancestors] for states in self.states]
+
+    def appended(self, states: np.ndarray) -> None:
+        self.states.append(states)
+
+    def stepped(self, past: int) -> None:
+        self.present += 1
+        drop = max(self.present - past, 0)
+        self.states, self.present = self.states[drop:], self.present - drop
+
+    def cut(self, keep: int) -> None:
+        self.states = self.states[: self.present + keep + 1]
+
+    def at(self, offset: int) -> np.ndarray | None:
+        index = self.present + offset
+        return self.states[index] if 0 <= index < len(self.states) else None
+
+
+def assert_same(queue: Queue, oracle: CopyingQueue) -> None:
+    assert queue.ahead == len(oracle.states) - 1 - oracle.present
+    for offset in range(-12, 13):
+        seen, expected = queue.at(offset), oracle.at(offset)
+        assert (seen is None) == (expected is None)
+        if seen is not None:
+            assert np.array_equal(seen, expected)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_a_random_program_gives_the_states_of_a_copying_queue(seed):
+    rng = np.random.default_rng(seed)
+    n, past = int(rng.integers(1, 9)), int(rng.integers(0, 6))
+
+    def fresh() -> np.ndarray:
+        return rng.integers(0, 10**9, (2, n))  # every state tells its origin
+
+    start = fresh()
+    queue, oracle = Queue((start,)), CopyingQueue(start)
+    for _ in range(120):
+        move = rng.choice(["resample", "append", "step", "cut"], p=[0.35, 0.3, 0.25, 0.1])
+        if move == "resample":
+            ancestors = np.sort(rng.integers(0, n, n))
+            queue = queue.resampled(ancestors)
+            oracle.resampled(ancestors)
+        elif move == "append" and queue.ahead < 8:
+            states = fresh()
+            queue = queue.appended(states)
+            oracle.appended(states)
+        elif move == "step" and queue.ahead:
+            queue = queue.stepped(past)
+            oracle.stepped(past)
+        elif move == "cut" and queue.ahead:
+            keep = int(rng.integers(0, queue.ahead + 1))
+            queue = queue.cut(keep)
+            oracle.cut(keep)
+        assert_same(queue, oracle)
+
+
+def test_a_queue_is_immutable_so_an_older_one_stays_right():
+    rng = np.random.default_rng(1)
+    start = rng.integers(0, 99, (1, 4))
+    queue = Queue((start,)).appended(start + 100)
+    before = [queue.at(offset).tolist() for offset in (0, 1)]
+    queue.resampled(np.array([3, 3, 3, 3])).appended(start).stepped(0).cut(0)
+    assert [queue.at(offset).tolist() for offset in (0, 1)] == before
+
+
+def test_the_states_given_out_are_fresh():
+    start = np.zeros((1, 3))
+    queue = Queue((start,)).appended(np.ones((1, 3)))
+    for offset in (0, 1):
+        queue.at(offset)[:] = 7
+    resampled = queue.resampled(np.array([0, 0, 1]))
+    resampled.at(0)[:] = 7
+    assert [queue.at(offset).max() for offset in (0, 1)] == [0, 1]
+    assert resampled.at(0).max() == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sliding_composition_is_the_composition_of_the_links_it_holds(seed):
+    rng, n = np.random.default_rng(seed), 6
+    window, held = SlidingComposition(), []
+    for _ in range(200):
+        if held and rng.random() < 0.5:
+            window = window.pop()
+            held.pop(0)
+        else:
+            link = None if rng.random() < 0.3 else rng.integers(0, n, n)
+            window = window.push(link)
+            held.append(link)
+        plain = np.arange(n)  # from the newest slot's order back to the oldest's
+        for link in reversed(held):
+            plain = plain if link is None else link[plain]
+        composed = window.composed()
+        assert np.array_equal(np.arange(n) if composed is None else composed, plain)
+
+
+def test_compose_applies_the_inner_map_first_and_none_is_the_identity():
+    outer, inner = np.array([5, 6, 7]), np.array([2, 0, 0])
+    assert compose(outer, inner).tolist() == [7, 5, 5]
+    assert compose(None, inner) is inner
+    assert compose(outer, None) is outer
+    assert compose(None, None) is None

@@ -1,0 +1,96 @@
+"""Names, parameters and plug-ins."""
+
+import inspect
+
+import pytest
+
+import localizers
+from deqmcl_gym.validation import InputError
+from localizers import registry
+
+BUILT_IN = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
+
+
+@pytest.fixture(autouse=True)
+def _own_registry(monkeypatch):
+    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+
+
+class PlugIn:
+    """Inherits nothing."""
+
+    def __init__(self, robot, *, gain: float = 1.0):
+        self.robot, self.gain = robot, gain
+
+    def reset(self, prior, plan, rng):
+        return None
+
+    def update(self, ranges, action, plan):
+        return None
+
+
+def test_the_built_in_methods_come_first_in_their_order():
+    assert localizers.names()[: len(BUILT_IN)] == BUILT_IN
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_built_in_localizer_can_be_made_with_its_defaults_and_is_a_localizer(robot, name):
+    assert isinstance(localizers.make(name, robot), localizers.Localizer)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("mcl", {"particles", "resampler", "ess_threshold"}),
+        ("mcl-smoother", {"particles", "lag", "resampler", "ess_threshold"}),
+        ("mcl-map", {"particles", "beta", "resampler", "ess_threshold"}),
+        ("mcl-map-smoother", {"particles", "lag", "beta", "resampler", "ess_threshold"}),
+        ("deq-mcl", {"particles", "lag", "beta", "pilots", "resampler", "ess_threshold"}),
+        ("dead-reckoning", set()),
+    ],
+)
+def test_parameters_are_those_of_the_method(name, expected):
+    assert set(localizers.parameters(name)) == expected
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_parameter_has_a_default_and_reaches_the_method(robot, name):
+    for parameter in localizers.parameters(name):
+        given = inspect.signature(registry._FACTORIES[name]).parameters[parameter]
+        assert given.default is not inspect.Parameter.empty
+        localizers.make(name, robot, **{parameter: given.default})
+
+
+def test_a_plug_in_is_made_by_its_name_with_its_parameters(robot):
+    localizers.register("mine", PlugIn)
+    assert localizers.names() == (*BUILT_IN, "mine")
+    assert localizers.parameters("mine") == ("gain",)
+    made = localizers.make("mine", robot, gain=3.0)
+    assert isinstance(made, PlugIn)
+    assert (made.robot, made.gain) == (robot, 3.0)
+    with pytest.raises(InputError, match="did you mean 'gain'"):
+        localizers.make("mine", robot, gian=3.0)
+
+
+def test_a_factory_that_takes_any_parameter_gets_it(robot):
+    localizers.register("open", lambda robot, **params: params)
+    assert localizers.parameters("open") is None
+    assert localizers.make("open", robot, anything=1) == {"anything": 1}
+
+
+@pytest.mark.parametrize("name", ["mcl", "mine"])
+def test_a_name_that_is_taken_is_refused_and_the_first_one_stays(robot, name):
+    localizers.register("mine", PlugIn)
+    before = registry._FACTORIES[name]
+    with pytest.raises(InputError, match=f"{name!r} is taken"):
+        localizers.register(name, lambda robot: None)
+    assert registry._FACTORIES[name] is before
+
+
+def test_an_unknown_name_is_refused_also_where_its_parameters_are_asked_for():
+    with pytest.raises(InputError, match="did you mean 'mcl-map-smoother'"):
+        localizers.parameters("mcl-map-smother")
+
+
+def test_all_public_names_exist():
+    assert all(hasattr(localizers, name) for name in localizers.__all__)

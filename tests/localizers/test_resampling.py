@@ -1,0 +1,179 @@
+"""Resampling: how often each particle is copied, and what is drawn from the rng."""
+
+import math
+
+import numpy as np
+import pytest
+
+from deqmcl_gym.validation import InputError
+from localizers.inference.resampling import (
+    SCHEMES,
+    Always,
+    WhenDegenerate,
+    resampling,
+    stratified,
+    systematic,
+)
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+
+
+def counts(chosen: np.ndarray) -> np.ndarray:
+    return np.bincount(chosen, minlength=chosen.size)
+
+
+def random_weights(n: int, rng: np.random.Generator) -> np.ndarray:
+    """From nearly equal to nearly all on one, some of them zero."""
+    weights = rng.exponential(size=n) ** rng.choice([0.2, 1.0, 8.0]) * (rng.random(n) > 0.2)
+    weights[rng.integers(n)] += 0.1
+    return weights / weights.sum()
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 64, 1000])
+def test_systematic_resampling_copies_each_particle_floor_or_ceil_n_w_times(n):
+    rng = np.random.default_rng(n)
+    for _ in range(200):
+        weights = random_weights(n, rng)
+        copies = counts(systematic(weights, rng))
+        # n w is rounded: a count may differ where n w is within 1e-9 of a whole number
+        assert (copies >= np.floor(n * weights - 1e-9)).all()
+        assert (copies <= np.ceil(n * weights + 1e-9)).all()
+
+
+@pytest.mark.parametrize("n", [2, 7, 64])
+def test_stratified_resampling_copies_each_particle_within_two_of_n_w(n):
+    # the strata that a particle's interval covers wholly give one copy each, those at its ends may
+    rng = np.random.default_rng(n)
+    for _ in range(200):
+        weights = random_weights(n, rng)
+        copies = counts(stratified(weights, rng))
+        assert (np.abs(copies - n * weights) < 2 + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("n", [1, 5, 100])
+def test_n_valid_indices_come_out_in_ascending_order_and_none_of_weight_zero(name, n):
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        weights = random_weights(n, rng)
+        chosen = SCHEMES[name](weights, rng)
+        assert chosen.shape == (n,)
+        assert (np.diff(chosen) >= 0).all()
+        assert (weights[chosen] > 0).all()
+
+
+class Extreme:
+    """A generator that draws one number only: the least or the greatest there is."""
+
+    def __init__(self, number: float) -> None:
+        self.number = number
+
+    def random(self, size: int | None = None):
+        return self.number if size is None else np.full(size, self.number)
+
+
+@pytest.mark.parametrize("number", [0.0, np.nextafter(1.0, 0.0)])
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("n", [2, 1000])
+def test_not_even_an_extreme_number_copies_a_particle_of_weight_zero(name, number, n):
+    # (n - 1 + u) / n rounds to 1 for the greatest u: the pointer stands at the very end.
+    weights = np.full(n + 2, 1 / n)
+    weights[[0, -1]] = 0.0
+    assert (weights[SCHEMES[name](weights, Extreme(number))] > 0).all()
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_each_particle_is_copied_n_w_times_in_the_mean(name):
+    # 10,000 draws of 6 particles: 18 statistics at 5 standard errors, false alarms 1e-5 together
+    weights, draws = np.array([0.02, 0.5, 0.0, 0.13, 0.05, 0.3]), 10_000
+    rng = np.random.default_rng(4)
+    copies = np.array([counts(SCHEMES[name](weights, rng)) for _ in range(draws)])
+    error = copies.std(axis=0, ddof=1) / math.sqrt(draws)
+    assert (np.abs(copies.mean(axis=0) - 6 * weights) <= 5 * error + 1e-12).all()
+    assert error.max() > 0
+
+
+def test_multinomial_resampling_has_the_multinomial_variance():
+    # n w (1 - w); its estimate from 10,000 draws has a relative standard error of about √(2/10⁴)
+    weights, rng = np.array([0.1, 0.2, 0.3, 0.4]), np.random.default_rng(5)
+    copies = np.array([counts(SCHEMES["multinomial"](weights, rng)) for _ in range(10_000)])
+    assert copies.var(axis=0) == pytest.approx(4 * weights * (1 - weights), rel=5 * 0.015)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_equal_weights_under_systematic_and_stratified_keep_every_particle(name):
+    chosen = SCHEMES[name](np.full(50, 1 / 50), np.random.default_rng(6))
+    if name == "multinomial":  # independent draws: all 50 different has probability 3e-21
+        assert counts(chosen).max() > 1
+    else:
+        assert chosen.tolist() == list(range(50))
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("weights", [[1, 1, 1, 1.0], [1, 2, 3, 4.0], [1, 1e-9, 0, 0.0]])
+def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weights):
+    states = []
+    for strategy in (
+        Always(SCHEMES[name]),
+        *(WhenDegenerate(t, SCHEMES[name]) for t in (0, 0.5, 1)),
+    ):
+        rng = np.random.default_rng(7)
+        with np.errstate(divide="ignore"):
+            strategy.ancestors(np.log(weights), rng)
+        states.append(rng.bit_generator.state)
+    assert all(state == states[0] for state in states)
+    assert states[0] != np.random.default_rng(7).bit_generator.state
+
+
+def test_systematic_resampling_draws_one_uniform_number():
+    rng, other = np.random.default_rng(8), np.random.default_rng(8)
+    systematic(np.full(30, 1 / 30), rng)
+    other.random()
+    assert rng.bit_generator.state == other.bit_generator.state
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.3, 0.5, 0.9, 1.0])
+def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshold(threshold):
+    rng, seen = np.random.default_rng(9), set()
+    for _ in range(200):
+        log_weights = np.log(random_weights(20, rng) + 1e-300)
+        chosen = WhenDegenerate(threshold).ancestors(log_weights, rng)
+        weights = np.exp(log_weights)
+        degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
+        assert (chosen is not None) == degenerate
+        seen.add(degenerate)
+    assert seen == {0.0: {False}, 1.0: {True}}.get(threshold, {True, False})
+
+
+@pytest.mark.parametrize("shift", [-5000.0, 0.0, 5000.0])
+def test_weights_are_relative_so_a_common_factor_changes_nothing(shift):
+    log_weights = np.random.default_rng(10).normal(0, 3, 100)
+    for strategy in (Always(), WhenDegenerate(0.5)):
+        plain = strategy.ancestors(log_weights, np.random.default_rng(11))
+        shifted = strategy.ancestors(log_weights + shift, np.random.default_rng(11))
+        assert plain.tolist() == shifted.tolist()
+
+
+def test_log_weights_are_summed_normalised_and_counted():
+    log_weights = np.log([1.0, 2.0, 5.0]) - 3000.0
+    assert log_sum_exp(log_weights) == pytest.approx(math.log(8) - 3000.0)
+    assert normalized(log_weights) == pytest.approx([1 / 8, 2 / 8, 5 / 8])
+    assert effective_sample_size(normalized(log_weights)) == pytest.approx(64 / 30)
+    assert log_sum_exp(np.full(3, -math.inf)) == -math.inf
+
+
+def test_no_threshold_means_always():
+    assert resampling("systematic", None) == Always(systematic)
+    assert resampling("stratified", 0.5) == WhenDegenerate(0.5, stratified)
+
+
+@pytest.mark.parametrize("threshold", [-0.1, 1.1, math.nan, "a", True])
+def test_a_threshold_outside_zero_to_one_is_refused(threshold):
+    with pytest.raises(InputError, match=r"^ess_threshold is .* from 0 to 1\.$"):
+        resampling("systematic", threshold)
+
+
+def test_an_unknown_scheme_is_refused_with_the_names():
+    with pytest.raises(
+        InputError, match=r"'systmatic'.*'systematic'.*multinomial, stratified, sys"
+    ):
+        resampling("systmatic", None)

@@ -1,0 +1,158 @@
+"""Evidence that every particle denies: counted, dropped, the weights of before kept; never NaN."""
+
+import math
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from following import follow
+
+import localizers
+from deqmcl_gym.floorplan import Lidar
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.queue import Queue
+
+INF = math.inf
+INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
+AHEAD = np.tile([10.0, 0.0], (6, 1))
+SCANS = np.full((6, 1), 250.0)
+
+
+@pytest.fixture(autouse=True)
+def _no_warnings():
+    """inf - inf and 0 · inf would say so."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.fixture
+def steady(robot) -> localizers.RobotModel:
+    """A robot that turns so little by itself that every particle drives where it is told."""
+    return replace(robot, motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.0005))
+
+
+@pytest.fixture
+def start() -> localizers.GaussianPrior:
+    return localizers.GaussianPrior(mean=(50.0, 50.0, 0.0), sd_position=3.0, sd_heading=0.02)
+
+
+def assert_sound(belief) -> None:
+    for offset in range(-6, 7):
+        if (points := belief.points(offset)) is not None:
+            assert np.isfinite(points[0]).all()
+            assert (points[1] >= 0).all()
+            assert points[1].sum() == pytest.approx(1.0)
+
+
+def cloud(log_weights: list[float]) -> ParticleBelief:
+    n = len(log_weights)
+    return ParticleBelief(Queue((np.zeros((3, n)),)), np.array(log_weights), np.empty((0, 2)))
+
+
+def test_a_factor_that_leaves_no_weight_is_dropped_and_counted():
+    before = cloud([-1.0, -2.0, -INF])
+    after = before.reweighted(np.full(3, -INF))
+    assert after.log_weights.tolist() == before.log_weights.tolist()
+    assert after.events.weight_collapses == 1
+    assert after.log_evidence == before.log_evidence
+
+
+def test_a_factor_that_denies_only_the_particles_still_alive_is_a_collapse_too():
+    after = cloud([0.0, -INF]).reweighted(np.array([-INF, 0.0]))
+    assert after.weights.tolist() == [1.0, 0.0]
+    assert after.events.weight_collapses == 1
+
+
+def test_one_particle_that_can_explain_the_evidence_is_enough():
+    after = cloud([-5.0, 0.0]).reweighted(np.array([-700.0, -INF]))
+    assert after.weights.tolist() == [1.0, 0.0]
+    assert after.events.weight_collapses == 0
+
+
+def test_evidence_however_unlikely_keeps_its_ratios_in_log_space():
+    # β C up to 200 steps of 10 each, far below the smallest float64: exp(-2000) = 0
+    after = cloud([0.0, 0.0]).reweighted(np.array([-2000.0, -2001.0]))
+    assert after.weights == pytest.approx([1 / (1 + math.exp(-1)), 1 / (1 + math.e)])
+
+
+@pytest.mark.parametrize("name", ["mcl-map", "mcl-map-smoother", "deq-mcl"])
+@pytest.mark.parametrize("ess_threshold", [None, 0.5])
+def test_with_infinite_beta_and_all_colliding_the_weights_are_those_of_the_scan_alone(
+    steady, start, name, ess_threshold
+):
+    def run(beta: float):
+        localizer = localizers.make(
+            name, steady, particles=50, beta=beta, ess_threshold=ess_threshold
+        )
+        localizer.reset(start, [], np.random.default_rng(0))
+        return localizer.update([40.0], [-80.0, 0.0], [])
+
+    collapsed, uncharged = run(INF), run(0.0)
+    assert uncharged.events.weight_collapses == 0
+    assert collapsed.events.weight_collapses == 1
+    assert np.array_equal(collapsed.points()[1], uncharged.points()[1])
+    assert_sound(collapsed)
+
+
+@pytest.mark.parametrize("name", ["mcl-map", "deq-mcl"])
+def test_with_infinite_beta_a_step_that_collides_is_rejected_outright(robot, prior, drive, name):
+    # no 0 · inf: particles whose step collided weigh exactly nothing, the others are sound
+    localizer = localizers.make(name, robot, particles=300, beta=INF, ess_threshold=0.0)
+    beliefs = follow(localizer, prior, drive)
+    for belief in beliefs:
+        assert_sound(belief)
+    assert (beliefs[2].points()[1] == 0).any()
+
+
+def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
+    robot = localizers.RobotModel(
+        floor_plan=room,
+        lidar=Lidar(),
+        scan=localizers.GaussianUniform(sigma=0.5, uniform=0.0),
+    )
+    localizer = localizers.make("mcl", robot, particles=50)
+    localizer.reset(start, [], np.random.default_rng(0))
+    belief = localizer.update([10.0], [0.0, 0.0], [])  # 300 px seen: z = 580, density 0
+    assert belief.events.weight_collapses == 1
+    assert belief.points()[1].tolist() == [1 / 50] * 50
+    assert localizer.update([300.0], [0.0, 0.0], []).events.weight_collapses == 1
+
+
+@pytest.mark.parametrize("ess_threshold", [None, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("pilots", [1, 16])
+@pytest.mark.parametrize("beta", [10.0, 200.0, INF])
+@pytest.mark.parametrize("planned", [INTO_THE_WALL, np.tile([-25.0, 0.0], (6, 1))])
+def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
+    steady, start, planned, beta, pilots, ess_threshold
+):
+    # The queued future collides for all particles or many; then another plan is driven.
+    localizer = localizers.make(
+        "deq-mcl",
+        steady,
+        particles=50,
+        lag=3,
+        beta=beta,
+        pilots=pilots,
+        ess_threshold=ess_threshold,
+    )
+    plans = [planned, *(AHEAD[t:] for t in range(1, 7))]
+    beliefs = follow(localizer, start, (AHEAD, SCANS), plans=plans)
+    for belief in beliefs:
+        assert_sound(belief)
+        assert math.isfinite(belief.log_evidence)
+    assert beliefs[-1].events.replanned_steps == 1
+
+
+@pytest.mark.parametrize("pilots", [1, 16])
+@pytest.mark.parametrize("ess_threshold", [None, 0.0])
+def test_a_new_plan_into_the_wall_leaves_sound_weights(steady, start, pilots, ess_threshold):
+    localizer = localizers.make(
+        "deq-mcl", steady, particles=50, lag=3, beta=INF, pilots=pilots, ess_threshold=ess_threshold
+    )
+    plans = [AHEAD, AHEAD[1:], *(INTO_THE_WALL[t:] for t in range(2, 7))]
+    beliefs = follow(localizer, start, (AHEAD, SCANS), plans=plans)
+    for belief in beliefs:
+        assert_sound(belief)
+    assert beliefs[2].events.weight_collapses >= 1

@@ -1,0 +1,120 @@
+"""What the ``deqmcl`` command promises beside its results: help, speed of help, exit codes."""
+
+import os
+import re
+import sys
+
+import pytest
+from deqmcl_command import DEQMCL, exit_code, process, python
+
+from benchmarks import paper
+from benchmarks.cli import main
+
+HELP = [("--help",), ("-h",), ("paper", "--help"), ("run", "--help")]
+PAPER_FLAGS = {
+    *("--trials", "--seed", "--particles", "--lag", "--localizers", "--jobs", "--preset", "--out"),
+    *("--debug", "--help"),
+}
+RUN_FLAGS = {"--localizer", "--out", "--seed", "--preset", "--particles", "--lag", "--debug"}
+
+
+@pytest.mark.parametrize("arguments", HELP)
+def test_help_is_printed_and_is_no_error(capsys, arguments):
+    assert exit_code(*arguments) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("usage: deqmcl")
+    assert printed.err == ""
+
+
+@pytest.mark.parametrize(("command", "flags"), [("paper", PAPER_FLAGS), ("run", RUN_FLAGS)])
+def test_help_names_every_flag(capsys, command, flags):
+    exit_code(command, "--help")
+    assert flags <= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys\n"
+        "from benchmarks.cli import main\n"
+        "try:\n    main(sys.argv[1:])\n"
+        "except SystemExit as end:\n    assert end.code == 0\n"
+        "heavy = {'numpy', 'numba', 'cv2', 'pymunk', 'matplotlib', 'gymnasium', 'scipy'}\n"
+        "print('loaded:', sorted(heavy & set(sys.modules)))\n"
+    )
+    for arguments in (("--help",), ("paper", "--help"), ("run", "--help")):
+        done = python(code, *arguments)
+        assert done.stdout.splitlines()[-1] == "loaded: []", done.stderr
+
+
+def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
+    code = "from benchmarks import cli; cli._lap = lambda *_: 'cos θ'; raise SystemExit(cli.main())"
+    arguments = ("run", "--localizer", "mcl", "--out", "out")
+    done = python(code, *arguments, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert (done.returncode, done.stdout) == (0, "cos ?\n"), done.stderr
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("paper", "--trails", "3"), ()])
+def test_python_m_benchmarks_is_the_same_command(tmp_path, arguments):
+    ours, theirs = (
+        process(*command, *arguments, cwd=tmp_path)
+        for command in ((DEQMCL,), (sys.executable, "-m", "benchmarks"))
+    )
+    assert (ours.returncode, ours.stdout, ours.stderr) == (
+        theirs.returncode,
+        theirs.stdout,
+        theirs.stderr,
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (RuntimeError("it went wrong"), 3, "deqmcl: it went wrong (--debug shows where)\n"),
+        (RuntimeError("on two\n  lines"), 3, "deqmcl: on two lines (--debug shows where)\n"),
+        (KeyError("offset"), 3, "deqmcl: KeyError: 'offset' (--debug shows where)\n"),
+        (OSError(28, "No space left", "a/b"), 3, "deqmcl: No space left: a/b.\n"),
+        (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),
+    ],
+)
+def test_a_run_that_fails_says_why_on_one_line(capsys, monkeypatch, tmp_path, error, code, said):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(paper, "run_paper", fail)
+    assert main(["paper", "--out", str(tmp_path)]) == code
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", said)
+
+
+def test_debug_shows_where_a_run_failed(monkeypatch, tmp_path):
+    def fail(*_, **__):
+        raise RuntimeError("it went wrong")
+
+    monkeypatch.setattr(paper, "run_paper", fail)
+    with pytest.raises(RuntimeError, match="it went wrong"):
+        main(["paper", "--debug", "--out", str(tmp_path)])
+
+
+def test_the_defaults_are_those_of_the_paper(monkeypatch, tmp_path):
+    asked = []
+
+    def note(experiment, out, *, jobs, command):
+        asked.append((experiment, out.as_posix(), jobs, command))
+        return ""
+
+    monkeypatch.setattr(paper, "run_paper", note)
+    monkeypatch.chdir(tmp_path)
+    assert main(["paper"]) == 0
+    experiment, out, jobs, command = asked[0]
+    assert vars(experiment) == {
+        "preset": "paper",
+        "localizers": (
+            *("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning"),
+        ),
+        "trials": 10,
+        "seed": 0,
+        "particles": 1000,
+        "lag": 20,
+    }
+    assert (out, command) == ("results/paper", ["deqmcl", "paper"])
+    assert jobs >= 1

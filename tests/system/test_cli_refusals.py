@@ -1,0 +1,122 @@
+"""A bad command line: one sentence on stderr, exit code 2, nothing written."""
+
+import sys
+
+import pytest
+from deqmcl_command import DEQMCL, exit_code, process
+
+RUN = ("run", "--localizer", "mcl", "--out", "out")
+
+BAD = [  # arguments, and what the sentence must name
+    ([], ["COMMAND"]),
+    (["papr"], ["papr", "paper"]),
+    (["list"], ["list", "paper", "run"]),
+    (["paper", "--trails", "3"], ["--trails", "--trials"]),
+    (["paper", "--trails=3"], ["--trails", "--trials"]),
+    (["paper", "--tria", "3"], ["--tria", "--trials"]),
+    (["paper", "--localizer", "mcl"], ["--localizer", "--localizers"]),
+    ([*RUN, "--localizers", "mcl"], ["--localizers", "--localizer?"]),
+    (["--trials", "3", "paper"], ["3"]),
+    (["paper", "now"], ["now"]),
+    *[
+        (["paper", flag, value], [flag, value])
+        for flag in ("--trials", "--particles", "--jobs")
+        for value in ("0", "-1", "x", "1.5", "", "nan")
+    ],
+    *[
+        (["paper", flag, value], [flag, value])
+        for flag in ("--lag", "--seed")
+        for value in ("-1", "x", "1.5", "1e3")
+    ],
+    (["paper", "--trials", "100001"], ["--trials", "100001", "100,000"]),
+    (["paper", "--trials"], ["--trials"]),
+    (["paper", "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
+    (["paper", "--localizers", "foo"], ["'foo'", "mcl", "deq-mcl", "dead-reckoning"]),
+    (["paper", "--localizers", "dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
+    (["paper", "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
+    (["paper", "--localizers", ""], ["no localizer", "deq-mcl"]),
+    (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
+    (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
+    (["paper", "--preset", "papr"], ["preset", "'papr'", "did you mean 'paper'?", "sharp"]),
+    (["run", "--localizer", "mcl"], ["--out"]),
+    (["run", "--out", "out"], ["--localizer"]),
+    (["run", "--localizer", "dec-mcl", "--out", "out"], ["did you mean 'deq-mcl'?"]),
+    ([*RUN, "--preset", "papr"], ["did you mean 'paper'?"]),
+    ([*RUN, "--particles", "0"], ["--particles", "0"]),
+    ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
+    ([*RUN, "--lag", "-1"], ["--lag", "-1"]),
+    ([*RUN, "--seed", "-1"], ["--seed", "-1"]),
+    ([*RUN, "--trials", "2"], ["--trials"]),
+]
+
+
+def assert_one_sentence(err, named):
+    assert err.startswith("deqmcl")
+    assert err.endswith(".\n")
+    assert err.count("\n") == 1
+    for usage in ("Traceback", "usage:", "Error:"):
+        assert usage not in err
+    for words in named:
+        assert words in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"), BAD, ids=[" ".join(map(str, case[0])) or "nothing" for case in BAD]
+)
+def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
+    tmp_path, monkeypatch, capsys, arguments, named
+):
+    monkeypatch.chdir(tmp_path)  # so is the default of --out
+    assert exit_code(*arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert_one_sentence(printed.err, named)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl")])
+@pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
+def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
+    (tmp_path / "file").write_text("precious")
+    assert exit_code(*command, "--out", tmp_path / out) == 2
+    assert_one_sentence(capsys.readouterr().err, ["output folder", str(tmp_path / out), "file"])
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["paper", "--trails", "3"], ["--trails", "--trials"]),
+        (["paper", "--localizers", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
+    ],
+)
+def test_the_process_refuses_as_its_main_function_does(tmp_path, arguments, named):
+    done = process(DEQMCL, *arguments, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert_one_sentence(done.stderr, named)
+    assert list(tmp_path.iterdir()) == []
+
+
+class Without:
+    """A finder of modules that does not find matplotlib."""
+
+    def __init__(self, finder):
+        self._finder = finder
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "matplotlib":
+            return None
+        return self._finder.find_spec(name, path, target)
+
+    def __getattr__(self, name):
+        return getattr(self._finder, name)
+
+
+def test_run_without_matplotlib_names_the_pip_command(tmp_path, monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Without(finder) for finder in sys.meta_path])
+    assert exit_code("run", "--localizer", "dead-reckoning", "--out", tmp_path / "out") == 2
+    assert_one_sentence(capsys.readouterr().err, ["pip install 'deqmcl-gym[plots]'"])
+    assert list(tmp_path.iterdir()) == []

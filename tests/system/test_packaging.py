@@ -1,0 +1,101 @@
+"""The wheel: exactly the three packages, typed, with the command."""
+
+import ast
+import shutil
+import subprocess
+import sys
+import tomllib
+from fnmatch import fnmatchcase
+from importlib.metadata import entry_points, packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def folders():
+    """Folders with Python files below the root, as dotted names; hidden and built ones left out."""
+    for path in ROOT.rglob("*.py"):
+        parts = path.relative_to(ROOT).parent.parts
+        if parts and not any(part.startswith(".") or part in ("build", "dist") for part in parts):
+            yield ".".join(parts)
+
+
+def test_the_patterns_of_pyproject_choose_exactly_the_three_packages():
+    patterns = PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
+    chosen = {name for name in folders() if any(fnmatchcase(name, p) for p in patterns)}
+    assert {name.partition(".")[0] for name in chosen} == set(PACKAGES)
+    assert {name for name in folders() if name.partition(".")[0] in PACKAGES} == chosen
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_folder_of_a_package_is_a_package(package):
+    for path in (ROOT / package).rglob("*.py"):
+        assert (path.parent / "__init__.py").is_file(), path
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_package_says_that_it_is_typed_and_ships_the_mark(package):
+    assert (ROOT / package / "py.typed").read_bytes() == b""
+    assert PROJECT["tool"]["setuptools"]["package-data"] == {"*": ["py.typed"]}
+
+
+def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
+    pytest.importorskip("setuptools", reason="a venv of Python 3.12 or later has none")
+    for package in PACKAGES:
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    for other in ("tests", "docs", "results", ".venv"):  # what must not get in
+        (tmp_path / other).mkdir()
+        (tmp_path / other / "stray.py").write_text("")
+    shutil.copy(ROOT / "README.md", tmp_path)
+    lines = (ROOT / "pyproject.toml").read_text().splitlines()
+    (tmp_path / "pyproject.toml").write_text(  # setuptools older than 77 cannot read the licence
+        "\n".join(line for line in lines if not line.startswith("license"))
+    )
+    build = "from setuptools import setup; setup()"
+    done = subprocess.run(
+        [sys.executable, "-c", build, "-q", "build", "--build-lib", "built"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    built = {p.relative_to(tmp_path / "built") for p in (tmp_path / "built").rglob("*.*")}
+    expected = {
+        path.relative_to(ROOT)
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.suffix == ".py" or path.name == "py.typed"
+    }
+    assert built == expected
+
+
+def test_the_command_is_installed_under_its_name():
+    assert PROJECT["project"]["scripts"] == {"deqmcl": "benchmarks.cli:main"}
+    (found,) = entry_points(group="console_scripts", name="deqmcl")
+    assert found.value == "benchmarks.cli:main"
+    assert callable(found.load())
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_packages_are_those_of_this_distribution(package):
+    assert set(packages_distributions().get(package, ["deqmcl-gym"])) == {"deqmcl-gym"}
+
+
+def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
+    assert PROJECT["project"]["requires-python"] == ">=3.11"
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            ast.parse(path.read_text(), feature_version=(3, 11))
+
+
+def test_plots_are_an_extra_and_not_required():
+    required = PROJECT["project"]["dependencies"]
+    assert not any(line.startswith("matplotlib") for line in required)
+    assert PROJECT["project"]["optional-dependencies"]["plots"] == ["matplotlib>=3.8"]
