@@ -1,12 +1,13 @@
-"""The ``deqmcl`` command: parsing only; what is heavy is imported by the command that needs it."""
+"""The ``deqmcl`` command: parsing, exit codes and what is said of an error."""
 
 import argparse
 import difflib
 import io
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NoReturn
+
+from benchmarks.commands import COMMANDS
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 3, 130
 
@@ -66,85 +67,19 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         description="Benchmark of robot self-localization that knows its plan.",
         allow_abbrev=False,
     )
-    common = _Parser(add_help=False)
-    common.add_argument(
-        "--debug", action="store_true", help="show a traceback when something fails"
-    )
-    common.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
-    common.add_argument(
-        "--preset", default="paper", help="the world: paper, matched or sharp (paper)"
-    )
-    common.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
-    common.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    paper = commands.add_parser(
-        "paper",
-        parents=[common],
-        allow_abbrev=False,
-        help="run the paper's experiment: Table 1 and figures",
-        description="Run the paper's experiment: all methods on the same worlds; what the output "
-        "folder already holds is not run again.",
-    )
-    paper.add_argument("--trials", type=int, default=10, metavar="K", help="worlds (10)")
-    paper.add_argument(
-        "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
-    )
-    paper.add_argument("--jobs", type=int, metavar="J", help="processes (one per processor)")
-    paper.add_argument(
-        "--out", type=Path, default=Path("results/paper"), metavar="DIR", help="(results/paper)"
-    )
-    paper.set_defaults(run=_paper)
-
-    lap = commands.add_parser(
-        "run",
-        parents=[common],
-        allow_abbrev=False,
-        help="run one lap: animation and error curve",
-        description="Run one lap of one localizer: its animation and its error curve.",
-    )
-    lap.add_argument("--localizer", required=True, metavar="NAME", help="the method")
-    lap.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
-    lap.set_defaults(run=_lap)
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parsers: dict[str, _Parser] = {}
+    for command in COMMANDS:
+        own = subparsers.add_parser(
+            command.NAME, allow_abbrev=False, help=command.HELP, description=command.DESCRIPTION
+        )
+        command.arguments(own)
+        own.add_argument(
+            "--debug", action="store_true", help="show a traceback when something fails"
+        )
+        own.set_defaults(run=command.run)
+        parsers[command.NAME] = own
     options, unknown = parser.parse_known_args(arguments)
     if unknown:  # said by the command's own parser, which knows its flags
-        command = {"paper": paper, "run": lap}[options.command]
-        command.error(f"unrecognized arguments: {' '.join(unknown)}")
+        parsers[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     return options
-
-
-def _paper(options: argparse.Namespace, given: Sequence[str]) -> str:
-    from benchmarks.paper import PaperExperiment, run_paper
-    from benchmarks.suites import PAPER_METHODS
-    from benchmarks.sweep import available_cpus
-
-    named = options.localizers
-    methods = PAPER_METHODS if named is None else tuple(_split(named))
-    experiment = PaperExperiment(
-        preset=options.preset,
-        localizers=methods,
-        trials=options.trials,
-        seed=options.seed,
-        particles=options.particles,
-        lag=options.lag,
-    )
-    jobs = available_cpus() if options.jobs is None else options.jobs
-    return run_paper(experiment, options.out, jobs=jobs, command=["deqmcl", *given])
-
-
-def _lap(options: argparse.Namespace, given: Sequence[str]) -> str:
-    del given
-    from benchmarks.lap_run import LapRun, run_lap
-
-    lap = LapRun(
-        localizer=options.localizer,
-        preset=options.preset,
-        seed=options.seed,
-        particles=options.particles,
-        lag=options.lag,
-    )
-    return run_lap(lap, options.out)
-
-
-def _split(listed: str) -> list[str]:
-    return [name for part in listed.split(",") if (name := part.strip())]

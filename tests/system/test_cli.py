@@ -47,7 +47,10 @@ def test_help_loads_nothing_heavy():
 
 
 def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
-    code = "from benchmarks import cli; cli._lap = lambda *_: 'cos θ'; raise SystemExit(cli.main())"
+    code = (
+        "from benchmarks import cli; from benchmarks.commands import run\n"
+        "run.run = lambda *_: 'cos θ'; raise SystemExit(cli.main())"
+    )
     arguments = ("run", "--localizer", "mcl", "--out", "out")
     done = python(code, *arguments, env=os.environ | {"PYTHONIOENCODING": "ascii"})
     assert (done.returncode, done.stdout) == (0, "cos ?\n"), done.stderr

@@ -1,0 +1,13 @@
+"""The commands of ``deqmcl``, one file each.
+
+A file holds ``NAME``, ``HELP`` (one line), ``DESCRIPTION``, ``arguments(parser)`` and
+``run(options, given) -> str``, what to print. It imports what is heavy only where it runs, so
+that ``deqmcl --help`` stays fast.
+"""
+
+from collections.abc import Sequence
+from types import ModuleType
+
+from benchmarks.commands import paper, run
+
+COMMANDS: Sequence[ModuleType] = (paper, run)

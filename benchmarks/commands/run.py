@@ -1,0 +1,33 @@
+"""``deqmcl run``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.commands.shared import add_setting
+
+NAME = "run"
+HELP = "run one lap: animation and error curve"
+DESCRIPTION = "Run one lap of one localizer: its animation and its error curve."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add_setting(parser)
+    parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    del given
+    from benchmarks.lap_run import LapRun, run_lap
+
+    lap = LapRun(
+        localizer=options.localizer,
+        preset=options.preset,
+        seed=options.seed,
+        particles=options.particles,
+        lag=options.lag,
+    )
+    return run_lap(lap, options.out)
