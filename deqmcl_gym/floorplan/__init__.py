@@ -5,7 +5,7 @@ the sensor that looks at it. Needs numpy and numba only.
 """
 
 from deqmcl_gym.floorplan.lidar import Lidar
-from deqmcl_gym.floorplan.plan import FloorPlan, sincos
+from deqmcl_gym.floorplan.plan import FloorPlan, driven, sincos
 from deqmcl_gym.floorplan.polygons import Polygon
 
-__all__ = ["FloorPlan", "Lidar", "Polygon", "sincos"]
+__all__ = ["FloorPlan", "Lidar", "Polygon", "driven", "sincos"]

@@ -74,7 +74,7 @@ class ParticleFilter:
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
-        actions = np.vstack([action, plan[: self.future]])  # of the steps t … t + F
+        actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
         belief = self._resampled(belief, rng)
         belief = self._redraw(belief, actions, rng)
         for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
@@ -84,7 +84,7 @@ class ParticleFilter:
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues."""
-        return belief.resampled(self.resampling.ancestors(belief.log_weights, rng))
+        return belief.resampled(self.resampling.ancestors(belief.weights, rng))
 
     def _advanced(
         self, belief: ParticleBelief, action: Action, rng: np.random.Generator

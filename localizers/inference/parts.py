@@ -51,6 +51,13 @@ class Feasibility(Protocol):
 class Resampling(Protocol):
     """When to resample, and how; draws one uniform number or row whether or not it triggers."""
 
-    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to go on with, (n,), or None to keep all with their weights."""
+    def ancestors(
+        self, weights: NDArray[np.float64], rng: np.random.Generator
+    ) -> Indices | None:
+        """Return the particles to go on with, (n,), or None to keep all with their weights.
+
+        Args:
+            weights: with sum 1, (n,).
+            rng: draws whether or not it triggers.
+        """
         ...
