@@ -64,19 +64,17 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
 
 def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Return finite numbers of ``shape`` (None: any length) as a fresh array, else refuse."""
-    words = " x ".join("n" if size is None else str(size) for size in shape)
     try:
         given = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{what} is {value!r}, but must be {words} finite numbers.") from None
-    fits = given.ndim == len(shape) and all(
-        size in (None, seen) for size, seen in zip(shape, given.shape, strict=True)
-    )
-    if not fits:
+        raise InputError(f"{what} is {value!r}, but must be {_numbers(shape)}.") from None
+    if len(given.shape) != len(shape) or any(
+        size is not None and size != seen for size, seen in zip(shape, given.shape, strict=True)
+    ):
         seen = " x ".join(map(str, given.shape)) or "a single number"
-        raise InputError(f"{what} has shape {seen}, but must be {words} finite numbers.")
+        raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
     if not np.isfinite(given).all():
-        raise InputError(f"{what} is {given.tolist()}, but must be {words} finite numbers.")
+        raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
     return given
 
 
@@ -114,6 +112,10 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
     for key in value:
         one_of(f"key in {what}", key, names)
     return dataclasses.replace(default, **value)  # type: ignore[type-var]
+
+
+def _numbers(shape: tuple[int | None, ...]) -> str:
+    return " x ".join("n" if size is None else str(size) for size in shape) + " finite numbers"
 
 
 def _interval(low: float, high: float, above: bool, finite: bool) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import array, number
 from localizers.models.motion import OdometryMotion
 from localizers.models.scan import BeamDensity, GaussianUniform
@@ -118,5 +119,9 @@ def checked_plan(plan: ArrayLike) -> Floats:
 def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:
     """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
-    sine, cosine = (weights * np.sin(heading)).sum(), (weights * np.cos(heading)).sum()
-    return float((weights * x).sum()), float((weights * y).sum()), float(np.arctan2(sine, cosine))
+    sine, cosine = (weights * arrays.sin(heading)).sum(), (weights * arrays.cos(heading)).sum()
+    return (
+        float((weights * x).sum()),
+        float((weights * y).sum()),
+        float(arrays.arctan2(sine, cosine)),
+    )

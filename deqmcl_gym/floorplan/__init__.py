@@ -5,7 +5,8 @@ the sensor that looks at it. Needs numpy and numba only.
 """
 
 from deqmcl_gym.floorplan.lidar import Lidar
-from deqmcl_gym.floorplan.plan import FloorPlan, sincos
+from deqmcl_gym.floorplan.plan import FloorPlan, driven
 from deqmcl_gym.floorplan.polygons import Polygon
+from deqmcl_gym.numerics.arrays import sincos
 
-__all__ = ["FloorPlan", "Lidar", "Polygon", "sincos"]
+__all__ = ["FloorPlan", "Lidar", "Polygon", "driven", "sincos"]

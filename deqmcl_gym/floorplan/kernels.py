@@ -1,113 +1,181 @@
-"""The compiled geometry: sines, ray casting, swept discs, point location, over flat float32 arrays.
+"""The compiled geometry: driving, ray casting, swept discs, point location; flat float32 arrays.
 
 Loops run over blocks of ``LANES`` items with the wall outside and the lanes inside, without
-branches, so that the compiler turns the inner loop into SIMD code. Only +, -, *, / and comparisons
-in float32 are used: IEEE 754 fixes their results, so every processor gives the same bits.
-
-Walls arrive as rows (x0, y0, x1, y1), oriented so that free space lies to their left.
+branches, so that the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's
+(see ``deqmcl_gym.numerics``): every processor gives the same bits.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan.compiling import compiled
+from deqmcl_gym.numerics.compiling import compiled, inlined
+from deqmcl_gym.numerics.elementary import cos32, sin32
 
 Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
 LANES = 64
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-# Walls are cast this much longer at both ends, so that no ray slips between two at their corner.
-_OVERLAP = np.float32(5e-4)
-
-# sin and cos on [-π/4, π/4] after reduction by multiples of π/2 (Cody & Waite 1980; minimax
-# coefficients as in Moshier's Cephes library, single precision).
-_TWO_OVER_PI = np.float32(2 / np.pi)
-_ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding it rounds to the nearest integer
-_PIO2_HIGH = np.float32(1.5703125)
-_PIO2_MIDDLE = np.float32(4.837512969970703125e-4)
-_PIO2_LOW = np.float32(7.54978995489188216e-8)
-_S1, _S2, _S3 = (
-    np.float32(-1.6666654611e-1),
-    np.float32(8.3321608736e-3),
-    np.float32(-1.9515295891e-4),
-)
-_C1, _C2, _C3 = (
-    np.float32(4.166664568298827e-2),
-    np.float32(-1.388731625493765e-3),
-    np.float32(2.443315711809948e-5),
-)
-_HALF = np.float32(0.5)
+_TINY = np.float32(1e-12)
+_NAN = np.float32(np.nan)
+_TURN = np.float32(2 * np.pi)
+_PER_TURN = np.float32(1 / (2 * np.pi))
+_ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding and subtracting it rounds
 
 
 @compiled
-def sincos(angles: Floats, sines: Floats, cosines: Floats) -> None:
-    """Fill in sin and cos of ``angles`` (rad, |angle| < 1000), to about 1e-7."""
-    for i in range(angles.size):
-        turns = (angles[i] * _TWO_OVER_PI + _ROUNDER) - _ROUNDER
-        r = ((angles[i] - turns * _PIO2_HIGH) - turns * _PIO2_MIDDLE) - turns * _PIO2_LOW
-        z = r * r
-        sine = ((_S3 * z + _S2) * z + _S1) * z * r + r
-        cosine = ((_C3 * z + _C2) * z + _C1) * z * z - _HALF * z + _ONE
-        quadrant = np.int32(turns) & np.int32(3)
-        odd = (quadrant & np.int32(1)) != 0
-        s = cosine if odd else sine
-        c = sine if odd else cosine
-        sines[i] = -s if quadrant >= np.int32(2) else s
-        cosines[i] = -c if (quadrant == np.int32(1)) or (quadrant == np.int32(2)) else c
+def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
+    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + distance (cos θ', sin θ').
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        distances, turns: (n,) px, rad.
+        out: (3, n).
+    """
+    x, y, heading = poses[0], poses[1], poses[2]
+    new_x, new_y, new_heading = out[0], out[1], out[2]
+    for i in range(x.size):
+        angle = heading[i] + turns[i]
+        angle -= _TURN * ((angle * _PER_TURN + _ROUNDER) - _ROUNDER)
+        new_heading[i] = angle
+    for i in range(x.size):
+        new_x[i] = x[i] + distances[i] * cos32(new_heading[i])
+    for i in range(x.size):
+        new_y[i] = y[i] + distances[i] * sin32(new_heading[i])
 
 
 @compiled
 def cast(
-    x: Floats, y: Floats, sines: Floats, cosines: Floats, beams: Floats, walls: Floats, out: Floats
+    poses: Floats,
+    bearings: Floats,
+    boxes: Floats,
+    upright: Floats,
+    level: Floats,
+    oblique: Floats,
+    out: Floats,
 ) -> None:
-    """Fill in the distance along each beam to the nearest wall, inf where there is none.
+    """Fill in the distance along each beam to the nearest wall; inf where there is none.
 
     Args:
-        x, y: origins, (n,) px.
-        sines, cosines: of the headings, (n,).
-        beams: (sin, cos) of the bearings, (2, B).
-        walls: (S, 4) px.
+        poses: rows x px, y px, θ rad, (3, n).
+        bearings: of the beams against the heading, (B,) rad.
+        boxes: axis-aligned rectangles (x_low, y_low, x_high, y_high), (S₀, 4) px; four walls each,
+            seen from outside and from inside.
+        upright: other walls x = c as (c, y_low, y_high), (S₁, 3) px.
+        level: other walls y = c as (c, x_low, x_high), (S₂, 3) px.
+        oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
+            the stretch of it that is wall.
         out: (B, n) px.
     """
     px = np.zeros(LANES, np.float32)
     py = np.zeros(LANES, np.float32)
+    sine = np.zeros(LANES, np.float32)
+    cosine = np.ones(LANES, np.float32)
     dx = np.ones(LANES, np.float32)
-    dy = np.zeros(LANES, np.float32)
+    dy = np.ones(LANES, np.float32)
+    per_dx = np.ones(LANES, np.float32)
+    per_dy = np.ones(LANES, np.float32)
     best = np.empty(LANES, np.float32)
-    for beam in range(beams.shape[1]):
-        bs, bc = beams[0, beam], beams[1, beam]
-        for start in range(0, x.size, LANES):
-            count = min(LANES, x.size - start)
-            for i in range(count):
-                j = start + i
-                px[i] = x[j]
-                py[i] = y[j]
-                dx[i] = cosines[j] * bc - sines[j] * bs
-                dy[i] = sines[j] * bc + cosines[j] * bs
+    n = poses.shape[1]
+    for start in range(0, n, LANES):
+        count = min(LANES, n - start)
+        block = poses[:, start : start + count]
+        xs, ys, headings = block[0], block[1], block[2]
+        for i in range(count):
+            px[i] = xs[i]
+            py[i] = ys[i]
+        for i in range(count):
+            sine[i] = sin32(headings[i])
+        for i in range(count):
+            cosine[i] = cos32(headings[i])
+        for beam in range(bearings.size):
+            bs, bc = sin32(bearings[beam]), cos32(bearings[beam])
+            for i in range(LANES):
+                dx[i] = cosine[i] * bc - sine[i] * bs
+            for i in range(LANES):
+                dy[i] = sine[i] * bc + cosine[i] * bs
+            for i in range(LANES):  # a beam along an axis keeps a slope: no 0 · inf below
+                per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
+            for i in range(LANES):
+                per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
             for i in range(LANES):
                 best[i] = _INF
-            for wall in range(walls.shape[0]):
-                ax, ay = walls[wall, 0], walls[wall, 1]
-                ex, ey = walls[wall, 2] - ax, walls[wall, 3] - ay
-                length = np.float32(np.sqrt(ex * ex + ey * ey))
-                ex, ey = ex / length, ey / length
-                far = length + _OVERLAP
+            for box in range(boxes.shape[0]):  # slab method, Kay & Kajiya 1986
+                low_x, low_y, high_x, high_y = boxes[box]
                 for i in range(LANES):
-                    rx = ax - px[i]
-                    ry = ay - py[i]
-                    t = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
-                    u = (t * dx[i] - rx) * ex + (t * dy[i] - ry) * ey
-                    hit = (t >= _ZERO) & (u >= -_OVERLAP) & (u <= far) & (t < best[i])
-                    best[i] = t if hit else best[i]
+                    to_left, to_right = (low_x - px[i]) * per_dx[i], (high_x - px[i]) * per_dx[i]
+                    to_low, to_high = (low_y - py[i]) * per_dy[i], (high_y - py[i]) * per_dy[i]
+                    enter_x = to_left if to_left < to_right else to_right
+                    leave_x = to_left if to_left > to_right else to_right
+                    enter_y = to_low if to_low < to_high else to_high
+                    leave_y = to_low if to_low > to_high else to_high
+                    enter = enter_x if enter_x > enter_y else enter_y
+                    leave = leave_x if leave_x < leave_y else leave_y
+                    t = enter if enter >= _ZERO else leave
+                    t = t if t >= _ZERO else _INF
+                    t = t if leave >= enter else _INF
+                    best[i] = t if t < best[i] else best[i]
+            _cut_straight(upright, px, py, dy, per_dx, best)
+            _cut_straight(level, py, px, dx, per_dy, best)
+            _cut_oblique(oblique, px, py, dx, dy, best)
+            seen = out[beam, start : start + count]
             for i in range(count):
-                out[beam, start + i] = best[i]
+                seen[i] = best[i]
+
+
+@inlined
+def _cut_straight(
+    walls: Floats, across: Floats, along: Floats, slope: Floats, per: Floats, best: Floats
+) -> None:
+    """Shorten ``best`` to where each lane's ray meets walls that are parallel to an axis."""
+    for wall in range(walls.shape[0]):
+        at, low, high = walls[wall, 0], walls[wall, 1], walls[wall, 2]
+        for i in range(LANES):
+            t = (at - across[i]) * per[i]
+            u = along[i] + t * slope[i]
+            hit = (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i])
+            best[i] = t if hit else best[i]
+
+
+@inlined
+def _cut_oblique(
+    walls: Floats, px: Floats, py: Floats, dx: Floats, dy: Floats, best: Floats
+) -> None:
+    """Shorten ``best`` to where each lane's ray meets walls of any direction."""
+    for wall in range(walls.shape[0]):
+        ax, ay = walls[wall, 0], walls[wall, 1]
+        ex, ey = walls[wall, 2], walls[wall, 3]
+        low, high = walls[wall, 4], walls[wall, 5]
+        for i in range(LANES):
+            rx = ax - px[i]
+            ry = ay - py[i]
+            t = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
+            u = (t * dx[i] - rx) * ex + (t * dy[i] - ry) * ey
+            hit = (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i])
+            best[i] = t if hit else best[i]
 
 
 @compiled
-def windings(x: Floats, y: Floats, walls: Floats, out: NDArray[np.int32]) -> None:
-    """Fill in how often the walls wind counterclockwise around each point, (n,)."""
+def blind(windings: Ints, out: Floats) -> None:
+    """Overwrite the ranges (B, n) of poses outside the outer wall (winding not 1) by NaN."""
+    for i in range(windings.size):
+        if windings[i] != 1:
+            for beam in range(out.shape[0]):
+                out[beam, i] = _NAN
+
+
+@compiled
+def wind(poses: Floats, walls: Floats, out: Ints) -> None:
+    """Fill in how often the walls wind counterclockwise around each point.
+
+    Args:
+        poses: rows x px and y px (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
+        out: (n,).
+    """
+    x, y = poses[0], poses[1]
     for i in range(x.size):
         out[i] = 0
     for wall in range(walls.shape[0]):
@@ -124,8 +192,8 @@ def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
     """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
 
     Args:
-        starts, ends: rows x and y of the paths' end points, (2, n) px.
-        walls: (S, 4) px.
+        starts, ends: rows x px and y px of the paths' ends (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
         out: (n,) px².
     """
     n = starts.shape[1]
@@ -137,12 +205,15 @@ def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
     best = np.empty(LANES, np.float32)
     for start in range(0, n, LANES):
         count = min(LANES, n - start)
+        from_x, from_y = starts[0, start : start + count], starts[1, start : start + count]
+        to_x, to_y = ends[0, start : start + count], ends[1, start : start + count]
         for i in range(count):
-            j = start + i
-            ax[i] = starts[0, j]
-            ay[i] = starts[1, j]
-            dx[i] = ends[0, j] - starts[0, j]
-            dy[i] = ends[1, j] - starts[1, j]
+            ax[i] = from_x[i]
+            ay[i] = from_y[i]
+        for i in range(count):
+            dx[i] = to_x[i] - from_x[i]
+            dy[i] = to_y[i] - from_y[i]
+        for i in range(LANES):
             square = dx[i] * dx[i] + dy[i] * dy[i]
             inverse[i] = _ONE / square if square > _ZERO else _ZERO
         for i in range(LANES):
@@ -152,7 +223,7 @@ def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
             ex, ey = walls[wall, 2] - wx, walls[wall, 3] - wy
             wall_inverse = _ONE / (ex * ex + ey * ey)
             for i in range(LANES):
-                px, py = ax[i] - wx, ay[i] - wy  # path start, end; wall end: seen from wall start
+                px, py = ax[i] - wx, ay[i] - wy  # path start and end, seen from the wall's start
                 qx, qy = px + dx[i], py + dy[i]
                 # path ends to the wall
                 u = min(max((px * ex + py * ey) * wall_inverse, _ZERO), _ONE)
@@ -174,5 +245,24 @@ def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
                 crossing = (side_p * side_q < _ZERO) & (side_a * side_b < _ZERO)
                 near = _ZERO if crossing else near
                 best[i] = min(best[i], near)
+        least = out[start : start + count]
         for i in range(count):
-            out[start + i] = best[i]
+            least[i] = best[i]
+
+
+@compiled
+def feasible(
+    starts: Floats, ends: Floats, walls: Floats, radius: np.float32, out: NDArray[np.bool_]
+) -> None:
+    """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
+
+    Args: as ``sweep``; ``radius`` px; ``out`` (n,). Free space is what the walls wind around once.
+    """
+    n = starts.shape[1]
+    square = np.empty(n, np.float32)
+    windings = np.empty(n, np.int32)
+    sweep(starts, ends, walls, square)
+    wind(ends, walls, windings)
+    limit = radius * radius
+    for i in range(n):
+        out[i] = (square[i] > limit) & (windings[i] == 1)

@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import kernels
-from deqmcl_gym.floorplan.polygons import Polygon, oriented_edges, parse_polygon
+from deqmcl_gym.floorplan.polygons import Polygon, as_box, oriented_edges, parse_polygon
 from deqmcl_gym.validation import InputError
 
 Floats = NDArray[np.float32]
+
+# Walls are cast this much longer at both ends (px), so that no ray slips between two at a corner.
+_OVERLAP = 5e-4
 
 
 @dataclass(frozen=True)
@@ -79,15 +82,13 @@ class FloorPlan:
         Returns:
             (n, B) px.
         """
-        x, y, headings = _rows(poses, 3)
-        beams = np.asarray(bearings, dtype=np.float64)
-        fan = np.stack([np.sin(beams), np.cos(beams)]).astype(np.float32)
-        sines, cosines = sincos(headings)
-        out = np.empty((beams.size, x.size), np.float32)
-        kernels.cast(x, y, sines, cosines, fan, self._walls32, out)
-        inside = np.empty(x.size, np.int32)
-        kernels.windings(x, y, self._outer32, inside)
-        out[:, inside != 1] = np.nan
+        origins = _rows(poses, 3)
+        beams = np.asarray(bearings, dtype=np.float32)
+        out = np.empty((beams.size, origins.shape[1]), np.float32)
+        kernels.cast(origins, beams, *self._casting, out)
+        windings = np.empty(origins.shape[1], np.int32)
+        kernels.wind(origins, self._outer32, windings)
+        kernels.blind(windings, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> NDArray[np.bool_]:
@@ -100,11 +101,10 @@ class FloorPlan:
         Returns:
             (n,) bool.
         """
-        paths = np.stack([_rows(starts, 2), _rows(ends, 2)])
-        square = np.empty(paths.shape[2], np.float32)
-        kernels.sweep(paths[0], paths[1], self._walls32, square)
-        touches: NDArray[np.bool_] = square <= np.float32(radius) ** 2
-        return touches | ~self._interior(paths[1, 0], paths[1, 1])
+        before, after = _rows(starts, 2), _rows(ends, 2)
+        clear = np.empty(after.shape[1], np.bool_)
+        kernels.feasible(before, after, self._walls32, np.float32(radius), clear)
+        return ~clear
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> NDArray[np.bool_]:
         """Whether a disc at each point lies in free space, clear of the walls.
@@ -117,9 +117,14 @@ class FloorPlan:
             (n,) bool.
         """
         centres = _rows(points, 2)
+        free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
-            return self._interior(centres[0], centres[1])
-        return ~self.collides(centres.T, centres.T, radius)
+            windings = np.empty(centres.shape[1], np.int32)
+            kernels.wind(centres, self._walls32, windings)
+            np.equal(windings, 1, out=free)
+        else:
+            kernels.feasible(centres, centres, self._walls32, np.float32(radius), free)
+        return free
 
     @cached_property
     def _walls32(self) -> Floats:
@@ -129,21 +134,50 @@ class FloorPlan:
     def _outer32(self) -> Floats:
         return self._walls32[: len(self.outer)]
 
-    def _interior(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
-        """Winding number exactly 1: once inside the outer wall, in no (clockwise) obstacle."""
-        turns = np.empty(x.size, np.int32)
-        kernels.windings(x, y, self._walls32, turns)
-        interior: NDArray[np.bool_] = turns == 1
-        return interior
+    @cached_property
+    def _casting(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """The walls as ``kernels.cast`` takes them: boxes, upright, level, oblique."""
+        polygons = (self.outer, *self.obstacles)
+        boxes = [box for polygon in polygons if (box := as_box(polygon)) is not None]
+        edges = [
+            oriented_edges(polygon, solid=True) for polygon in polygons if as_box(polygon) is None
+        ]
+        x0, y0, x1, y1 = np.vstack([np.empty((0, 4)), *edges]).T
+        upright, level = x0 == x1, y0 == y1
+        oblique = ~(upright | level)
+        length = np.hypot(x1 - x0, y1 - y0)
+        low_x, high_x = np.minimum(x0, x1) - _OVERLAP, np.maximum(x0, x1) + _OVERLAP
+        low_y, high_y = np.minimum(y0, y1) - _OVERLAP, np.maximum(y0, y1) + _OVERLAP
+        along = (x1 - x0) / length, (y1 - y0) / length
+        start = np.full_like(length, -_OVERLAP)
+        return (
+            np.array(boxes, dtype=np.float32).reshape(-1, 4),
+            _singles([x0, low_y, high_y], upright),
+            _singles([y0, low_x, high_x], level),
+            _singles([x0, y0, *along, start, length + _OVERLAP], oblique),
+        )
 
 
-def sincos(angles: Floats) -> tuple[Floats, Floats]:
-    """Sin and cos of float32 angles (rad, |angle| < 1000), the same bits on every processor."""
-    sines, cosines = np.empty_like(angles), np.empty_like(angles)
-    kernels.sincos(angles, sines, cosines)
-    return sines, cosines
+def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
+    """Turn, then drive: θ' = θ + turn; (x', y') = (x, y) + distance (cos θ', sin θ').
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n) float32.
+        distances: (n,) px, float32.
+        turns: (n,) rad, float32.
+
+    Returns:
+        (3, n), θ' in [-π, π].
+    """
+    out = np.empty_like(poses)
+    kernels.drive(poses, distances, turns, out)
+    return out
+
+
+def _singles(columns: list[NDArray[np.float64]], rows: NDArray[np.bool_]) -> Floats:
+    return np.ascontiguousarray(np.column_stack(columns)[rows], dtype=np.float32)
 
 
 def _rows(items: ArrayLike, columns: int) -> Floats:
     """(n, d) in any layout as contiguous float32 rows (columns, n): no copy if it is one's view."""
-    return np.ascontiguousarray(np.asarray(items, dtype=np.float32)[:, :columns].T)
+    return np.ascontiguousarray(np.asarray(items, dtype=np.float32).T[:columns])

@@ -46,6 +46,13 @@ def oriented_edges(polygon: Polygon, *, solid: bool) -> NDArray[np.float64]:
     return _edges(corners if clockwise == solid else corners[::-1])
 
 
+def as_box(polygon: Polygon) -> tuple[float, float, float, float] | None:
+    """Return (x_low, y_low, x_high, y_high) if the polygon is an axis-aligned rectangle."""
+    (x0, y0), (x1, y1) = np.min(polygon, axis=0).tolist(), np.max(polygon, axis=0).tolist()
+    corners = {(x, y) for x in (x0, x1) for y in (y0, y1)}
+    return (x0, y0, x1, y1) if len(polygon) == 4 and set(polygon) == corners else None
+
+
 def signed_area(points: NDArray[np.float64]) -> float:
     """½ Σ (x_i y_{i+1} - x_{i+1} y_i), positive if counterclockwise, px²."""
     x, y = points.T

@@ -87,25 +87,21 @@ class ParticleBelief:
         """Go on with these particles, equally weighted; None changes nothing."""
         if ancestors is None:
             return self
-        return replace(
-            self,
-            queue=self.queue.resampled(ancestors),
-            log_weights=np.zeros_like(self.log_weights),
-            log_normalizer=self.log_evidence,
-        )
+        even = np.zeros(self.log_weights.size)
+        return self._with(self.queue.resampled(ancestors), even, self.drawn, self.log_evidence)
 
     def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
         """Add newest states (d, n), drawn by ``action``."""
-        drawn = np.vstack([self.drawn, action])
-        return replace(self, queue=self.queue.appended(states), drawn=drawn)
+        drawn = np.concatenate((self.drawn, action[None]))
+        return self._with(self.queue.appended(states), self.log_weights, drawn)
 
     def stepped(self, past: int) -> "ParticleBelief":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        return replace(self, queue=self.queue.stepped(past), drawn=self.drawn[1:])
+        return self._with(self.queue.stepped(past), self.log_weights, self.drawn[1:])
 
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""
-        return replace(self, queue=self.queue.cut(keep), drawn=self.drawn[:keep])
+        return self._with(self.queue.cut(keep), self.log_weights, self.drawn[:keep])
 
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
@@ -116,8 +112,19 @@ class ParticleBelief:
         """
         total = self.log_weights + log_factor
         if total.max() > -math.inf:
-            return replace(self, log_weights=total)
+            return self._with(self.queue, total, self.drawn)
         return replace(self, events=self.events.plus(weight_collapses=1))
+
+    def _with(
+        self,
+        queue: Queue,
+        log_weights: LogWeights,
+        drawn: Actions,
+        log_normalizer: float | None = None,
+    ) -> "ParticleBelief":
+        """``dataclasses.replace``, without its cost: this is called several times a step."""
+        evidence = self.log_normalizer if log_normalizer is None else log_normalizer
+        return ParticleBelief(queue, log_weights, drawn, evidence, self.events, self.redraw_ess)
 
     def _held(self, offset: int) -> States:
         states = self.queue.at(offset)

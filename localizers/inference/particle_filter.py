@@ -74,7 +74,7 @@ class ParticleFilter:
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
-        actions = np.vstack([action, plan[: self.future]])  # of the steps t … t + F
+        actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
         belief = self._resampled(belief, rng)
         belief = self._redraw(belief, actions, rng)
         for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown

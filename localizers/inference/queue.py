@@ -6,7 +6,7 @@ today's order is its slot's states taken at the composition of the links after i
 needs that at every step, so the composition over the future is kept by a sliding window.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,12 +29,12 @@ class SlidingComposition:
 
     def push(self, link: Link) -> "SlidingComposition":
         """Add the link of a new slot."""
-        return replace(self, new=(*self.new, link), running=compose(self.running, link))
+        return SlidingComposition(self.old, (*self.new, link), compose(self.running, link))
 
     def pop(self) -> "SlidingComposition":
         """Drop the oldest link."""
         if self.old:
-            return replace(self, old=self.old[:-1])
+            return SlidingComposition(self.old[:-1], self.new, self.running)
         turned: list[Link] = []
         for link in reversed(self.new):
             turned.append(compose(link, turned[-1] if turned else None))
@@ -62,27 +62,28 @@ class Queue:
 
     def resampled(self, ancestors: Indices) -> "Queue":
         """Go on with these particles: whole queues, (n,)."""
-        return replace(self, pending=compose(self.pending, ancestors))
+        pending = compose(self.pending, ancestors)
+        return Queue(self.slots, self.links, pending, self.present, self.future)
 
     def appended(self, states: States) -> "Queue":
         """Add a newest state, (d, n)."""
-        return replace(
-            self,
-            slots=(*self.slots, states),
-            links=(*self.links, self.pending),
-            pending=None,
-            future=self.future.push(self.pending),
+        return Queue(
+            (*self.slots, states),
+            (*self.links, self.pending),
+            None,
+            self.present,
+            self.future.push(self.pending),
         )
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
         drop = max(self.present + 1 - past, 0)
-        return replace(
-            self,
-            slots=self.slots[drop:],
-            links=self.links[drop:],
-            present=self.present + 1 - drop,
-            future=self.future.pop(),
+        return Queue(
+            self.slots[drop:],
+            self.links[drop:],
+            self.pending,
+            self.present + 1 - drop,
+            self.future.pop(),
         )
 
     def cut(self, keep: int) -> "Queue":
@@ -91,12 +92,8 @@ class Queue:
         future = SlidingComposition()
         for link in self.links[self.present : last]:
             future = future.push(link)
-        return replace(
-            self,
-            slots=self.slots[: last + 1],
-            links=self.links[:last],
-            pending=self._order(last),
-            future=future,
+        return Queue(
+            self.slots[: last + 1], self.links[:last], self._order(last), self.present, future
         )
 
     def at(self, offset: int) -> States | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics import arrays
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States
 
@@ -103,14 +104,14 @@ def _log_mean(log_values: NDArray[np.float64]) -> LogWeights:
     top = log_values.max(axis=0)
     base = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):
-        total: LogWeights = base + np.log(np.exp(log_values - base).sum(axis=0))
+        total: LogWeights = base + arrays.log(arrays.exp(log_values - base).sum(axis=0))
     return total - math.log(len(log_values))
 
 
 def _choose(log_weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
     """One row per column, drawn with probability ∝ exp(log_weights); the first if all are -inf."""
     top = log_weights.max(axis=0)
-    cumulative = np.cumsum(np.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
+    cumulative = np.cumsum(arrays.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
     pointers = rng.random(log_weights.shape[1]) * cumulative[-1]
     chosen: NDArray[np.intp] = (cumulative <= pointers).sum(axis=0)
     return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.validation import number, one_of
+from localizers import kernels
 from localizers.inference.parts import Indices, LogWeights
-from localizers.inference.weights import effective_sample_size, normalized
+from localizers.inference.weights import Weights, effective_sample_size, normalized
 
-Scheme = Callable[[NDArray[np.float64], np.random.Generator], Indices]
+Scheme = Callable[[Weights, np.random.Generator], Indices]
 
 
-def systematic(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform offset for n equidistant pointers: each particle ⌊n w⌋ or ⌈n w⌉ times.
 
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
@@ -22,13 +23,13 @@ def systematic(weights: NDArray[np.float64], rng: np.random.Generator) -> Indice
     return _pointed_at(weights, (np.arange(n) + rng.random()) / n)
 
 
-def stratified(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+def stratified(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
     n = weights.size
     return _pointed_at(weights, (np.arange(n) + rng.random(n)) / n)
 
 
-def multinomial(weights: NDArray[np.float64], rng: np.random.Generator) -> Indices:
+def multinomial(weights: Weights, rng: np.random.Generator) -> Indices:
     """N independent draws by weight (Gordon, Salmond & Smith 1993)."""
     return _pointed_at(weights, np.sort(rng.random(weights.size)))
 
@@ -78,8 +79,6 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
 
 
 def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:
-    cumulative = np.cumsum(weights)
-    chosen = np.searchsorted(cumulative, pointers * cumulative[-1], side="right")
-    last = np.searchsorted(cumulative, cumulative[-1])  # of weight above zero
-    held: Indices = np.minimum(chosen, last)
-    return held
+    chosen = np.empty(weights.size, np.intp)
+    kernels.pointed_at(weights, pointers, chosen)
+    return chosen

@@ -1,26 +1,26 @@
 """Arithmetic of log-weights."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from localizers import kernels
 from localizers.inference.parts import LogWeights
 
+Weights = NDArray[np.float64]
 
-def log_sum_exp(log_weights: NDArray[np.float64]) -> float:
+
+def log_sum_exp(log_weights: LogWeights) -> float:
     """Log Σ exp(log w), -inf if all weights are zero."""
-    top = float(log_weights.max())
-    return top + math.log(float(np.exp(log_weights - top).sum())) if math.isfinite(top) else top
+    return kernels.normalize(log_weights, np.empty_like(log_weights))
 
 
-def normalized(log_weights: LogWeights) -> NDArray[np.float64]:
+def normalized(log_weights: LogWeights) -> Weights:
     """Weights with sum 1, (n,)."""
-    weights = np.exp(log_weights - log_weights.max())
-    shares: NDArray[np.float64] = weights / weights.sum()
-    return shares
+    weights = np.empty_like(log_weights)
+    kernels.normalize(log_weights, weights)
+    return weights
 
 
-def effective_sample_size(weights: NDArray[np.float64]) -> float:
+def effective_sample_size(weights: Weights) -> float:
     """1 / Σ w², from 1 to n, for weights with sum 1 (Kong, Liu & Wong 1994)."""
-    return 1.0 / float(np.square(weights).sum())
+    return 1.0 / kernels.square_sum(weights)

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import sincos
+from deqmcl_gym.floorplan import driven
 from deqmcl_gym.validation import number
-
-_TURN = np.float32(2 * np.pi)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +48,8 @@ class OdometryMotion:
         sd_distance = self.drive * abs(distance)
         sd_turn = self.turn * abs(turn) + self.drift * abs(distance)
         noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
-        driven = np.float32(distance) + np.float32(sd_distance) * noise[0]
-        heading = states[2] + (np.float32(turn) + np.float32(sd_turn) * noise[1])
-        heading -= _TURN * np.rint(heading / _TURN)
-        sines, cosines = sincos(heading)
-        return np.stack([states[0] + driven * cosines, states[1] + driven * sines, heading])
+        noise[0] *= np.float32(sd_distance)
+        noise[0] += np.float32(distance)
+        noise[1] *= np.float32(sd_turn)
+        noise[1] += np.float32(turn)
+        return driven(states, noise[0], noise[1])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import number, pose
 
 
@@ -37,7 +38,7 @@ class GaussianPrior:
         apart[:, 2] -= 2 * np.pi * np.rint(apart[:, 2] / (2 * np.pi))
         with np.errstate(divide="ignore", invalid="ignore"):
             log_density: NDArray[np.float64] = (
-                -0.5 * np.square(apart / self._sd) - np.log(self._sd * np.sqrt(2 * np.pi))
+                -0.5 * np.square(apart / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
             ).sum(axis=1)
         return log_density
 

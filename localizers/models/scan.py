@@ -1,13 +1,17 @@
 """p(o_t | x_t, m): how likely a lidar scan is at a pose, beam by beam."""
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number
+from localizers import kernels
 from localizers.models.normal import normal_cdf, normal_pdf
 
 Floats = NDArray[np.float64]
@@ -16,7 +20,13 @@ ATOM = 1.0  # px: the ends of the range count as one pixel each in the uniform s
 
 
 class BeamDensity(Protocol):
-    """p(o | ô) of single beams."""
+    """p(o | ô) of single beams, and its product over the beams of a scan."""
+
+    def log_likelihood(
+        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
+    ) -> Floats:
+        """Σ_b log p(o_b | ô_b) for each pose, (n,); arguments as ``density``."""
+        ...
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density (at an atom: mass) of each measured range.
@@ -52,6 +62,15 @@ class GaussianUniform:
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         return (1 - self.uniform) * hit + self.uniform / max_range
 
+    def log_likelihood(
+        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
+    ) -> Floats:
+        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
+        floor = self.uniform / max_range
+        if floor < kernels.LEAST_FLOOR:
+            return _log_product(self, ranges, expected, max_range)
+        return _log_mixture(self, ranges, expected, floor)
+
 
 @dataclass(frozen=True, kw_only=True)
 class CensoredGaussianUniform:
@@ -80,6 +99,19 @@ class CensoredGaussianUniform:
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
         anything = np.where(at_max | at_zero, ATOM, 1.0) * self.uniform / (max_range + 2 * ATOM)
         return (1 - self.uniform) * hit + anything
+
+    def log_likelihood(
+        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
+    ) -> Floats:
+        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
+        floor = self.uniform / (max_range + 2 * ATOM)
+        if floor < kernels.LEAST_FLOOR:
+            return _log_product(self, ranges, expected, max_range)
+        clipped = (ranges <= 0) | (ranges >= max_range)
+        if not clipped.any():
+            return _log_mixture(self, ranges, expected, floor)
+        inside = _log_mixture(self, ranges[~clipped], expected[:, ~clipped], floor)
+        return inside + _log_product(self, ranges[clipped], expected[:, clipped], max_range)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,8 +148,8 @@ class BeamModel:
         seen = np.minimum(expected, max_range)
         inside = normal_cdf((max_range - seen) / self.sigma) - normal_cdf(-seen / self.sigma)
         hit = normal_pdf((ranges - seen) / self.sigma) / (self.sigma * inside)
-        cut = -np.expm1(-self.decay * np.maximum(seen, 1e-6))
-        short = np.where(ranges <= seen, self.decay * np.exp(-self.decay * ranges) / cut, 0.0)
+        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, 1e-6))
+        short = np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
         at_max = ranges >= max_range
         density: Floats = (
             self.hit * hit
@@ -126,6 +158,12 @@ class BeamModel:
             + self.rand * ~at_max / max_range
         )
         return density
+
+    def log_likelihood(
+        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
+    ) -> Floats:
+        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
+        return _log_product(self, ranges, expected, max_range)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,20 +183,44 @@ class LidarScan:
         usable = usable_beams(ranges, self.lidar.max_range)
         if not usable.any():
             return np.zeros(states.shape[1])
-        expected = self.floor_plan.ranges(states.T, self.lidar.bearings[usable])
-        outside = np.isnan(expected[:, 0])
-        exact = np.where(outside[:, None], 0.0, expected.astype(np.float64))
-        density = self.beam.density(ranges[usable], exact, self.lidar.max_range)
-        with np.errstate(divide="ignore"):
-            log_likelihood: Floats = np.log(density).sum(axis=1)
-        log_likelihood[outside] = OUTSIDE
+        bearings, measured = self._bearings, ranges
+        if not usable.all():
+            bearings, measured = bearings[usable], ranges[usable]
+        expected = self.floor_plan.ranges(states.T, bearings)
+        log_likelihood = self.beam.log_likelihood(measured, expected, self.lidar.max_range)
+        log_likelihood[np.isnan(expected[:, 0])] = OUTSIDE
         return log_likelihood
+
+    @cached_property
+    def _bearings(self) -> Floats:
+        return self.lidar.bearings
 
 
 def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:
     """Which beams are numbers in [0, max_range], (B,)."""
-    with np.errstate(invalid="ignore"):
-        return np.isfinite(ranges) & (ranges >= 0) & (ranges <= max_range)
+    return (ranges >= 0) & (ranges <= max_range)  # both are false for NaN
+
+
+def _log_mixture(
+    beam: "GaussianUniform | CensoredGaussianUniform",
+    ranges: Floats,
+    expected: NDArray[np.float32],
+    floor: float,
+) -> Floats:
+    """Σ_b log((1 - u) N(o_b; ô_b, σ²) + floor) for each pose, compiled, (n,)."""
+    out = np.empty(len(expected))
+    peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
+    kernels.mixture(ranges, expected.T, beam.sigma, peak, floor, out)
+    return out
+
+
+def _log_product(
+    beam: BeamDensity, ranges: Floats, expected: NDArray[np.float32], max_range: float
+) -> Floats:
+    """Σ_b log of ``beam.density`` for each pose, (n,)."""
+    density = beam.density(ranges, expected.astype(np.float64), max_range)
+    total: Floats = arrays.log(density).sum(axis=1)
+    return total
 
 
 def _check_mixture(sigma: float, uniform: float) -> None:

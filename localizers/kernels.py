@@ -1,0 +1,95 @@
+"""The compiled inner loops of the estimators: weights, resampling, likelihoods of beams."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, log64
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+LANES = 64
+_FOLD = 16  # beams multiplied before a logarithm is taken
+LEAST_FLOOR = 1e-19  # so that the product of _FOLD densities is a normal float64
+
+
+@compiled
+def normalize(log_weights: Floats, out: Floats) -> float:
+    """Fill in weights with sum 1; return log Σ exp(log w), -inf (and fill in none) if all are 0."""
+    top = -np.inf
+    for i in range(log_weights.size):
+        top = max(top, log_weights[i])
+    if not top > -np.inf:
+        return top
+    total = 0.0
+    for i in range(log_weights.size):
+        out[i] = exp64(log_weights[i] - top)
+    for i in range(out.size):
+        total += out[i]
+    for i in range(out.size):
+        out[i] /= total
+    return float(top + log64(total))
+
+
+@compiled
+def square_sum(weights: Floats) -> float:
+    """Σ w²."""
+    total = 0.0
+    for i in range(weights.size):
+        total += weights[i] * weights[i]
+    return total
+
+
+@compiled
+def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None:
+    """Fill in which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+    total = 0.0
+    last = 0  # of weight above zero
+    for i in range(weights.size):
+        total += weights[i]
+        last = i if weights[i] > 0.0 else last
+    reached = weights[0]
+    particle = 0
+    for k in range(pointers.size):
+        goal = pointers[k] * total
+        while reached <= goal and particle < last:
+            particle += 1
+            reached += weights[particle]
+        out[k] = particle
+
+
+@compiled
+def mixture(
+    ranges: Floats, expected: Singles, sigma: float, peak: float, floor: float, out: Floats
+) -> None:
+    """Fill in Σ_b log(peak exp(-½ ((o_b - ô_b) / σ)²) + floor) for each pose.
+
+    Args:
+        ranges: o, (B,) px.
+        expected: ô, (B, n) px.
+        sigma: px.
+        peak, floor: floor ≥ ``LEAST_FLOOR``.
+        out: (n,).
+    """
+    inverse = 1.0 / sigma
+    density = np.ones(LANES, np.float64)
+    product = np.ones(LANES, np.float64)
+    n = expected.shape[1]
+    for start in range(0, n, LANES):
+        count = min(LANES, n - start)
+        total = out[start : start + count]
+        for i in range(count):
+            total[i] = 0.0
+        for first in range(0, ranges.size, _FOLD):
+            for i in range(LANES):
+                product[i] = 1.0
+            for beam in range(first, min(first + _FOLD, ranges.size)):
+                measured = ranges[beam]
+                row = expected[beam, start : start + count]
+                for i in range(count):
+                    z = (measured - row[i]) * inverse
+                    density[i] = peak * exp64(-0.5 * z * z) + floor
+                for i in range(LANES):
+                    product[i] *= density[i]
+            for i in range(count):
+                total[i] += log64(product[i])
