@@ -1,0 +1,78 @@
+"""The elementary functions against the C library's, through Python's own math."""
+
+import math
+
+import numpy as np
+import pytest
+
+from deqmcl_gym.numerics import arrays
+
+EPS = np.finfo(float).eps
+# Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
+# last place of the result, or of 1 where the result is a sum of terms near 1.
+TOLERANCE = 4 * EPS
+
+
+def each(function, *arguments):
+    return np.array([function(*values) for values in zip(*arguments, strict=True)])
+
+
+def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
+    quarters = np.arange(-1000, 1001) * math.pi / 2
+    angles = np.concatenate(
+        [quarters, quarters + 1e-9, np.random.default_rng(0).uniform(-1e6, 1e6, 20_000)]
+    )
+    assert arrays.sin(angles) == pytest.approx(each(math.sin, angles), abs=TOLERANCE, rel=0)
+    assert arrays.cos(angles) == pytest.approx(each(math.cos, angles), abs=TOLERANCE, rel=0)
+
+
+def test_arctan2_is_accurate_in_all_quadrants_and_scales():
+    rng = np.random.default_rng(1)
+    y, x = rng.standard_normal((2, 50_000)) * 10.0 ** rng.integers(-150, 150, (2, 50_000))
+    assert arrays.arctan2(y, x) == pytest.approx(each(math.atan2, y, x), abs=TOLERANCE, rel=0)
+
+
+def test_arctan2_of_the_axes():
+    found = arrays.arctan2([0.0, 0.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 0.0, 0.0])
+    assert found.tolist() == [0.0, math.pi, math.pi / 2, -math.pi / 2, 0.0]
+
+
+def test_exp_is_accurate_down_to_the_least_normal_number_and_zero_beyond():
+    x = -np.concatenate([np.linspace(0, 708, 50_001), [708.5, 800.0, 1e6, np.inf]])
+    expected = np.where(x > -708, np.exp(x), 0.0)
+    assert arrays.exp(x) == pytest.approx(expected, rel=TOLERANCE, abs=0)
+
+
+def test_log_is_accurate_over_all_normal_numbers():
+    x = np.exp2(np.random.default_rng(2).uniform(-1022, 1023, 50_000))
+    x = np.concatenate([x, 1 + np.linspace(-1e-3, 1e-3, 2001)])
+    expected = each(math.log, x)
+    scale = np.maximum(np.abs(expected), 1.0)
+    assert (np.abs(arrays.log(x) - expected) <= TOLERANCE * scale).all()
+
+
+def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
+    z = np.linspace(-9, 9, 20_001)
+    expected = each(lambda v: math.erfc(-v / math.sqrt(2)) / 2, z)
+    assert arrays.normal_cdf(z) == pytest.approx(expected, abs=1e-15, rel=0)
+    assert arrays.normal_cdf([-np.inf, -40.0, 40.0, np.inf]).tolist() == [0.0, 0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "normal_cdf"])
+def test_nan_stays_nan(name):
+    assert np.isnan(getattr(arrays, name)([np.nan])).all()
+
+
+def test_log_of_zero_and_of_negative_numbers():
+    assert arrays.log([0.0, np.inf]).tolist() == [-np.inf, np.inf]
+    assert np.isnan(arrays.log([-1.0])).all()
+
+
+def test_shapes_are_kept_and_arguments_left_alone():
+    x = np.full((2, 0, 3), -1.0)
+    assert arrays.exp(x).shape == (2, 0, 3)
+    given = -np.arange(6.0).reshape(2, 3)[:, ::2]
+    before = given.copy()
+    assert arrays.exp(given).shape == (2, 2)
+    assert (given == before).all()
+    assert arrays.sin(0.5).shape == ()
