@@ -68,12 +68,10 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
         given = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{what} is {value!r}, but must be {_numbers(shape)}.") from None
-    if len(given.shape) != len(shape) or any(
-        size is not None and size != seen for size, seen in zip(shape, given.shape, strict=True)
-    ):
+    if given.shape != shape and not _fits(given.shape, shape):
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
-    if not np.isfinite(given).all():
+    if not (math.isfinite(given.sum()) or np.isfinite(given).all()):  # a sum is quicker to ask
         raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
     return given
 
@@ -112,6 +110,14 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
     for key in value:
         one_of(f"key in {what}", key, names)
     return dataclasses.replace(default, **value)  # type: ignore[type-var]
+
+
+def _fits(seen: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    return len(seen) == len(shape) and all(map(_same_or_any, seen, shape))
+
+
+def _same_or_any(seen: int, size: int | None) -> bool:
+    return size is None or size == seen
 
 
 def _numbers(shape: tuple[int | None, ...]) -> str:

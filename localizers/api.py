@@ -110,7 +110,7 @@ class RobotModel:
 def checked_plan(plan: ArrayLike) -> Floats:
     """Return a plan as (h, 2) finite actions, (0, 2) for an empty one in any shape; else refuse."""
     try:
-        empty = np.size(plan) == 0
+        empty = (plan if isinstance(plan, np.ndarray) else np.asarray(plan)).size == 0
     except ValueError:  # a ragged list; ``array`` names it
         empty = False
     return np.empty((0, 2)) if empty else array("the plan", plan, (None, 2))

@@ -41,6 +41,25 @@ def square_sum(weights: Floats) -> float:
 
 
 @compiled
+def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
+    """Fill in log w + log factor; return its maximum, -inf if no weight is left."""
+    top = -np.inf
+    for i in range(out.size):
+        out[i] = log_weights[i] + log_factor[i]
+    for i in range(out.size):
+        top = max(top, out[i])
+    return top
+
+
+@compiled
+def strata(offsets: Floats, out: Floats) -> None:
+    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``: one for all, or one for each."""
+    n = out.size
+    for k in range(n):
+        out[k] = (k + offsets[k if offsets.size > 1 else 0]) / n
+
+
+@compiled
 def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None:
     """Fill in which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
     total = 0.0
@@ -56,6 +75,40 @@ def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None
             particle += 1
             reached += weights[particle]
         out[k] = particle
+
+
+@compiled
+def scaled(noise: Singles, scale: np.float32, shift: np.float32) -> None:
+    """Turn standard noise into shift + scale · noise, in place, (n,)."""
+    for i in range(noise.size):
+        noise[i] = noise[i] * scale + shift
+
+
+@compiled
+def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> int:
+    """Fill in which ranges are numbers in [0, max_range], (B,); return how many."""
+    count = 0
+    for i in range(ranges.size):
+        out[i] = (ranges[i] >= 0.0) & (ranges[i] <= max_range)  # both are false for NaN
+        count += out[i]
+    return count
+
+
+@compiled
+def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
+    """Overwrite ``out`` by ``value`` where ``marks`` is NaN, (n,)."""
+    for i in range(out.size):
+        out[i] = value if np.isnan(marks[i]) else out[i]
+
+
+@compiled
+def agreeing(first: Floats, second: Floats) -> int:
+    """How many leading rows of two tables (·, k) are the same, by exact comparison."""
+    for row in range(min(len(first), len(second))):
+        for column in range(first.shape[1]):
+            if first[row, column] != second[row, column]:
+                return row
+    return min(len(first), len(second))
 
 
 @compiled

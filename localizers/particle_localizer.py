@@ -65,12 +65,12 @@ class ParticleLocalizer:
         scan = self._checked_scan(ranges)
         command = array("the action", action, (2,))
         belief = self.filter.step(belief, scan, command, checked_plan(plan), rng)
-        usable = int(usable_beams(scan, self.robot.lidar.max_range).sum())
+        usable = int(np.count_nonzero(usable_beams(scan, self.robot.lidar.max_range)))
         if usable < scan.size:
             events = belief.events.plus(
                 skipped_beams=scan.size - usable, blind_scans=int(usable == 0)
             )
-            belief = replace(belief, events=events)
+            belief = belief._replace(events=events)
         self._running = (belief, rng)
         return belief
 

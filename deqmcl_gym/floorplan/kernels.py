@@ -50,6 +50,7 @@ def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
 def cast(
     poses: Floats,
     bearings: Floats,
+    rooms: Floats,
     boxes: Floats,
     upright: Floats,
     level: Floats,
@@ -61,8 +62,9 @@ def cast(
     Args:
         poses: rows x px, y px, θ rad, (3, n).
         bearings: of the beams against the heading, (B,) rad.
-        boxes: axis-aligned rectangles (x_low, y_low, x_high, y_high), (S₀, 4) px; four walls each,
-            seen from outside and from inside.
+        rooms: axis-aligned rectangles (x_low, y_low, x_high, y_high) that poses are in, (S₋, 4) px;
+            from outside, they are not seen aright.
+        boxes: others, seen from outside and from inside, (S₀, 4) px; four walls each.
         upright: other walls x = c as (c, y_low, y_high), (S₁, 3) px.
         level: other walls y = c as (c, x_low, x_high), (S₂, 3) px.
         oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
@@ -78,6 +80,10 @@ def cast(
     per_dx = np.ones(LANES, np.float32)
     per_dy = np.ones(LANES, np.float32)
     best = np.empty(LANES, np.float32)
+    beam_sine = np.empty(bearings.size, np.float32)
+    beam_cosine = np.empty(bearings.size, np.float32)
+    for beam in range(bearings.size):
+        beam_sine[beam], beam_cosine[beam] = sin32(bearings[beam]), cos32(bearings[beam])
     n = poses.shape[1]
     for start in range(0, n, LANES):
         count = min(LANES, n - start)
@@ -91,7 +97,7 @@ def cast(
         for i in range(count):
             cosine[i] = cos32(headings[i])
         for beam in range(bearings.size):
-            bs, bc = sin32(bearings[beam]), cos32(bearings[beam])
+            bs, bc = beam_sine[beam], beam_cosine[beam]
             for i in range(LANES):
                 dx[i] = cosine[i] * bc - sine[i] * bs
             for i in range(LANES):
@@ -102,21 +108,26 @@ def cast(
                 per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
             for i in range(LANES):
                 best[i] = _INF
+            for room in range(rooms.shape[0]):
+                low_x, low_y, high_x, high_y = rooms[room]
+                for i in range(LANES):
+                    leave_x = ((high_x if per_dx[i] > _ZERO else low_x) - px[i]) * per_dx[i]
+                    leave_y = ((high_y if per_dy[i] > _ZERO else low_y) - py[i]) * per_dy[i]
+                    t = leave_x if leave_x < leave_y else leave_y
+                    best[i] = t if (t >= _ZERO) & (t < best[i]) else best[i]
             for box in range(boxes.shape[0]):  # slab method, Kay & Kajiya 1986
                 low_x, low_y, high_x, high_y = boxes[box]
                 for i in range(LANES):
-                    to_left, to_right = (low_x - px[i]) * per_dx[i], (high_x - px[i]) * per_dx[i]
-                    to_low, to_high = (low_y - py[i]) * per_dy[i], (high_y - py[i]) * per_dy[i]
-                    enter_x = to_left if to_left < to_right else to_right
-                    leave_x = to_left if to_left > to_right else to_right
-                    enter_y = to_low if to_low < to_high else to_high
-                    leave_y = to_low if to_low > to_high else to_high
+                    right, up = per_dx[i] > _ZERO, per_dy[i] > _ZERO
+                    enter_x = ((low_x if right else high_x) - px[i]) * per_dx[i]
+                    leave_x = ((high_x if right else low_x) - px[i]) * per_dx[i]
+                    enter_y = ((low_y if up else high_y) - py[i]) * per_dy[i]
+                    leave_y = ((high_y if up else low_y) - py[i]) * per_dy[i]
                     enter = enter_x if enter_x > enter_y else enter_y
                     leave = leave_x if leave_x < leave_y else leave_y
                     t = enter if enter >= _ZERO else leave
-                    t = t if t >= _ZERO else _INF
-                    t = t if leave >= enter else _INF
-                    best[i] = t if t < best[i] else best[i]
+                    hit = (t >= _ZERO) & (leave >= enter) & (t < best[i])
+                    best[i] = t if hit else best[i]
             _cut_straight(upright, px, py, dy, per_dx, best)
             _cut_straight(level, py, px, dx, per_dy, best)
             _cut_oblique(oblique, px, py, dx, dy, best)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import kernels
-from deqmcl_gym.floorplan.polygons import Polygon, as_box, oriented_edges, parse_polygon
+from deqmcl_gym.floorplan.polygons import Box, Polygon, as_box, oriented_edges, parse_polygon
 from deqmcl_gym.validation import InputError
 
 Floats = NDArray[np.float32]
@@ -135,13 +135,11 @@ class FloorPlan:
         return self._walls32[: len(self.outer)]
 
     @cached_property
-    def _casting(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """The walls as ``kernels.cast`` takes them: boxes, upright, level, oblique."""
-        polygons = (self.outer, *self.obstacles)
-        boxes = [box for polygon in polygons if (box := as_box(polygon)) is not None]
-        edges = [
-            oriented_edges(polygon, solid=True) for polygon in polygons if as_box(polygon) is None
-        ]
+    def _casting(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """The walls as ``kernels.cast`` takes them: rooms, boxes, upright, level, oblique."""
+        room, *boxes = (as_box(polygon) for polygon in (self.outer, *self.obstacles))
+        polygons = zip((self.outer, *self.obstacles), (room, *boxes), strict=True)
+        edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
         x0, y0, x1, y1 = np.vstack([np.empty((0, 4)), *edges]).T
         upright, level = x0 == x1, y0 == y1
         oblique = ~(upright | level)
@@ -151,7 +149,8 @@ class FloorPlan:
         along = (x1 - x0) / length, (y1 - y0) / length
         start = np.full_like(length, -_OVERLAP)
         return (
-            np.array(boxes, dtype=np.float32).reshape(-1, 4),
+            _boxes([room]),
+            _boxes(boxes),
             _singles([x0, low_y, high_y], upright),
             _singles([y0, low_x, high_x], level),
             _singles([x0, y0, *along, start, length + _OVERLAP], oblique),
@@ -172,6 +171,10 @@ def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
     out = np.empty_like(poses)
     kernels.drive(poses, distances, turns, out)
     return out
+
+
+def _boxes(found: list[Box | None]) -> Floats:
+    return np.array([box for box in found if box is not None], np.float32).reshape(-1, 4)
 
 
 def _singles(columns: list[NDArray[np.float64]], rows: NDArray[np.bool_]) -> Floats:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.validation import InputError, array
 
+Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Polygon = Sequence[tuple[float, float]]
 
 
@@ -46,7 +47,7 @@ def oriented_edges(polygon: Polygon, *, solid: bool) -> NDArray[np.float64]:
     return _edges(corners if clockwise == solid else corners[::-1])
 
 
-def as_box(polygon: Polygon) -> tuple[float, float, float, float] | None:
+def as_box(polygon: Polygon) -> Box | None:
     """Return (x_low, y_low, x_high, y_high) if the polygon is an axis-aligned rectangle."""
     (x0, y0), (x1, y1) = np.min(polygon, axis=0).tolist(), np.max(polygon, axis=0).tolist()
     corners = {(x, y) for x in (x0, x1) for y in (y0, y1)}

@@ -1,11 +1,13 @@
 """The weighted cloud of queues that a particle filter believes in."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from localizers import kernels
 from localizers.inference.parts import Actions, Indices, LogWeights, States
 from localizers.inference.queue import Queue
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
@@ -33,8 +35,7 @@ class Events:
         return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
 
 
-@dataclass(frozen=True)
-class ParticleBelief:
+class ParticleBelief(NamedTuple):
     """An immutable weighted cloud of queues, with the evidence it has absorbed.
 
     Attributes:
@@ -50,7 +51,7 @@ class ParticleBelief:
     log_weights: LogWeights
     drawn: Actions
     log_normalizer: float = 0.0
-    events: Events = field(default_factory=Events)
+    events: Events = Events()
     redraw_ess: float = math.nan
 
     @property
@@ -110,10 +111,10 @@ class ParticleBelief:
         and a weight collapse is counted: the cloud then goes on by motion alone until evidence
         comes that some particle can explain.
         """
-        total = self.log_weights + log_factor
-        if total.max() > -math.inf:
+        total = np.empty_like(self.log_weights)
+        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
             return self._with(self.queue, total, self.drawn)
-        return replace(self, events=self.events.plus(weight_collapses=1))
+        return self._replace(events=self.events.plus(weight_collapses=1))
 
     def _with(
         self,
@@ -122,7 +123,7 @@ class ParticleBelief:
         drawn: Actions,
         log_normalizer: float | None = None,
     ) -> "ParticleBelief":
-        """``dataclasses.replace``, without its cost: this is called several times a step."""
+        """``_replace``, at a fifth of its cost: this is called several times a step."""
         evidence = self.log_normalizer if log_normalizer is None else log_normalizer
         return ParticleBelief(queue, log_weights, drawn, evidence, self.events, self.redraw_ess)
 

@@ -4,9 +4,12 @@ Resampling a queue does not copy its 2L + 1 states: each slot keeps the states a
 and a link, the index map from the order of the next slot's particles to its own. A state in
 today's order is its slot's states taken at the composition of the links after it. The present
 needs that at every step, so the composition over the future is kept by a sliding window.
+
+Named tuples, because several of each are made at every step and they cost a fifth of a frozen
+dataclass.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +18,7 @@ from localizers.inference.parts import Indices, States
 Link = Indices | None  # None: the identity
 
 
-@dataclass(frozen=True)
-class SlidingComposition:
+class SlidingComposition(NamedTuple):
     """The composition of a window of links, pushed at its new end and popped at its old: O(1).
 
     Two stacks: the old half holds ready-made compositions from each link to the half's end, the
@@ -45,8 +47,7 @@ class SlidingComposition:
         return compose(self.old[-1], self.running) if self.old else self.running
 
 
-@dataclass(frozen=True)
-class Queue:
+class Queue(NamedTuple):
     """An immutable queue of slots, oldest first; ``present`` is the index of x_t among them."""
 
     slots: tuple[States, ...]

@@ -1,12 +1,13 @@
 """What to do with a queued future whose actions turn out not to be the ones carried out."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from localizers import kernels
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States
 
@@ -54,8 +55,7 @@ class Redraw:
         for states, action in zip(paths, actions[shared:held], strict=True):
             redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], action)
         redrawn = redrawn.reweighted(log_factor)
-        return replace(
-            redrawn,
+        return redrawn._replace(
             events=redrawn.events.plus(replanned_steps=1),
             redraw_ess=redrawn.effective_sample_size,
         )
@@ -94,9 +94,7 @@ class Redraw:
 
 def _shared_steps(drawn: Actions, actions: Actions) -> int:
     """How many leading actions are the same, by exact comparison of commands."""
-    both = min(len(drawn), len(actions))
-    differs = (drawn[:both] != actions[:both]).any(axis=1)
-    return int(differs.argmax()) if differs.any() else both
+    return kernels.agreeing(drawn, actions)
 
 
 def _log_mean(log_values: NDArray[np.float64]) -> LogWeights:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import driven
 from deqmcl_gym.validation import number
+from localizers import kernels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +49,7 @@ class OdometryMotion:
         sd_distance = self.drive * abs(distance)
         sd_turn = self.turn * abs(turn) + self.drift * abs(distance)
         noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
-        noise[0] *= np.float32(sd_distance)
-        noise[0] += np.float32(distance)
-        noise[1] *= np.float32(sd_turn)
-        noise[1] += np.float32(turn)
-        return driven(states, noise[0], noise[1])
+        distances, turns = noise
+        kernels.scaled(distances, np.float32(sd_distance), np.float32(distance))
+        kernels.scaled(turns, np.float32(sd_turn), np.float32(turn))
+        return driven(states, distances, turns)

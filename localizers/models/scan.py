@@ -180,25 +180,28 @@ class LidarScan:
 
     def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
-        usable = usable_beams(ranges, self.lidar.max_range)
-        if not usable.any():
+        usable = np.empty(len(ranges), np.bool_)
+        count = kernels.mark_usable(ranges, self.lidar.max_range, usable)
+        if count == 0:
             return np.zeros(states.shape[1])
         bearings, measured = self._bearings, ranges
-        if not usable.all():
+        if count < ranges.size:
             bearings, measured = bearings[usable], ranges[usable]
         expected = self.floor_plan.ranges(states.T, bearings)
         log_likelihood = self.beam.log_likelihood(measured, expected, self.lidar.max_range)
-        log_likelihood[np.isnan(expected[:, 0])] = OUTSIDE
+        kernels.fill_where_nan(expected[:, 0], OUTSIDE, log_likelihood)
         return log_likelihood
 
     @cached_property
-    def _bearings(self) -> Floats:
-        return self.lidar.bearings
+    def _bearings(self) -> NDArray[np.float32]:
+        return self.lidar.bearings.astype(np.float32)
 
 
 def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:
     """Which beams are numbers in [0, max_range], (B,)."""
-    return (ranges >= 0) & (ranges <= max_range)  # both are false for NaN
+    usable = np.empty(len(ranges), np.bool_)
+    kernels.mark_usable(ranges, max_range, usable)
+    return usable
 
 
 def _log_mixture(
