@@ -169,6 +169,78 @@ def _cut_oblique(
 
 
 @compiled
+def cast_through(
+    poses: Floats,
+    bearings: Floats,
+    walls: Floats,
+    corner: Floats,
+    side: np.float32,
+    columns: int,
+    first: Ints,
+    members: Ints,
+    out: Floats,
+) -> None:
+    """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
+
+    Amanatides & Woo 1987. A ray at a time: its cost is that of the cells it crosses, not of all
+    walls. inf where there is no wall, and for poses outside the cells.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        bearings: of the beams against the heading, (B,) rad.
+        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6), as ``oblique`` of ``cast``.
+        corner, side, columns, first, members: ``deqmcl_gym.floorplan.cells.Cells``.
+        out: (B, n) px.
+    """
+    rows = (first.size - 1) // columns
+    per_side = _ONE / side
+    for i in range(poses.shape[1]):
+        px, py = poses[0, i] - corner[0], poses[1, i] - corner[1]
+        column_i, row_i = int(np.floor(px * per_side)), int(np.floor(py * per_side))
+        within = (column_i >= 0) & (column_i < columns) & (row_i >= 0) & (row_i < rows)
+        for beam in range(bearings.size):
+            angle = poses[2, i] + bearings[beam]
+            dx, dy = cos32(angle), sin32(angle)
+            per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
+            per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
+            column, row, best = column_i, row_i, _INF
+            walking = within
+            while walking:
+                cell = row * columns + column
+                for k in range(first[cell], first[cell + 1]):
+                    best = _met(walls, members[k], poses[0, i], poses[1, i], dx, dy, best)
+                ahead_x = np.float32(column + (1 if per_dx > _ZERO else 0)) * side
+                ahead_y = np.float32(row + (1 if per_dy > _ZERO else 0)) * side
+                to_x, to_y = (ahead_x - px) * per_dx, (ahead_y - py) * per_dy
+                if to_x < to_y:
+                    column += 1 if per_dx > _ZERO else -1
+                else:
+                    row += 1 if per_dy > _ZERO else -1
+                walking = (best > min(to_x, to_y)) & (column >= 0) & (column < columns)
+                walking = walking & (row >= 0) & (row < rows)
+            out[beam, i] = best
+
+
+@inlined
+def _met(
+    walls: Floats,
+    wall: int,
+    x: np.float32,
+    y: np.float32,
+    dx: np.float32,
+    dy: np.float32,
+    best: np.float32,
+) -> np.float32:
+    """The shorter of ``best`` and the distance from (x, y) along (dx, dy) to a wall."""
+    rx, ry = walls[wall, 0] - x, walls[wall, 1] - y
+    ex, ey = walls[wall, 2], walls[wall, 3]
+    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
+    u = (t * dx - rx) * ex + (t * dy - ry) * ey
+    hit = (t >= _ZERO) & (u >= walls[wall, 4]) & (u <= walls[wall, 5]) & (t < best)
+    return t if hit else best
+
+
+@compiled
 def blind(windings: Ints, out: Floats) -> None:
     """Overwrite the ranges (B, n) of poses outside the outer wall (winding not 1) by NaN."""
     for i in range(windings.size):

@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import kernels
-from deqmcl_gym.floorplan.polygons import Box, Polygon, as_box, oriented_edges, parse_polygon
+from deqmcl_gym.floorplan.casting import Caster, caster_of
+from deqmcl_gym.floorplan.polygons import Polygon, oriented_edges, parse_polygon
 from deqmcl_gym.validation import InputError
 
 Floats = NDArray[np.float32]
-
-# Walls are cast this much longer at both ends (px), so that no ray slips between two at a corner.
-_OVERLAP = 5e-4
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class FloorPlan:
         origins = _rows(poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
-        kernels.cast(origins, beams, *self._casting, out)
+        self._caster.cast(origins, beams, out)
         windings = np.empty(origins.shape[1], np.int32)
         kernels.wind(origins, self._outer32, windings)
         kernels.blind(windings, out)
@@ -135,26 +133,8 @@ class FloorPlan:
         return self._walls32[: len(self.outer)]
 
     @cached_property
-    def _casting(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """The walls as ``kernels.cast`` takes them: rooms, boxes, upright, level, oblique."""
-        room, *boxes = (as_box(polygon) for polygon in (self.outer, *self.obstacles))
-        polygons = zip((self.outer, *self.obstacles), (room, *boxes), strict=True)
-        edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
-        x0, y0, x1, y1 = np.vstack([np.empty((0, 4)), *edges]).T
-        upright, level = x0 == x1, y0 == y1
-        oblique = ~(upright | level)
-        length = np.hypot(x1 - x0, y1 - y0)
-        low_x, high_x = np.minimum(x0, x1) - _OVERLAP, np.maximum(x0, x1) + _OVERLAP
-        low_y, high_y = np.minimum(y0, y1) - _OVERLAP, np.maximum(y0, y1) + _OVERLAP
-        along = (x1 - x0) / length, (y1 - y0) / length
-        start = np.full_like(length, -_OVERLAP)
-        return (
-            _boxes([room]),
-            _boxes(boxes),
-            _singles([x0, low_y, high_y], upright),
-            _singles([y0, low_x, high_x], level),
-            _singles([x0, y0, *along, start, length + _OVERLAP], oblique),
-        )
+    def _caster(self) -> Caster:
+        return caster_of(self.outer, self.obstacles)
 
 
 def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
@@ -171,14 +151,6 @@ def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
     out = np.empty_like(poses)
     kernels.drive(poses, distances, turns, out)
     return out
-
-
-def _boxes(found: list[Box | None]) -> Floats:
-    return np.array([box for box in found if box is not None], np.float32).reshape(-1, 4)
-
-
-def _singles(columns: list[NDArray[np.float64]], rows: NDArray[np.bool_]) -> Floats:
-    return np.ascontiguousarray(np.column_stack(columns)[rows], dtype=np.float32)
 
 
 def _rows(items: ArrayLike, columns: int) -> Floats:

@@ -18,7 +18,20 @@ HALL = FloorPlan(
         [(170, 30), (210, 50), (190, 90), (150, 70)],
     ],
 )
-PLANS = {"room": ROOM, "hall": HALL}
+
+
+def _forest() -> FloorPlan:
+    """A room with many obstacles: tilted squares, and upright ones that share their lines."""
+    rng = np.random.default_rng(0)
+    squares = []
+    for x, y in np.ndindex(8, 6):
+        turns = np.arange(4) * np.pi / 2 + (np.pi / 4 if (x + y) % 3 == 0 else rng.uniform(0, 1.5))
+        centre = 45 + 90 * np.array([x, y])
+        squares.append(centre + 14 * np.column_stack([np.cos(turns), np.sin(turns)]))
+    return FloorPlan([(0, 0), (720, 0), (720, 540), (0, 540)], [s.tolist() for s in squares])
+
+
+PLANS = {"room": ROOM, "hall": HALL, "forest": _forest()}
 
 
 def corners(plan: FloorPlan) -> np.ndarray:

@@ -1,0 +1,114 @@
+"""How rays find the nearest wall: all walls against all rays, or from cell to cell among many."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import kernels
+from deqmcl_gym.floorplan.cells import Cells, cells_of
+from deqmcl_gym.floorplan.polygons import Box, Polygon, as_box, oriented_edges
+
+Floats = NDArray[np.float32]
+
+# Walls are cast this much longer at both ends (px), so that no ray slips between two at a corner.
+OVERLAP = 5e-4
+# From here on, walking through cells is faster than trying all walls (each box counts as one).
+# `deqmcl speed` measures both sides of it: rays against segments.
+MANY_WALLS = 64
+
+
+class Caster(Protocol):
+    """Ray casting on one floor plan."""
+
+    def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
+        """Fill in the distance of each beam to the nearest wall.
+
+        Args:
+            poses: rows x px, y px, θ rad, (3, n), in the outer wall.
+            bearings: (B,) rad.
+            out: (B, n) px.
+        """
+        ...
+
+
+class AllWalls(NamedTuple):
+    """All walls against all rays, side by side in SIMD lanes; fields as in ``kernels.cast``."""
+
+    rooms: Floats
+    boxes: Floats
+    upright: Floats
+    level: Floats
+    oblique: Floats
+
+    def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
+        """See ``Caster``."""
+        kernels.cast(poses, bearings, *self, out)
+
+    @property
+    def tries(self) -> int:
+        """How many boxes and walls each ray is tried against."""
+        return sum(map(len, self))
+
+
+class CellByCell(NamedTuple):
+    """Each ray against the walls in the cells it crosses."""
+
+    walls: Floats
+    cells: Cells
+
+    def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
+        """See ``Caster``."""
+        kernels.cast_through(poses, bearings, self.walls, *self.cells, out)
+
+
+def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
+    """Return the faster caster for these walls."""
+    brute = all_walls(outer, obstacles)
+    return brute if brute.tries < MANY_WALLS else cell_by_cell(outer, obstacles)
+
+
+def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
+    """Sort walls by what is known of their direction, which saves arithmetic."""
+    room, boxes = as_box(outer), [as_box(polygon) for polygon in obstacles]
+    polygons = zip((outer, *obstacles), (room, *boxes), strict=True)
+    walls = _edges([polygon for polygon, box in polygons if box is None])
+    x0, y0, x1, y1 = walls.T
+    upright, level = x0 == x1, y0 == y1
+    low_x, high_x = np.minimum(x0, x1) - OVERLAP, np.maximum(x0, x1) + OVERLAP
+    low_y, high_y = np.minimum(y0, y1) - OVERLAP, np.maximum(y0, y1) + OVERLAP
+    return AllWalls(
+        rooms=_boxes([room]),
+        boxes=_boxes(boxes),
+        upright=_singles([x0, low_y, high_y])[upright],
+        level=_singles([y0, low_x, high_x])[level],
+        oblique=_directed(walls[~(upright | level)]),
+    )
+
+
+def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon]) -> CellByCell:
+    """Sort walls into cells."""
+    walls = _edges([outer, *obstacles])
+    return CellByCell(walls=_directed(walls), cells=cells_of(walls))
+
+
+def _edges(polygons: Sequence[Polygon]) -> NDArray[np.float64]:
+    edges = [oriented_edges(polygon, solid=True) for polygon in polygons]
+    return np.vstack([np.empty((0, 4)), *edges])
+
+
+def _directed(walls: NDArray[np.float64]) -> Floats:
+    """(x₀, y₀, unit x, unit y, low, high) of walls (S, 4), (S, 6)."""
+    x0, y0, x1, y1 = walls.T
+    length = np.hypot(x1 - x0, y1 - y0)
+    start = np.full_like(length, -OVERLAP)
+    return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + OVERLAP])
+
+
+def _boxes(found: Sequence[Box | None]) -> Floats:
+    return np.array([box for box in found if box is not None], np.float32).reshape(-1, 4)
+
+
+def _singles(columns: list[NDArray[np.float64]]) -> Floats:
+    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float32)

@@ -1,0 +1,104 @@
+"""The two ways to find the nearest wall: which one a floor plan takes, and that they agree."""
+
+import numpy as np
+import pytest
+from sample_plans import PLANS, anywhere, awkward_poses
+from test_floorplan_ranges import inside_the_outer_wall
+
+from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.floorplan.casting import (
+    MANY_WALLS,
+    AllWalls,
+    CellByCell,
+    all_walls,
+    caster_of,
+    cell_by_cell,
+)
+from deqmcl_gym.floorplan.cells import cells_of
+
+
+def test_few_walls_are_all_tried_and_many_are_sorted_into_cells():
+    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles), AllWalls)
+    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles), AllWalls)
+    assert isinstance(caster_of(PLANS["forest"].outer, PLANS["forest"].obstacles), CellByCell)
+
+
+def test_a_rectangle_counts_as_one_however_many_walls_it_has():
+    boxes = [
+        [(x, y), (x + 5, y), (x + 5, y + 5), (x, y + 5)]
+        for x in range(10, 90, 10)
+        for y in range(10, 80, 10)
+    ]
+    room = [(0, 0), (100, 0), (100, 100), (0, 100)]
+    assert 4 * len(boxes) > MANY_WALLS > len(boxes) + 1
+    assert isinstance(caster_of(room, boxes), AllWalls)
+    assert all_walls(room, boxes).tries == len(boxes) + 1
+
+
+def cast(caster, poses: np.ndarray) -> np.ndarray:
+    out = np.empty((1, len(poses)), np.float32)
+    caster.cast(np.ascontiguousarray(poses.T, np.float32), np.zeros(1, np.float32), out)
+    return out[0]
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
+    """Away from corners both err by float32 rounding alone.
+
+    At most 3e-3 of these beams differ by more than 1e-3 px: a third of them are aimed at a corner,
+    and of those the ones matter whose float32 direction, off by some 1e-7 of a few hundred px,
+    falls on either side of it by less than that.
+    """
+    plan = PLANS[name]
+    rng = np.random.default_rng(6)
+    poses = np.column_stack([anywhere(plan, 20_000, rng), rng.uniform(-np.pi, np.pi, 20_000)])
+    poses = inside_the_outer_wall(plan, poses)
+    one, other = (
+        cast(maker(plan.outer, plan.obstacles), poses) for maker in (all_walls, cell_by_cell)
+    )
+    assert (np.abs(one - other) > 1e-3).mean() < 3e-3
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_cell_by_cell_no_beam_from_inside_the_outer_wall_escapes(name):
+    plan = PLANS[name]
+    poses = inside_the_outer_wall(plan, awkward_poses(plan, 50_000, np.random.default_rng(7)))
+    assert np.isfinite(cast(cell_by_cell(plan.outer, plan.obstacles), poses)).all()
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_each_point_of_a_wall_lies_in_a_cell_that_lists_the_wall(name):
+    walls = PLANS[name].walls
+    cells = cells_of(walls)
+    share = np.random.default_rng(8).random((200, 1, 1))
+    points = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])  # (200, S, 2)
+    column, row = np.floor((points - cells.corner) / cells.side).astype(int).transpose(2, 0, 1)
+    for cell, wall in zip(
+        (row * cells.columns + column).ravel().tolist(),
+        np.tile(np.arange(len(walls)), len(points)).tolist(),
+        strict=True,
+    ):
+        assert wall in cells.walls[cells.first[cell] : cells.first[cell + 1]]
+
+
+def test_a_pose_outside_the_outer_wall_is_blind_with_many_walls_too():
+    plan = PLANS["forest"]
+    outside = [(-5.0, 100.0, 0.0), (800.0, 100.0, np.pi), (100.0, 540.5, -1.0)]
+    assert np.isnan(plan.ranges(outside, [0.0, 1.0])).all()
+
+
+def test_a_wall_along_the_border_of_cells_is_not_missed():
+    """A grid of squares whose edges fall on multiples of the cell's side."""
+    boxes = [
+        [(x, y), (x + 10, y), (x + 10, y + 10), (x, y + 10)]
+        for x in range(20, 380, 20)
+        for y in range(20, 380, 20)
+    ]
+    plan = FloorPlan([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
+    between = np.arange(15.0, 390.0, 20.0)  # lanes without obstacles
+    east = np.column_stack([np.full(between.size, 5.0), between, np.zeros(between.size)])
+    assert plan.ranges(east, [0.0])[:, 0] == pytest.approx(np.full(between.size, 395.0), abs=1e-3)
+    blocked = east + np.array([0.0, 10.0, 0.0])
+    assert plan.ranges(blocked[:-1], [0.0])[:, 0] == pytest.approx(
+        np.full(between.size - 1, 15.0), abs=1e-3
+    )
