@@ -1,0 +1,60 @@
+"""The numbers of a trial do not depend on the processor's instruction set."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+# Every number of one trial of each localizer, by its exact bits.
+DIGEST = """
+import hashlib, json
+from benchmarks.scoring import record
+from benchmarks.suites import paper_suite
+from benchmarks.sweep import trial_trace
+from localizers import names
+
+digests = {}
+for preset in ("paper", "sharp"):
+    suite = paper_suite(
+        preset=preset, localizers=names(), trials=1, seed=3, lag=5, particles=300
+    )
+    for trial in suite:
+        trace = trial_trace(trial)
+        arrays = [trace.truth.tobytes()]
+        for kept in trace.offsets.values():
+            arrays += [kept.means.tobytes(), kept.variances.tobytes(), kept.wall_share.tobytes()]
+        words = json.dumps(record(trace, trial.lag), sort_keys=True).encode()
+        digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
+        digests[f"{preset} {trial.localizer}"] = digest
+print(json.dumps(digests))
+"""
+
+
+def digests(**environment: str) -> dict[str, str]:
+    done = subprocess.run(
+        [sys.executable, "-c", DIGEST],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, str] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.slow
+def test_the_same_bits_for_a_generic_processor(tmp_path):
+    ours = digests()
+    assert ours["paper mcl"] != ours["sharp mcl"] != ours["sharp deq-mcl"]  # differences are seen
+    assert digests(NUMBA_CPU_NAME="generic", NUMBA_CACHE_DIR=str(tmp_path)) == ours
+
+
+@pytest.mark.slow
+def test_the_same_bits_with_numpy_kept_from_wide_registers():
+    features = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    assert features, "NumPy found no extension that could be switched off"
+    assert digests(NPY_DISABLE_CPU_FEATURES=" ".join(features)) == digests()
