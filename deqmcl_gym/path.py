@@ -11,6 +11,11 @@ Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 
+def wrapped(angle: float) -> float:
+    """Return the same direction in [-π, π), rad."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
 @dataclass(frozen=True)
 class Path:
     """A closed polygonal path, driven in the order of its corners.
@@ -27,12 +32,21 @@ class Path:
         return float(self._lengths.sum())
 
     def arc(self, point: tuple[float, float]) -> float:
-        """Arc length from corner 0 to the path's point nearest to ``point``, px."""
-        offset = np.asarray(point) - self.corners
-        share = np.clip((offset * self._along).sum(axis=1) / self._lengths**2, 0, 1)
-        off_path = offset - share[:, None] * self._along
-        nearest = int((off_path**2).sum(axis=1).argmin())
-        return float(self._before[nearest] + share[nearest] * self._lengths[nearest])
+        """Arc length from corner 0 to the path's point nearest to ``point``, px.
+
+        In plain numbers: for a handful of edges faster than NumPy by an order of magnitude.
+        """
+        x, y = point
+        nearest, arc = math.inf, 0.0
+        for corner_x, corner_y, dx, dy, length, before in self._edges:
+            to_x, to_y = x - corner_x, y - corner_y
+            share = (to_x * dx + to_y * dy) / (length * length)
+            share = 0.0 if share < 0.0 else min(share, 1.0)
+            off_x, off_y = to_x - share * dx, to_y - share * dy
+            square = off_x * off_x + off_y * off_y
+            if square < nearest:
+                nearest, arc = square, before + share * length
+        return arc
 
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
@@ -59,6 +73,13 @@ class Path:
         after = int(np.searchsorted(self._before, arc, side="right"))
         order = np.roll(self.corners, -after, axis=0)
         return np.vstack([entry, order, entry])
+
+    @cached_property
+    def _edges(self) -> list[list[float]]:
+        """Rows (x, y, dx, dy, length, arc length of the corner)."""
+        columns = [self.corners, self._along, self._lengths[:, None], self._before[:, None]]
+        rows: list[list[float]] = np.hstack(columns).tolist()
+        return rows
 
     @cached_property
     def _along(self) -> Floats:

@@ -1,6 +1,7 @@
-"""The pymunk world: a disc among static walls, and where it touches them."""
+"""The pymunk world: static walls, and where a disc that drives among them touches one."""
 
 import math
+from functools import lru_cache
 
 import pymunk
 from pymunk.autogeometry import convex_decomposition
@@ -8,78 +9,98 @@ from pymunk.autogeometry import convex_decomposition
 from deqmcl_gym.floorplan import FloorPlan
 from deqmcl_gym.floorplan.polygons import oriented_edges
 
-_WALLS = 0b01
-_ROBOT = 0b10
-_SEES_WALLS = pymunk.ShapeFilter(mask=_WALLS)
+_WALLS = pymunk.ShapeFilter()  # nothing else is in the space
 # A stopped robot stands this far before the contact, so that it can drive away again.
 SKIN = 1e-3  # px
 
+Point = tuple[float, float]
+
 
 class Physics:
-    """A pymunk space with the floor plan's walls and the robot's disc. Units px."""
+    """A pymunk space with the floor plan's walls, and the robot's disc that queries sweep. In px.
 
-    def __init__(self, floor_plan: FloorPlan, radius: float, position: tuple[float, float]) -> None:
-        """Build the space anew: one per episode, so that no contact outlives its episode."""
+    Attributes:
+        space: the walls.
+        radius: of the disc.
+        position: of its centre; :meth:`place` sets it.
+    """
+
+    def __init__(self, floor_plan: FloorPlan, radius: float, position: Point) -> None:
+        """Build the space anew: one per episode, so that nothing outlives its episode."""
         self.space = pymunk.Space()
+        self.space.add(*_wall_shapes(floor_plan, self.space.static_body))
         self.radius = radius
-        self._walls = _wall_shapes(floor_plan, self.space.static_body)
-        for shape in self._walls:
-            shape.filter = pymunk.ShapeFilter(categories=_WALLS)
-            self.space.add(shape)
-        self.robot = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        disc = pymunk.Circle(self.robot, radius)
-        disc.filter = pymunk.ShapeFilter(categories=_ROBOT)
-        self.space.add(self.robot, disc)
-        self.robot.position = position
+        self.place(position)
 
-    @property
-    def position(self) -> tuple[float, float]:
-        """Centre of the disc, px."""
-        x, y = self.robot.position
-        return float(x), float(y)
-
-    def clear_at(self, position: tuple[float, float]) -> bool:
-        """Whether the disc would touch no wall there."""
-        near = self.space.point_query_nearest(position, self.radius, _SEES_WALLS)
-        return near is None
-
-    def place(self, position: tuple[float, float]) -> None:
+    def place(self, position: Point) -> None:
         """Put the robot somewhere, whatever lies between."""
-        self.robot.position = position
+        self.position = position
+        self._free_way = 0.0  # drives that add up to less meet no wall, in whatever direction
 
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
-        The disc is swept by pymunk's segment query, wall by wall: the space's own looks for walls
-        along the thin line only, and finds none that the line does not meet. Either misses walls
-        which the disc overlaps at the start; a point query finds those, and the robot stays there.
+        pymunk is asked for the nearest wall, and again only after as much has been driven as could
+        lead there. Where a step could, it is asked for the contact. A robot that overlaps a wall
+        stays there.
         """
         if distance == 0.0:
             return False
-        x, y = self.robot.position
+        x, y = start = self.position
         dx, dy = distance * math.cos(heading), distance * math.sin(heading)
-        if not self.clear_at((x, y)):
-            return True
-        contacts = (
-            wall.segment_query((x, y), (x + dx, y + dy), self.radius) for wall in self._walls
-        )
-        first = min((contact.alpha for contact in contacts if contact is not None), default=None)
+        self.position = (x + dx, y + dy)
+        self._free_way -= abs(distance)
+        if self._free_way > 0.0:
+            return False
+        gap = self._gap(start)
+        self._free_way = gap - SKIN - abs(distance)
+        if self._free_way > 0.0:
+            return False
+        first = 0.0 if gap < 0.0 else self._first_contact(start, self.position)
         if first is None:
-            self.robot.position = (x + dx, y + dy)
             return False
         share = max(first - SKIN / abs(distance), 0.0)
-        self.robot.position = (x + share * dx, y + share * dy)
+        self.place((x + share * dx, y + share * dy))
         return True
+
+    def _gap(self, position: Point) -> float:
+        """Distance from the disc's rim to the nearest wall, negative if they overlap."""
+        nearest = self.space.point_query_nearest(position, math.inf, _WALLS)
+        assert nearest is not None  # a room has walls
+        return nearest.distance - self.radius
+
+    def _first_contact(self, start: Point, end: Point) -> float | None:
+        """Share of the way at which the swept disc first touches a wall.
+
+        By pymunk's segment query of each wall near the way: the space's own looks for walls along
+        the thin line only, and finds none that the line itself does not meet.
+        """
+        (x0, y0), (x1, y1), reach = start, end, self.radius + SKIN
+        box = pymunk.BB(
+            min(x0, x1) - reach, min(y0, y1) - reach, max(x0, x1) + reach, max(y0, y1) + reach
+        )
+        near = self.space.bb_query(box, _WALLS)
+        contacts = (wall.segment_query(start, end, self.radius) for wall in near)
+        return min((contact.alpha for contact in contacts if contact is not None), default=None)
 
 
 def _wall_shapes(floor_plan: FloorPlan, body: pymunk.Body) -> list[pymunk.Shape]:
     """Outer walls as segments, obstacles as solid convex pieces."""
-    shapes: list[pymunk.Shape] = [
-        pymunk.Segment(body, (x0, y0), (x1, y1), 0.0)
-        for x0, y0, x1, y1 in oriented_edges(floor_plan.outer, solid=False).tolist()
+    segments, pieces = _outlines(floor_plan)
+    return [
+        *(pymunk.Segment(body, start, end, 0.0) for start, end in segments),
+        *(pymunk.Poly(body, corners) for corners in pieces),
     ]
+
+
+@lru_cache(maxsize=16)
+def _outlines(floor_plan: FloorPlan) -> tuple[list[tuple[Point, Point]], list[list[Point]]]:
+    """End points of segments and corners of pieces, found once for all episodes in a plan."""
+    outer = oriented_edges(floor_plan.outer, solid=False).tolist()
+    segments = [((x0, y0), (x1, y1)) for x0, y0, x1, y1 in outer]
+    pieces: list[list[Point]] = []
     for obstacle in floor_plan.obstacles:
         corners = oriented_edges(obstacle, solid=False)[:, :2].tolist()
-        pieces = convex_decomposition([*corners, corners[0]], 0.0)
-        shapes += [pymunk.Poly(body, piece) for piece in pieces]
-    return shapes
+        convex = convex_decomposition([*corners, corners[0]], 0.0)
+        pieces += [[(x, y) for x, y in piece] for piece in convex]
+    return segments, pieces
