@@ -1,7 +1,7 @@
 """RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
 
 from collections.abc import Mapping
-from typing import Any, SupportsFloat, cast
+from typing import TYPE_CHECKING, Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
@@ -18,6 +18,9 @@ from deqmcl_gym.plan import Plan
 from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import Stream
 from deqmcl_gym.validation import InputError, boolean, integer, one_of, pose
+
+if TYPE_CHECKING:  # OpenCV is loaded by those only who look
+    from deqmcl_gym.drawing import Drawing
 
 COLLISION_PENALTY = 10.0  # px of progress
 
@@ -75,6 +78,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         self._ends_at_goal = boolean("ends_at_goal", ends_at_goal)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
+            self._drawing()  # refuses a room too large for a picture
         self.render_mode = render_mode
         self.observation_space = gym.spaces.Box(
             0.0, self.lidar.max_range, (self.lidar.beams,), np.float32
@@ -170,12 +174,15 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             return None
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
-        from deqmcl_gym.drawing import LIGHT_BLUE, Drawing, View
-
-        episode, corners = self._begun, self.course.path.corners
-        drawing = Drawing(View(self.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
+        episode, drawing = self._begun, self._drawing()
         drawing.beams(episode.pose, self.lidar.bearings, episode.scan)
         return drawing.robot(episode.pose, self.world.robot.radius).number(episode.step).image
+
+    def _drawing(self) -> "Drawing":
+        from deqmcl_gym.drawing import LIGHT_BLUE, Drawing, View
+
+        corners = self.course.path.corners
+        return Drawing(View(self.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
 
     @property
     def _episode(self) -> Episode:

@@ -23,7 +23,7 @@ class LidarSensor:
         """Return the ranges seen from a pose as a fresh array, (B,) px, in [0, max_range]."""
         self._pose[0] = pose
         exact = self._floor_plan.ranges(self._pose, self._bearings)[0]
-        seen = np.empty_like(exact)
+        seen = np.empty(len(exact), np.float32)
         _report(exact, self._noise.next(), self._max_range, seen)
         return seen
 

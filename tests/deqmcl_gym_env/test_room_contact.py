@@ -8,7 +8,7 @@ from room_cases import PAPER, SEVERAL, STILL, calm, drive, poses_of, wrapped
 
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.physics import SKIN
+from deqmcl_gym.physics import SKIN, Physics
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10
@@ -145,6 +145,42 @@ def test_collided_says_what_the_reference_and_the_floor_plan_say(plan, radius):
     # A stopped robot stands at the contact: nearer than SKIN or, if it started there, not moved.
     gap = reference.clearance(walls.walls, poses[1:], poses[1:]) - radius
     assert gap[collided].max() <= SKIN + EXACT
+
+
+def asked_of_every_wall(physics: Physics, distance: float, heading: float):
+    """Where a drive ends and whether it is stopped, asking pymunk about each wall."""
+    x, y = physics.position
+    end = (x + distance * math.cos(heading), y + distance * math.sin(heading))
+    walls = physics.space.shapes
+    if any(wall.point_query((x, y)).distance < physics.radius for wall in walls):
+        return (x, y), True
+    met = [wall.segment_query((x, y), end, physics.radius) for wall in walls]
+    first = min((contact.alpha for contact in met if contact is not None), default=None)
+    if first is None:
+        return end, False
+    share = max(first - SKIN / abs(distance), 0.0)
+    return (x + share * (end[0] - x), y + share * (end[1] - y)), True
+
+
+@pytest.mark.parametrize("radius", [8.0, 0.0])
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+def test_walls_that_are_not_asked_would_not_have_been_touched(plan, radius):
+    walls = FloorPlan(**plan)
+    agent = np.random.default_rng(11)
+    physics = Physics(walls, radius, (50.0, 50.0))
+    stopped = 0
+    for i in range(10_000):
+        if i % 20 == 0:  # anywhere, also where it overlaps a wall
+            physics.place(tuple(agent.uniform((0, 0), walls.bounds[2:]).tolist()))
+        heading = float(
+            agent.uniform(-math.pi, math.pi) if i % 3 else agent.integers(8) * math.pi / 4
+        )
+        distance = float(agent.uniform(*((-5, 5), (0, 10), (0, 60))[i % 3]))
+        position, collided = asked_of_every_wall(physics, distance, heading)
+        assert physics.drive(distance, heading) == collided
+        assert math.dist(physics.position, position) < EXACT
+        stopped += collided
+    assert 0.1 < stopped / 10_000 < 0.9  # both answers occur
 
 
 @pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
