@@ -11,6 +11,7 @@ from deqmcl_gym.config import Robot
 from deqmcl_gym.validation import InputError
 
 Actions = NDArray[np.float32]
+_FLOAT32 = np.dtype(np.float32)
 
 
 class Commands:
@@ -61,7 +62,7 @@ class Commands:
 
 def _as_float32(action: Any) -> Actions | None:
     """Return a fresh array, or None for words, truth values, complex numbers and ragged lists."""
-    if type(action) is np.ndarray and action.dtype == np.float32:  # what the space asks for
+    if type(action) is np.ndarray and action.dtype is _FLOAT32:  # what the space asks for
         return action.copy()
     try:
         given = np.asarray(action)

@@ -14,6 +14,7 @@ from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.info import RoomInfo
 from deqmcl_gym.lap import MAX_STEPS, Course, check_free
 from deqmcl_gym.path import Pose
+from deqmcl_gym.physics import Walls
 from deqmcl_gym.plan import Plan
 from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import Stream
@@ -73,6 +74,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         self.floor_plan = self.world.floor_plan
         self.lidar = self.world.lidar
         self.course = Course.of(self.world)
+        self._walls = Walls(self.floor_plan)
         rows = len(self.course.actions) if horizon is None else horizon
         self._plan = Plan(self.course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))
         self._ends_at_goal = boolean("ends_at_goal", ends_at_goal)
@@ -119,10 +121,12 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         _check_no_options(options)
         root = self.np_random_seed if seed is None else integer("seed", seed)
         number = self._number + 1 if seed is None else 0
-        episode = Episode(self.world, self.course, self._plan, seed=root, number=number)
+        episode = Episode(
+            self.world, self._walls, self.course, self._plan, seed=root, number=number
+        )
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
-        return episode.scan.copy(), self._info(np.zeros(2, np.float32), collided=False)
+        return episode.scan.copy(), _info(episode, np.zeros(2, np.float32), collided=False)
 
     def step(
         self, action: NDArray[np.float32]
@@ -137,7 +141,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         reward = progress - COLLISION_PENALTY * collided
         used_up = episode.step >= len(episode.plan)
         episode.ended = used_up or (self._ends_at_goal and episode.lap_done)
-        return episode.scan.copy(), reward, episode.ended, False, self._info(command, collided)
+        return episode.scan.copy(), reward, episode.ended, False, _info(episode, command, collided)
 
     def place(self, at: Pose) -> None:
         """Put the robot at a free pose, without telling anyone; the reward ignores the jump.
@@ -190,17 +194,17 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             raise RuntimeError("the episode has not begun: call reset() first.")
         return self._begun
 
-    def _info(self, command: NDArray[np.float32], collided: bool) -> dict[str, Any]:
-        episode = self._episode
-        planned, count = episode.plan.after(episode.step)
-        info: RoomInfo = {
-            "planned_actions": planned,
-            "planned_count": count,
-            "action": command,
-            "collided": collided,
-            "truth": np.array(episode.pose),
-        }
-        return cast(dict[str, Any], info)
+
+def _info(episode: Episode, command: NDArray[np.float32], collided: bool) -> dict[str, Any]:
+    planned, count = episode.plan.after(episode.step)
+    info: RoomInfo = {
+        "planned_actions": planned,
+        "planned_count": count,
+        "action": command,
+        "collided": collided,
+        "truth": np.array(episode.pose),
+    }
+    return cast(dict[str, Any], info)
 
 
 def _check_no_options(options: object) -> None:

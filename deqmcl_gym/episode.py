@@ -1,5 +1,7 @@
 """One episode: a robot on its way through a world, from reset to the end of its plan."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,7 +9,7 @@ from deqmcl_gym.config import World
 from deqmcl_gym.lap import Course
 from deqmcl_gym.lidar import LidarSensor
 from deqmcl_gym.path import Pose, wrapped
-from deqmcl_gym.physics import Physics
+from deqmcl_gym.physics import Physics, Walls
 from deqmcl_gym.plan import Plan
 from deqmcl_gym.seeding import NormalRows, Stream, episode_stream
 from deqmcl_gym.validation import InputError
@@ -27,7 +29,9 @@ class Episode:
         scan: the last one, (B,) px.
     """
 
-    def __init__(self, world: World, course: Course, plan: Plan, *, seed: int, number: int) -> None:
+    def __init__(
+        self, world: World, walls: Walls, course: Course, plan: Plan, *, seed: int, number: int
+    ) -> None:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
@@ -40,8 +44,8 @@ class Episode:
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
         x, y, heading = self._drawn_start(course.start)
         self._start = (x, y)
-        self._heading = heading if -np.pi <= heading < np.pi else wrapped(heading)
-        self._physics = Physics(world.floor_plan, world.robot.radius, self._start)
+        self._heading = heading if -math.pi <= heading < math.pi else wrapped(heading)
+        self._physics = Physics(walls, world.robot.radius, self._start)
         self._arc = self._path.arc(self._start)
         self._progress = 0.0
         self.plan, self.step, self.ended = plan, 0, False
@@ -60,9 +64,9 @@ class Episode:
     @property
     def lap_done(self) -> bool:
         """Whether the progress adds up to one lap and the robot is back at its start."""
-        (x0, y0), (x, y) = self._start, self._physics.position
-        back = (x - x0) ** 2 + (y - y0) ** 2 <= self._world.robot.radius**2
-        return back and round(self._progress / self._path.length) >= 1
+        if round(self._progress / self._path.length) < 1:
+            return False
+        return math.dist(self._start, self._physics.position) <= self._world.robot.radius
 
     def place(self, pose: Pose) -> None:
         """Put the robot somewhere; that makes no progress."""

@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.floorplan.compiling import compiled
+
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
@@ -32,21 +34,9 @@ class Path:
         return float(self._lengths.sum())
 
     def arc(self, point: tuple[float, float]) -> float:
-        """Arc length from corner 0 to the path's point nearest to ``point``, px.
-
-        In plain numbers: for a handful of edges faster than NumPy by an order of magnitude.
-        """
+        """Arc length from corner 0 to the path's point nearest to ``point``, px."""
         x, y = point
-        nearest, arc = math.inf, 0.0
-        for corner_x, corner_y, dx, dy, length, before in self._edges:
-            to_x, to_y = x - corner_x, y - corner_y
-            share = (to_x * dx + to_y * dy) / (length * length)
-            share = 0.0 if share < 0.0 else min(share, 1.0)
-            off_x, off_y = to_x - share * dx, to_y - share * dy
-            square = off_x * off_x + off_y * off_y
-            if square < nearest:
-                nearest, arc = square, before + share * length
-        return arc
+        return _nearest_arc(x, y, self._edges)
 
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
@@ -75,11 +65,9 @@ class Path:
         return np.vstack([entry, order, entry])
 
     @cached_property
-    def _edges(self) -> list[list[float]]:
-        """Rows (x, y, dx, dy, length, arc length of the corner)."""
-        columns = [self.corners, self._along, self._lengths[:, None], self._before[:, None]]
-        rows: list[list[float]] = np.hstack(columns).tolist()
-        return rows
+    def _edges(self) -> Floats:
+        """Rows (x, y, dx, dy, length, arc length of the corner), (k, 6)."""
+        return np.column_stack([self.corners, self._along, self._lengths, self._before])
 
     @cached_property
     def _along(self) -> Floats:
@@ -93,3 +81,16 @@ class Path:
     @cached_property
     def _before(self) -> Floats:
         return np.concatenate([[0.0], np.cumsum(self._lengths)[:-1]])
+
+
+@compiled
+def _nearest_arc(x: float, y: float, edges: Floats) -> float:
+    nearest, arc = np.inf, 0.0
+    for corner_x, corner_y, dx, dy, length, before in edges:
+        to_x, to_y = x - corner_x, y - corner_y
+        share = min(max((to_x * dx + to_y * dy) / (length * length), 0.0), 1.0)
+        off_x, off_y = to_x - share * dx, to_y - share * dy
+        square = off_x * off_x + off_y * off_y
+        if square < nearest:
+            nearest, arc = square, before + share * length
+    return arc

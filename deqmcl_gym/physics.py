@@ -1,7 +1,6 @@
 """The pymunk world: static walls, and where a disc that drives among them touches one."""
 
 import math
-from functools import lru_cache
 
 import pymunk
 from pymunk.autogeometry import convex_decomposition
@@ -16,19 +15,57 @@ SKIN = 1e-3  # px
 Point = tuple[float, float]
 
 
-class Physics:
-    """A pymunk space with the floor plan's walls, and the robot's disc that queries sweep. In px.
+class Walls:
+    """A floor plan in a pymunk space, to be asked and never changed. Units px.
 
     Attributes:
-        space: the walls.
-        radius: of the disc.
-        position: of its centre; :meth:`place` sets it.
+        space: outer walls as segments, obstacles as solid convex pieces; all static.
     """
 
-    def __init__(self, floor_plan: FloorPlan, radius: float, position: Point) -> None:
-        """Build the space anew: one per episode, so that nothing outlives its episode."""
+    def __init__(self, floor_plan: FloorPlan) -> None:
+        """Build the space; the robot is no part of it: queries sweep its disc through."""
         self.space = pymunk.Space()
-        self.space.add(*_wall_shapes(floor_plan, self.space.static_body))
+        body = self.space.static_body
+        for x0, y0, x1, y1 in oriented_edges(floor_plan.outer, solid=False).tolist():
+            self.space.add(pymunk.Segment(body, (x0, y0), (x1, y1), 0.0))
+        for obstacle in floor_plan.obstacles:
+            corners = oriented_edges(obstacle, solid=False)[:, :2].tolist()
+            for piece in convex_decomposition([*corners, corners[0]], 0.0):
+                self.space.add(pymunk.Poly(body, piece))
+
+    def distance(self, position: Point) -> float:
+        """How far the nearest wall is, negative inside an obstacle."""
+        nearest = self.space.point_query_nearest(position, math.inf, _WALLS)
+        assert nearest is not None  # a room has walls
+        return nearest.distance
+
+    def first_contact(self, start: Point, end: Point, radius: float) -> float | None:
+        """Share of the way from start to end at which a disc first touches a wall, if it does.
+
+        By pymunk's segment query of each wall near the way: the space's own looks for walls along
+        the thin line only, and finds none that the line itself does not meet.
+        """
+        (x0, y0), (x1, y1), reach = start, end, radius + SKIN
+        box = pymunk.BB(
+            min(x0, x1) - reach, min(y0, y1) - reach, max(x0, x1) + reach, max(y0, y1) + reach
+        )
+        near = self.space.bb_query(box, _WALLS)
+        contacts = (wall.segment_query(start, end, radius) for wall in near)
+        return min((contact.alpha for contact in contacts if contact is not None), default=None)
+
+
+class Physics:
+    """The robot's disc among the walls.
+
+    Attributes:
+        walls: of the room.
+        radius: of the disc, px.
+        position: of its centre, px; :meth:`place` sets it.
+    """
+
+    def __init__(self, walls: Walls, radius: float, position: Point) -> None:
+        """Put a disc of some radius somewhere."""
+        self.walls = walls
         self.radius = radius
         self.place(position)
 
@@ -40,67 +77,25 @@ class Physics:
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
-        pymunk is asked for the nearest wall, and again only after as much has been driven as could
-        lead there. Where a step could, it is asked for the contact. A robot that overlaps a wall
+        The distance to the nearest wall is asked for, and again only after as much has been driven
+        as could lead there; the contact only where the step could. A robot that overlaps a wall
         stays there.
         """
         if distance == 0.0:
             return False
         x, y = start = self.position
         dx, dy = distance * math.cos(heading), distance * math.sin(heading)
-        self.position = (x + dx, y + dy)
+        self.position = end = (x + dx, y + dy)
         self._free_way -= abs(distance)
         if self._free_way > 0.0:
             return False
-        gap = self._gap(start)
+        gap = self.walls.distance(start) - self.radius
         self._free_way = gap - SKIN - abs(distance)
         if self._free_way > 0.0:
             return False
-        first = 0.0 if gap < 0.0 else self._first_contact(start, self.position)
+        first = 0.0 if gap < 0.0 else self.walls.first_contact(start, end, self.radius)
         if first is None:
             return False
         share = max(first - SKIN / abs(distance), 0.0)
         self.place((x + share * dx, y + share * dy))
         return True
-
-    def _gap(self, position: Point) -> float:
-        """Distance from the disc's rim to the nearest wall, negative if they overlap."""
-        nearest = self.space.point_query_nearest(position, math.inf, _WALLS)
-        assert nearest is not None  # a room has walls
-        return nearest.distance - self.radius
-
-    def _first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of the way at which the swept disc first touches a wall.
-
-        By pymunk's segment query of each wall near the way: the space's own looks for walls along
-        the thin line only, and finds none that the line itself does not meet.
-        """
-        (x0, y0), (x1, y1), reach = start, end, self.radius + SKIN
-        box = pymunk.BB(
-            min(x0, x1) - reach, min(y0, y1) - reach, max(x0, x1) + reach, max(y0, y1) + reach
-        )
-        near = self.space.bb_query(box, _WALLS)
-        contacts = (wall.segment_query(start, end, self.radius) for wall in near)
-        return min((contact.alpha for contact in contacts if contact is not None), default=None)
-
-
-def _wall_shapes(floor_plan: FloorPlan, body: pymunk.Body) -> list[pymunk.Shape]:
-    """Outer walls as segments, obstacles as solid convex pieces."""
-    segments, pieces = _outlines(floor_plan)
-    return [
-        *(pymunk.Segment(body, start, end, 0.0) for start, end in segments),
-        *(pymunk.Poly(body, corners) for corners in pieces),
-    ]
-
-
-@lru_cache(maxsize=16)
-def _outlines(floor_plan: FloorPlan) -> tuple[list[tuple[Point, Point]], list[list[Point]]]:
-    """End points of segments and corners of pieces, found once for all episodes in a plan."""
-    outer = oriented_edges(floor_plan.outer, solid=False).tolist()
-    segments = [((x0, y0), (x1, y1)) for x0, y0, x1, y1 in outer]
-    pieces: list[list[Point]] = []
-    for obstacle in floor_plan.obstacles:
-        corners = oriented_edges(obstacle, solid=False)[:, :2].tolist()
-        convex = convex_decomposition([*corners, corners[0]], 0.0)
-        pieces += [[(x, y) for x, y in piece] for piece in convex]
-    return segments, pieces

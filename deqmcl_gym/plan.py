@@ -30,8 +30,8 @@ class Plan:
 
         The array (h, 2) is a fresh one.
         """
-        shown = self._padded[step : step + self.horizon].copy()
-        return shown, min(self.horizon, len(self.actions) - step)
+        end = step + self.horizon
+        return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
     def replaced(self, step: int, actions: Actions) -> "Plan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""

@@ -8,7 +8,7 @@ from room_cases import PAPER, SEVERAL, STILL, calm, drive, poses_of, wrapped
 
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.physics import SKIN, Physics
+from deqmcl_gym.physics import SKIN, Physics, Walls
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10
@@ -151,7 +151,7 @@ def asked_of_every_wall(physics: Physics, distance: float, heading: float):
     """Where a drive ends and whether it is stopped, asking pymunk about each wall."""
     x, y = physics.position
     end = (x + distance * math.cos(heading), y + distance * math.sin(heading))
-    walls = physics.space.shapes
+    walls = physics.walls.space.shapes
     if any(wall.point_query((x, y)).distance < physics.radius for wall in walls):
         return (x, y), True
     met = [wall.segment_query((x, y), end, physics.radius) for wall in walls]
@@ -165,13 +165,13 @@ def asked_of_every_wall(physics: Physics, distance: float, heading: float):
 @pytest.mark.parametrize("radius", [8.0, 0.0])
 @pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
 def test_walls_that_are_not_asked_would_not_have_been_touched(plan, radius):
-    walls = FloorPlan(**plan)
+    floor_plan = FloorPlan(**plan)
     agent = np.random.default_rng(11)
-    physics = Physics(walls, radius, (50.0, 50.0))
+    physics = Physics(Walls(floor_plan), radius, (50.0, 50.0))
     stopped = 0
     for i in range(10_000):
         if i % 20 == 0:  # anywhere, also where it overlaps a wall
-            physics.place(tuple(agent.uniform((0, 0), walls.bounds[2:]).tolist()))
+            physics.place(tuple(agent.uniform((0, 0), floor_plan.bounds[2:]).tolist()))
         heading = float(
             agent.uniform(-math.pi, math.pi) if i % 3 else agent.integers(8) * math.pi / 4
         )
