@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
-from deqmcl_gym.floorplan.compiling import compiled
+from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.seeding import NormalRows
 
 
@@ -14,7 +14,7 @@ class LidarSensor:
     def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
         self._floor_plan = floor_plan
-        self._bearings = lidar.bearings
+        self._bearings = lidar.bearings.astype(np.float32)  # as the caster takes them
         self._max_range = lidar.max_range
         self._noise = NormalRows(rng, lidar.beams, lidar.sigma)
         self._pose = np.empty((1, 3), np.float32)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan.compiling import compiled
+from deqmcl_gym.numerics.compiling import compiled
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
