@@ -74,7 +74,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         self.floor_plan = self.world.floor_plan
         self.lidar = self.world.lidar
         self.course = Course.of(self.world)
-        self._walls = Walls(self.floor_plan)
+        self._walls = Walls(self.floor_plan, self.world.robot.radius)
         rows = len(self.course.actions) if horizon is None else horizon
         self._plan = Plan(self.course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))
         self._ends_at_goal = boolean("ends_at_goal", ends_at_goal)

@@ -45,7 +45,7 @@ class Episode:
         x, y, heading = self._drawn_start(course.start)
         self._start = (x, y)
         self._heading = heading if -math.pi <= heading < math.pi else wrapped(heading)
-        self._physics = Physics(walls, world.robot.radius, self._start)
+        self._physics = Physics(walls, self._start)
         self._arc = self._path.arc(self._start)
         self._progress = 0.0
         self.plan, self.step, self.ended = plan, 0, False
