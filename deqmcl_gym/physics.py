@@ -44,7 +44,7 @@ class Walls:
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which the disc touches a wall, if it does and did not at the start."""
+        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
 
