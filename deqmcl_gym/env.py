@@ -88,7 +88,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         self._commands = Commands(self.world.robot)
         self.action_space = self._commands.space
         self._begun: Episode | None = None
-        self._number = -1
+        self._number = -1  # of the episode since the last seed
 
     @property
     def plan(self) -> NDArray[np.float32]:
