@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.validation import InputError
 
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
@@ -20,6 +21,7 @@ ORANGE: Color = (255, 140, 0)
 PINK: Color = (240, 90, 160)
 LIGHT_BLUE: Color = (90, 180, 240)
 
+MAX_SIDE = 8_192  # pixels: 200 MB
 _SHIFT = 4  # OpenCV's fractional bits: sixteenths of a pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -37,6 +39,14 @@ class View:
     floor_plan: FloorPlan
     scale: float = 2.0
     margin: int = 8
+
+    def __post_init__(self) -> None:
+        width, height = self.size
+        if max(width, height) > MAX_SIDE:
+            raise InputError(
+                f"a picture of the floor plan would have {width} x {height} pixels, but may have "
+                f"at most {MAX_SIDE:,} to a side: give a smaller floor plan, or a smaller scale."
+            )
 
     @property
     def size(self) -> tuple[int, int]:

@@ -1,6 +1,7 @@
 """The planned lap: a closed path in mid-corridor and the actions that drive it once around."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +9,10 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.config import Lap, Robot, World
 from deqmcl_gym.floorplan import FloorPlan
-from deqmcl_gym.path import Floats, Path, Pose
+from deqmcl_gym.path import Floats, Path, Pose, wrapped
 from deqmcl_gym.validation import InputError
+
+MAX_STEPS = 100_000  # of a plan: 0.8 MB in every info
 
 
 @dataclass(frozen=True)
@@ -31,11 +34,31 @@ class Course:
         """Plan the lap of a world.
 
         Raises:
-            InputError: the robot does not fit through, or cannot take such steps.
+            InputError: the robot does not fit through or at its start, cannot come straight from
+                there to the path, or cannot take such steps.
         """
         path = path_of(world)
         start = path.bottom_centre() if world.start.pose is None else world.start.pose
+        check_free("start.pose", start, world)
+        x, y, _ = path.at(path.arc(start[:2]))
+        if world.floor_plan.collides([start], [(x, y)], world.robot.radius)[0]:
+            raise InputError(
+                f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
+                f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
+                "lap.waypoints."
+            )
         return cls(path, start, plan_actions(path, start, world.lap, world.robot))
+
+
+def check_free(what: str, at: Pose, world: World) -> None:
+    """Refuse a pose where the robot would touch a wall."""
+    if not world.floor_plan.free([at], world.robot.radius)[0]:
+        x, y, heading = at
+        raise InputError(
+            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of radius "
+            f"{world.robot.radius:g} px touches a wall or stands outside: give a pose in free "
+            "space."
+        )
 
 
 def path_of(world: World) -> Path:
@@ -95,7 +118,7 @@ def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> NDArray[np.
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 
     Raises:
-        InputError: a step is larger than the robot can do.
+        InputError: a step is larger than the robot can do, or there are too many.
     """
     for name, step, most in (
         ("lap.step", lap.step, robot.max_distance),
@@ -105,18 +128,30 @@ def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> NDArray[np.
             raise InputError(
                 f"{name} is {step:g}, but the robot can do at most {most:g} in a step."
             )
-    x, y, heading = start
+    legs = list(_legs(path, start))
+    steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
+    if steps > MAX_STEPS:
+        raise InputError(
+            f"the lap would have about {steps:.3g} steps, but a plan may have at most "
+            f"{MAX_STEPS:,}: give a larger lap.step or lap.turn."
+        )
     actions: list[tuple[float, float]] = []
-    for corner_x, corner_y in path.corners_from((x, y)):
+    for turn, distance in legs:
+        actions += [(0.0, math.copysign(part, turn)) for part in _parts(abs(turn), lap.turn)]
+        actions += [(part, 0.0) for part in _parts(distance, lap.step)]
+    return np.array(actions, dtype=np.float32).reshape(-1, 2)
+
+
+def _legs(path: Path, start: Pose) -> Iterator[tuple[float, float]]:
+    """Turn and distance to each point to drive to, rad and px."""
+    x, y, heading = start
+    for corner_x, corner_y in path.corners_from((x, y)).tolist():
         distance = math.hypot(corner_x - x, corner_y - y)
         if distance < 1e-6:
             continue
         bearing = math.atan2(corner_y - y, corner_x - x)
-        turn = (bearing - heading + math.pi) % (2 * math.pi) - math.pi
-        actions += [(0.0, math.copysign(part, turn)) for part in _parts(abs(turn), lap.turn)]
-        actions += [(part, 0.0) for part in _parts(distance, lap.step)]
+        yield wrapped(bearing - heading), distance
         x, y, heading = corner_x, corner_y, bearing
-    return np.array(actions, dtype=np.float32).reshape(-1, 2)
 
 
 def _parts(total: float, step: float) -> list[float]:

@@ -7,8 +7,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.compiling import compiled
+
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
+
+
+def wrapped(angle: float) -> float:
+    """Return the same direction in [-π, π), rad."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 @dataclass(frozen=True)
@@ -28,11 +35,8 @@ class Path:
 
     def arc(self, point: tuple[float, float]) -> float:
         """Arc length from corner 0 to the path's point nearest to ``point``, px."""
-        offset = np.asarray(point) - self.corners
-        share = np.clip((offset * self._along).sum(axis=1) / self._lengths**2, 0, 1)
-        off_path = offset - share[:, None] * self._along
-        nearest = int((off_path**2).sum(axis=1).argmin())
-        return float(self._before[nearest] + share[nearest] * self._lengths[nearest])
+        x, y = point
+        return _nearest_arc(x, y, self._edges)
 
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
@@ -61,6 +65,11 @@ class Path:
         return np.vstack([entry, order, entry])
 
     @cached_property
+    def _edges(self) -> Floats:
+        """Rows (x, y, dx, dy, length, arc length of the corner), (k, 6)."""
+        return np.column_stack([self.corners, self._along, self._lengths, self._before])
+
+    @cached_property
     def _along(self) -> Floats:
         return np.roll(self.corners, -1, axis=0) - self.corners
 
@@ -72,3 +81,16 @@ class Path:
     @cached_property
     def _before(self) -> Floats:
         return np.concatenate([[0.0], np.cumsum(self._lengths)[:-1]])
+
+
+@compiled
+def _nearest_arc(x: float, y: float, edges: Floats) -> float:
+    nearest, arc = np.inf, 0.0
+    for corner_x, corner_y, dx, dy, length, before in edges:
+        to_x, to_y = x - corner_x, y - corner_y
+        share = min(max((to_x * dx + to_y * dy) / (length * length), 0.0), 1.0)
+        off_x, off_y = to_x - share * dx, to_y - share * dy
+        square = off_x * off_x + off_y * off_y
+        if square < nearest:
+            nearest, arc = square, before + share * length
+    return arc

@@ -51,6 +51,13 @@ def number(
     return given
 
 
+def boolean(what: str, value: object) -> bool:
+    """Return a truth value, else refuse it (1 and "yes" are refused)."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{what} is {value!r}, but must be True or False.")
+    return bool(value)
+
+
 def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
@@ -65,9 +72,12 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
 def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Return finite numbers of ``shape`` (None: any length) as a fresh array, else refuse."""
     try:
-        given = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} is {value!r}, but must be {_numbers(shape)}.") from None
+        given = np.asarray(value)
+    except ValueError:  # ragged
+        given = np.empty(0, object)
+    if given.dtype.kind not in "fiu":  # "1.5" and True are no numbers
+        raise InputError(f"{what} is {value!r}, but must be {_numbers(shape)}.")
+    given = given.astype(np.float64)
     if given.shape != shape and not _fits(given.shape, shape):
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")

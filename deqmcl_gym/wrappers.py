@@ -1,5 +1,6 @@
 """Trouble, one wrapper each: kidnapping, beam drop-out, a change of plan."""
 
+from collections.abc import Iterator
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -31,7 +32,13 @@ class Kidnap(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConstructo
         super().__init__(env)
         self._room = _room(env)
         self._step = integer("step", step, low=1)
-        self._pose = pose
+        self._pose = None if pose is None else self._room.checked_pose("the pose", pose)
+        self._twin = sum(isinstance(layer, Kidnap) and layer.draws for layer in _layers(env))
+
+    @property
+    def draws(self) -> bool:
+        """Whether the pose is random."""
+        return self._pose is None
 
     def step(self, action: Action) -> StepResult:
         """Kidnap if it is time, then step."""
@@ -40,7 +47,7 @@ class Kidnap(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConstructo
         return self.env.step(action)
 
     def _drawn_pose(self) -> Pose:
-        rng = self._room.stream(Stream.KIDNAP)
+        rng = self._room.stream(Stream.KIDNAP, self._twin)
         x0, y0, x1, y1 = self._room.floor_plan.bounds
         while True:  # a floor plan has free space, and the robot stands in some of it
             x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
@@ -61,6 +68,7 @@ class BeamDropout(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConst
         super().__init__(env)
         self._room = _room(env)
         self._probability = number("probability", probability, low=0, high=1)
+        self._twin = sum(isinstance(layer, BeamDropout) for layer in _layers(env))
         self.observation_space = gym.spaces.Box(0.0, np.inf, (self._room.lidar.beams,), np.float32)
 
     def reset(
@@ -68,7 +76,7 @@ class BeamDropout(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConst
     ) -> tuple[Scan, dict[str, Any]]:
         """Reset, and lose beams of the first scan."""
         scan, info = self.env.reset(seed=seed, options=options)
-        self._rng = self._room.stream(Stream.DROPOUT)
+        self._rng = self._room.stream(Stream.DROPOUT, self._twin)
         return self._thinned(scan), info
 
     def step(self, action: Action) -> StepResult:
@@ -96,7 +104,7 @@ class PlanChange(gym.Wrapper[Scan, Action, Scan, Action], gym.utils.RecordConstr
         super().__init__(env)
         self._room = _room(env)
         self._step = integer("step", step, low=1)
-        self._actions = given.astype(np.float32)
+        self._actions = self._room.checked_plan("actions", given)
 
     def step(self, action: Action) -> StepResult:
         """Change the plan if it is time, then step."""
@@ -110,3 +118,11 @@ def _room(env: gym.Env[Scan, Action]) -> RoomEnv:
     if not isinstance(room, RoomEnv):
         raise InputError(f"the env is {room!r}, but this wrapper needs deqmcl_gym/Room-v0.")
     return room
+
+
+def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
+    """Every wrapper of an env, from the outermost, then the env itself."""
+    while isinstance(env, gym.Wrapper):
+        yield env
+        env = env.env
+    yield env

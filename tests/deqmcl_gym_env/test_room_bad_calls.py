@@ -7,6 +7,7 @@ from room_cases import calm, drive
 from room_trace import ROOM_ID
 
 from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.floorplan import FloorPlan
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
 
@@ -154,6 +155,12 @@ def test_no_options_is_the_only_choice_of_options(options):
     np.testing.assert_equal(RoomEnv().reset(seed=1, options=options), RoomEnv().reset(seed=1))
 
 
+@pytest.mark.parametrize("options", [5, "pose", [("pose", 1)], True])
+def test_what_is_no_mapping_of_options_is_refused(options):
+    with pytest.raises(InputError, match=r"options is .*, but must be None"):
+        RoomEnv().reset(seed=1, options=options)
+
+
 def test_an_unknown_option_is_refused_and_leaves_no_trace():
     env, other = RoomEnv(), RoomEnv()
     for one in (env, other):
@@ -161,6 +168,34 @@ def test_an_unknown_option_is_refused_and_leaves_no_trace():
     with pytest.raises(InputError, match="unknown reset option 'pose': allowed are none"):
         env.reset(seed=1, options={"pose": (1, 2, 3)})
     np.testing.assert_equal(env.step(env.plan[0]), other.step(env.plan[0]))
+
+
+BAD_RESETS = {
+    "a seed": {"seed": -1},
+    "an option": {"seed": 1, "options": {"pose": (1, 2, 3)}},
+    "no free start": {"seed": 3},
+    "no free start in the next episode": {},
+}
+
+
+@pytest.mark.parametrize("name", BAD_RESETS)
+def test_a_refused_reset_leaves_the_episode_and_all_random_streams_as_they_were(name, monkeypatch):
+    env, other = (RoomEnv(preset="matched", lidar={"beams": 3}) for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=9)
+        drive(one, one.plan[:5])
+    rng = env.np_random.bit_generator.state
+    with monkeypatch.context() as patched:
+        if "start" in name:
+            patched.setattr(FloorPlan, "free", lambda *_: np.array([False]))
+        with pytest.raises(InputError):
+            env.reset(**BAD_RESETS[name])
+    assert env.pose == other.pose
+    assert env.elapsed_steps == 5
+    assert (env.np_random_seed, env.np_random.bit_generator.state) == (9, rng)
+    for action in env.plan[5:15]:
+        np.testing.assert_equal(env.step(action), other.step(action))
+    np.testing.assert_equal(env.reset(), other.reset())  # the next episode of the same seed
 
 
 @pytest.mark.parametrize("pose", [(150, 150, 0), (5, 50, 0), (400, 50, 0), (np.nan, 50, 0), (1, 2)])

@@ -1,6 +1,7 @@
 """Worlds that cannot be are refused when they are made, in one sentence that names the field."""
 
 import math
+import tracemalloc
 
 import gymnasium as gym
 import pytest
@@ -163,6 +164,76 @@ def test_a_part_of_the_wrong_kind_is_refused():
 @pytest.mark.parametrize("horizon", [0, -1, 1.5, "all", True])
 def test_a_horizon_without_a_plan_is_refused(horizon):
     refused("horizon is ", horizon=horizon)
+
+
+SIZES = {
+    "horizon": ({"horizon": 10**9}, "horizon is 1000000000, but must be a whole number from 1 to"),
+    "lap.step": ({"lap": {"step": 1e-6}}, "about 9e+08 steps, but a plan may have at most 100,000"),
+    "lap.step, endless": ({"lap": {"step": 5e-324}}, "about inf steps"),
+    "lap.turn": ({"lap": {"turn": 1e-7}}, "about 6.28e+07 steps"),
+    "beams": ({"lidar": {"beams": 10**6}}, "lidar.beams is 1000000"),
+    "frame": (
+        {
+            "floor_plan": {"outer": [[0, 0], [1e5, 0], [1e5, 1e5], [0, 1e5]]},
+            "render_mode": "rgb_array",
+        },
+        "a picture of the floor plan would have 200016 x 200016 pixels, but may have at most 8,192",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_what_is_too_large_is_refused_before_memory_is_taken(name):
+    kwargs, text = SIZES[name]
+    tracemalloc.start()
+    refused(text, **kwargs)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # Refused sizes would take 10 MB to 100 GB. A floor plan's own check of its space and the
+    # import of the drawing take 2 to 4 MB.
+    assert peak < 8e6
+
+
+def test_the_widest_lidar_draws_its_noise_in_few_rows():
+    env = RoomEnv(lidar={"beams": 100_000})
+    env.reset(seed=0)
+    tracemalloc.start()
+    env.step(env.plan[0])
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20 * 100_000 * 8  # not 256 rows of noise
+
+
+@pytest.mark.parametrize("value", ["no", "False", 0, 1, None, []])
+def test_what_is_no_truth_value_is_refused(value):
+    refused("ends_at_goal is ", ends_at_goal=value)
+
+
+@pytest.mark.parametrize(
+    ("text", "kwargs"),
+    [
+        ("start.pose is ['175', '50', '0']", {"start": {"pose": ["175", "50", "0"]}}),
+        ("start.pose is ('175', 50, 0)", {"start": {"pose": ("175", 50, 0)}}),
+        ("start.pose is (True, False, True)", {"start": {"pose": (True, False, True)}}),
+        ("lap.waypoints is ", {"lap": {"waypoints": [["50", "50"], [300, 50], [300, 250]]}}),
+        ("the outer wall is ", {"floor_plan": {"outer": [["0", "0"], ["1", "0"], ["0", "1"]]}}),
+    ],
+)
+def test_words_that_spell_numbers_are_no_numbers(text, kwargs):
+    refused(text, **kwargs)
+
+
+def test_a_start_that_cannot_see_the_lap_is_refused():
+    # A recess at the left, open only at its upper end: the lap's nearest point lies behind a wall.
+    wall = [[60, 0], [64, 0], [64, 200], [60, 200]]
+    floor_plan = {"outer": OUTER, "obstacles": [wall, *PAPER["obstacles"]]}
+    lap = {"waypoints": [(82, 50), (300, 50), (300, 250), (82, 250)]}
+    refused(
+        "the straight way from start.pose (30, 100) to the lap at (82, 100) touches a wall",
+        floor_plan=floor_plan, lap=lap, start={"pose": (30, 100, 0.0)},
+    )  # fmt: skip
+    env = RoomEnv(floor_plan=floor_plan, lap=lap, start={"pose": (30, 240, 0.0)})
+    env.reset(seed=0)  # from beside the upper end it can
 
 
 def test_a_start_that_hardly_ever_fits_is_refused_at_reset():

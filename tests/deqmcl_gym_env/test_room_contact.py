@@ -3,12 +3,13 @@
 import math
 
 import numpy as np
+import pymunk
 import pytest
 from room_cases import PAPER, SEVERAL, STILL, calm, drive, poses_of, wrapped
 
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.physics import SKIN
+from deqmcl_gym.physics import SKIN, Physics, Walls
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10
@@ -145,6 +146,40 @@ def test_collided_says_what_the_reference_and_the_floor_plan_say(plan, radius):
     # A stopped robot stands at the contact: nearer than SKIN or, if it started there, not moved.
     gap = reference.clearance(walls.walls, poses[1:], poses[1:]) - radius
     assert gap[collided].max() <= SKIN + EXACT
+
+
+def swept(walls: list[pymunk.Shape], radius: float, start, distance: float, heading: float):
+    """Where a drive ends and whether it is stopped, sweeping a disc at each thin wall in turn."""
+    x, y = start
+    end = (x + distance * math.cos(heading), y + distance * math.sin(heading))
+    if any(wall.point_query((x, y)).distance < radius for wall in walls):
+        return start, True
+    met = [wall.segment_query((x, y), end, radius) for wall in walls]
+    first = min((contact.alpha for contact in met if contact is not None), default=None)
+    if first is None:
+        return end, False
+    share = max(first - SKIN / abs(distance), 0.0)
+    return (x + share * (end[0] - x), y + share * (end[1] - y)), True
+
+
+@pytest.mark.parametrize("radius", [8.0, 0.0])
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+def test_a_point_among_grown_walls_drives_like_a_disc_among_thin_ones(plan, radius):
+    floor_plan = FloorPlan(**plan)
+    thin = Walls(floor_plan, 0.0).space.shapes
+    physics = Physics(Walls(floor_plan, radius), (50.0, 50.0))
+    agent = np.random.default_rng(11)
+    stopped = 0
+    for i in range(10_000):
+        if i % 20 == 0:  # anywhere, also where it overlaps a wall
+            physics.place(tuple(agent.uniform((0, 0), floor_plan.bounds[2:]).tolist()))
+        heading = agent.uniform(-math.pi, math.pi) if i % 4 else agent.integers(8) * math.pi / 4
+        distance = agent.uniform(*((-5, 5), (0, 10), (0, 60))[i % 3])
+        position, collided = swept(thin, radius, physics.position, distance, heading)
+        assert physics.drive(distance, heading) == collided
+        assert math.dist(physics.position, position) < EXACT
+        stopped += collided
+    assert 0.1 < stopped / 10_000 < 0.9  # both answers occur
 
 
 @pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])

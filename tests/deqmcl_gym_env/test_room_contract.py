@@ -57,17 +57,6 @@ def test_a_time_limit_below_the_plan_truncates():
     assert said == [(False, False), (False, False), (False, True)]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="gym.make gives the unwrapped env a spec whose max_episode_steps is None, so the env "
-    "never sees the limit it would warn of",
-)
-def test_a_lap_longer_than_the_time_limit_warns_at_reset():
-    env = gym.make(deqmcl_gym.ENV_ID, lap={"step": 1.0})
-    with pytest.warns(UserWarning, match="the lap has 924 steps, but the time limit is 408"):
-        env.reset(seed=0)
-
-
 def test_a_spec_with_json_kwargs_makes_the_same_env_again():
     kwargs = {
         "preset": "sharp",

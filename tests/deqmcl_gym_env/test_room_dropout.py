@@ -62,6 +62,16 @@ def test_observations_lie_in_the_space_of_the_wrapper():
     assert not all(env.unwrapped.observation_space.contains(scan) for scan in scans)
 
 
+def test_two_dropouts_lose_beams_independently():
+    one, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5))
+    two, _ = episode(BeamDropout(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5), 0.5))
+    first, either = np.isinf(one), np.isinf(two)
+    assert either[first].all()  # the inner one loses what it would lose alone
+    # The outer one loses half of the rest, 5 standard errors: false alarms 6e-7.
+    left = either[~first]
+    assert abs(left.mean() - 0.5) < 5 * 0.5 / math.sqrt(left.size)
+
+
 def test_what_is_lost_follows_from_the_seed_and_the_episode():
     env = BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5)
     first, _ = episode(env, seed=5)

@@ -1,8 +1,10 @@
 """``info`` has the keys, types and shapes of RoomInfo, fresh at every step."""
 
+import math
+
 import numpy as np
 import pytest
-from room_cases import calm, drive
+from room_cases import STILL, calm, drive
 
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.info import RoomInfo
@@ -74,6 +76,18 @@ def test_truth_is_the_pose_of_the_env():
     env.reset(seed=0)
     for action in env.plan[:40]:
         np.testing.assert_array_equal(env.step(action)[4]["truth"], env.pose)
+
+
+@pytest.mark.parametrize("heading", [math.pi, 4.0, -4.0, 2 * math.pi, -2 * math.pi])
+def test_the_heading_of_truth_is_wrapped_from_the_start(heading):
+    start = {"pose": (175, 50, heading), "sd_heading": 1.0}
+    env = RoomEnv(start=start, noise=STILL, ends_at_goal=False)
+    truths = [env.reset(seed=seed)[1]["truth"] for seed in range(50)]
+    assert all(-math.pi <= truth[2] < math.pi for truth in truths)
+    still = env.step(np.zeros(2, np.float32))[4]["truth"]
+    np.testing.assert_allclose(still, truths[-1], rtol=0, atol=1e-15)  # wrapping may round
+    away = [math.remainder(truth[2] - heading, 2 * math.pi) for truth in truths]
+    assert abs(sum(away)) < 5 * math.sqrt(50)  # around the pose asked for: 5 standard errors
 
 
 def test_what_is_done_to_returned_arrays_matters_to_nobody():

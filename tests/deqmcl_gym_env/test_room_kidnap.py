@@ -109,16 +109,29 @@ def test_a_random_pose_leaves_the_motion_noise_alone():
     np.testing.assert_allclose(np.diff(one[4:]), np.diff(two[4:]), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("pose", [(150, 150, 0), (1000, 150, 0), (5, 150, 0), (60, 200, 90.0)])
-def test_a_pose_in_a_wall_is_refused_and_nothing_has_happened(pose):
-    env = kidnapped(2, pose)
-    env.reset(seed=0)
-    env.step(np.float32([5, 0]))
-    before = env.unwrapped.pose
-    with pytest.raises(InputError, match="the pose is"):
-        env.step(np.float32([5, 0]))
-    assert env.unwrapped.pose == before
-    assert env.unwrapped.elapsed_steps == 1
+@pytest.mark.parametrize(
+    "pose",
+    [(150, 150, 0), (1000, 150, 0), (5, 150, 0), (60, 200, 90.0), ("60", "200", "1"), (1, 2)],
+)
+def test_a_pose_that_cannot_be_is_refused_when_the_wrapper_is_made(pose):
+    with pytest.raises(InputError, match="the pose"):
+        kidnapped(2, pose)
+
+
+def kidnapped_twice(seed: int, below) -> list[np.ndarray]:
+    env = Kidnap(below(RoomEnv(ends_at_goal=False)), step=3)
+    env.reset(seed=seed)
+    return list(poses_of(env, np.zeros((3, 2))))
+
+
+def test_two_random_kidnaps_draw_poses_of_their_own_and_fixed_ones_none():
+    _, once = kidnapped_twice(1, lambda env: env)[1:]
+    _, first, second = kidnapped_twice(1, lambda env: Kidnap(env, step=2))
+    np.testing.assert_array_equal(first, once)  # the inner one draws what it would draw alone
+    assert abs(second - first).max() > 1
+    _, fixed, random = kidnapped_twice(1, lambda env: Kidnap(env, step=2, pose=ELSEWHERE))
+    np.testing.assert_allclose(fixed, ELSEWHERE, rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(random, once)
 
 
 @pytest.mark.parametrize("step", [0, -1, 1.5, "2", None])

@@ -95,16 +95,22 @@ def test_what_is_no_plan_is_refused_at_once(actions):
         changed(3, actions)
 
 
-@pytest.mark.parametrize("action", [(-1.0, 0.0), (10.5, 0.0), (1.0, 0.8), (1.0, -0.8)])
-def test_planned_actions_outside_the_space_are_refused_and_nothing_has_happened(action):
-    env = changed(2, [(1.0, 0.0), action])
+@pytest.mark.parametrize("action", [(-1.0, 0.0), (10.5, 0.0), (1.0, 0.8), (1e300, -0.8)])
+def test_planned_actions_outside_the_space_are_refused_when_the_wrapper_is_made(action):
+    with pytest.raises(InputError, match="must be two numbers"):
+        changed(2, [(1.0, 0.0), action])
+
+
+@pytest.mark.parametrize("actions", [[(1.0, 0.0), (-1.0, 0.0)], [[1.0]], [("1", "0")]])
+def test_a_bad_plan_is_refused_and_nothing_has_happened(actions):
+    env = RoomEnv(ends_at_goal=False)
     env.reset(seed=0)
     env.step(np.zeros(2, np.float32))
-    plan = env.unwrapped.plan
-    with pytest.raises(InputError, match="must be two numbers"):
-        env.step(np.zeros(2, np.float32))
-    assert env.unwrapped.elapsed_steps == 1
-    np.testing.assert_array_equal(env.unwrapped.plan, plan)
+    plan = env.plan
+    with pytest.raises(InputError):
+        env.replace_plan(actions)
+    assert env.elapsed_steps == 1
+    np.testing.assert_array_equal(env.plan, plan)
 
 
 EXPECTED = [

@@ -27,6 +27,21 @@ def test_without_noise_the_rewards_of_a_lap_add_up_to_its_length(name):
         assert abs(total - FULL) < closing_error(env.plan)
 
 
+@pytest.mark.parametrize("name", FLOOR_PLANS)
+def test_the_arc_of_a_point_is_that_of_the_nearest_of_many_points_on_the_path(name):
+    path = RoomEnv(floor_plan=FLOOR_PLANS[name]).course.path
+    spacing = 0.1
+    arcs = np.arange(0, path.length, spacing)
+    dense = np.array([path.at(arc)[:2] for arc in arcs])
+    for point in np.random.default_rng(2).uniform(0, 400, (200, 2)):
+        distances = np.hypot(*(dense - point).T)
+        arc = path.arc(tuple(point.tolist()))
+        # Nearer than every sample, and within half a spacing of one that is as near.
+        assert math.dist(path.at(arc)[:2], point) <= distances.min() + EXACT
+        i = int(np.abs(path.advance(arc, arcs)).argmin())
+        assert distances[i] - distances.min() < spacing
+
+
 def test_with_noise_rewards_telescope_to_the_way_between_the_projections_of_start_and_end():
     env = RoomEnv(ends_at_goal=False)
     env.reset(seed=6)
