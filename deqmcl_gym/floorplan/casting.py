@@ -17,6 +17,8 @@ OVERLAP = 5e-4
 # From here on, walking through cells is faster than trying all walls (each box counts as one).
 # `deqmcl speed` measures both sides of it: rays against segments.
 MANY_WALLS = 64
+# Below, lanes over the beams of each pose are faster than lanes over the poses.
+FEW_POSES = 8
 
 
 class Caster(Protocol):
@@ -44,7 +46,8 @@ class AllWalls(NamedTuple):
 
     def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
         """See ``Caster``."""
-        kernels.cast(poses, bearings, *self, out)
+        kernel = kernels.look if poses.shape[1] < FEW_POSES else kernels.cast
+        kernel(poses, bearings, *self, out)
 
     @property
     def tries(self) -> int:

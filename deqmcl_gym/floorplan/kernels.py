@@ -5,14 +5,17 @@ branches, so that the compiler turns the inner loop into SIMD code. The arithmet
 (see ``deqmcl_gym.numerics``): every processor gives the same bits.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.compiling import compiled, inlined
+from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
+Single = Any  # a float32
 LANES = 64
 
 _ZERO = np.float32(0.0)
@@ -44,6 +47,91 @@ def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
         new_x[i] = x[i] + distances[i] * cos32(new_heading[i])
     for i in range(x.size):
         new_y[i] = y[i] + distances[i] * sin32(new_heading[i])
+
+
+# Single rays, from (x, y) along (dx, dy); per_dx = 1 / dx. Each returns the shorter of ``best`` and
+# the distance to one obstacle, so that a loop over lanes stays free of branches.
+
+
+@compiled
+def _leave(
+    low_x: Single,
+    low_y: Single,
+    high_x: Single,
+    high_y: Single,
+    x: Single,
+    y: Single,
+    per_dx: Single,
+    per_dy: Single,
+    best: Single,
+) -> Single:
+    """Where a ray leaves the rectangle that it starts in."""
+    leave_x = ((high_x if per_dx > _ZERO else low_x) - x) * per_dx
+    leave_y = ((high_y if per_dy > _ZERO else low_y) - y) * per_dy
+    t = leave_x if leave_x < leave_y else leave_y
+    return t if (t >= _ZERO) & (t < best) else best
+
+
+@compiled
+def _enter(
+    low_x: Single,
+    low_y: Single,
+    high_x: Single,
+    high_y: Single,
+    x: Single,
+    y: Single,
+    per_dx: Single,
+    per_dy: Single,
+    best: Single,
+) -> Single:
+    """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
+    right, up = per_dx > _ZERO, per_dy > _ZERO
+    enter_x = ((low_x if right else high_x) - x) * per_dx
+    leave_x = ((high_x if right else low_x) - x) * per_dx
+    enter_y = ((low_y if up else high_y) - y) * per_dy
+    leave_y = ((high_y if up else low_y) - y) * per_dy
+    enter = enter_x if enter_x > enter_y else enter_y
+    leave = leave_x if leave_x < leave_y else leave_y
+    t = enter if enter >= _ZERO else leave
+    return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
+
+
+@compiled
+def _cross(
+    at: Single,
+    low: Single,
+    high: Single,
+    across: Single,
+    along: Single,
+    per: Single,
+    slope: Single,
+    best: Single,
+) -> Single:
+    """Where a ray crosses a wall that is parallel to an axis."""
+    t = (at - across) * per
+    u = along + t * slope
+    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
+
+
+@compiled
+def _meet(
+    ax: Single,
+    ay: Single,
+    ex: Single,
+    ey: Single,
+    low: Single,
+    high: Single,
+    x: Single,
+    y: Single,
+    dx: Single,
+    dy: Single,
+    best: Single,
+) -> Single:
+    """Where a ray meets a wall of any direction (ex, ey)."""
+    rx, ry = ax - x, ay - y
+    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
+    u = (t * dx - rx) * ex + (t * dy - ry) * ey
+    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
 
 
 @compiled
@@ -111,61 +199,85 @@ def cast(
             for room in range(rooms.shape[0]):
                 low_x, low_y, high_x, high_y = rooms[room]
                 for i in range(LANES):
-                    leave_x = ((high_x if per_dx[i] > _ZERO else low_x) - px[i]) * per_dx[i]
-                    leave_y = ((high_y if per_dy[i] > _ZERO else low_y) - py[i]) * per_dy[i]
-                    t = leave_x if leave_x < leave_y else leave_y
-                    best[i] = t if (t >= _ZERO) & (t < best[i]) else best[i]
-            for box in range(boxes.shape[0]):  # slab method, Kay & Kajiya 1986
+                    best[i] = _leave(
+                        low_x, low_y, high_x, high_y, px[i], py[i], per_dx[i], per_dy[i], best[i]
+                    )
+            for box in range(boxes.shape[0]):
                 low_x, low_y, high_x, high_y = boxes[box]
                 for i in range(LANES):
-                    right, up = per_dx[i] > _ZERO, per_dy[i] > _ZERO
-                    enter_x = ((low_x if right else high_x) - px[i]) * per_dx[i]
-                    leave_x = ((high_x if right else low_x) - px[i]) * per_dx[i]
-                    enter_y = ((low_y if up else high_y) - py[i]) * per_dy[i]
-                    leave_y = ((high_y if up else low_y) - py[i]) * per_dy[i]
-                    enter = enter_x if enter_x > enter_y else enter_y
-                    leave = leave_x if leave_x < leave_y else leave_y
-                    t = enter if enter >= _ZERO else leave
-                    hit = (t >= _ZERO) & (leave >= enter) & (t < best[i])
-                    best[i] = t if hit else best[i]
-            _cut_straight(upright, px, py, dy, per_dx, best)
-            _cut_straight(level, py, px, dx, per_dy, best)
-            _cut_oblique(oblique, px, py, dx, dy, best)
+                    best[i] = _enter(
+                        low_x, low_y, high_x, high_y, px[i], py[i], per_dx[i], per_dy[i], best[i]
+                    )
+            for wall in range(upright.shape[0]):
+                at, low, high = upright[wall]
+                for i in range(LANES):
+                    best[i] = _cross(at, low, high, px[i], py[i], per_dx[i], dy[i], best[i])
+            for wall in range(level.shape[0]):
+                at, low, high = level[wall]
+                for i in range(LANES):
+                    best[i] = _cross(at, low, high, py[i], px[i], per_dy[i], dx[i], best[i])
+            for wall in range(oblique.shape[0]):
+                ax, ay, ex, ey, low, high = oblique[wall]
+                for i in range(LANES):
+                    best[i] = _meet(ax, ay, ex, ey, low, high, px[i], py[i], dx[i], dy[i], best[i])
             seen = out[beam, start : start + count]
             for i in range(count):
                 seen[i] = best[i]
 
 
-@inlined
-def _cut_straight(
-    walls: Floats, across: Floats, along: Floats, slope: Floats, per: Floats, best: Floats
+@compiled
+def look(
+    poses: Floats,
+    bearings: Floats,
+    rooms: Floats,
+    boxes: Floats,
+    upright: Floats,
+    level: Floats,
+    oblique: Floats,
+    out: Floats,
 ) -> None:
-    """Shorten ``best`` to where each lane's ray meets walls that are parallel to an axis."""
-    for wall in range(walls.shape[0]):
-        at, low, high = walls[wall, 0], walls[wall, 1], walls[wall, 2]
-        for i in range(LANES):
-            t = (at - across[i]) * per[i]
-            u = along[i] + t * slope[i]
-            hit = (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i])
-            best[i] = t if hit else best[i]
-
-
-@inlined
-def _cut_oblique(
-    walls: Floats, px: Floats, py: Floats, dx: Floats, dy: Floats, best: Floats
-) -> None:
-    """Shorten ``best`` to where each lane's ray meets walls of any direction."""
-    for wall in range(walls.shape[0]):
-        ax, ay = walls[wall, 0], walls[wall, 1]
-        ex, ey = walls[wall, 2], walls[wall, 3]
-        low, high = walls[wall, 4], walls[wall, 5]
-        for i in range(LANES):
-            rx = ax - px[i]
-            ry = ay - py[i]
-            t = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
-            u = (t * dx[i] - rx) * ex + (t * dy[i] - ry) * ey
-            hit = (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i])
-            best[i] = t if hit else best[i]
+    """Do the same as ``cast``, with the lanes over the beams: for a handful of poses."""
+    beams = bearings.size
+    dx, dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    per_dx, per_dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    best = np.empty(beams, np.float32)
+    for pose in range(poses.shape[1]):
+        px, py = poses[0, pose], poses[1, pose]
+        sine, cosine = sin32(poses[2, pose]), cos32(poses[2, pose])
+        for i in range(beams):
+            bs, bc = sin32(bearings[i]), cos32(bearings[i])
+            dx[i] = cosine * bc - sine * bs
+            dy[i] = sine * bc + cosine * bs
+        for i in range(beams):
+            per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
+            per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
+            best[i] = _INF
+        for room in range(rooms.shape[0]):
+            low_x, low_y, high_x, high_y = rooms[room]
+            for i in range(beams):
+                best[i] = _leave(
+                    low_x, low_y, high_x, high_y, px, py, per_dx[i], per_dy[i], best[i]
+                )
+        for box in range(boxes.shape[0]):
+            low_x, low_y, high_x, high_y = boxes[box]
+            for i in range(beams):
+                best[i] = _enter(
+                    low_x, low_y, high_x, high_y, px, py, per_dx[i], per_dy[i], best[i]
+                )
+        for wall in range(upright.shape[0]):
+            at, low, high = upright[wall]
+            for i in range(beams):
+                best[i] = _cross(at, low, high, px, py, per_dx[i], dy[i], best[i])
+        for wall in range(level.shape[0]):
+            at, low, high = level[wall]
+            for i in range(beams):
+                best[i] = _cross(at, low, high, py, px, per_dy[i], dx[i], best[i])
+        for wall in range(oblique.shape[0]):
+            ax, ay, ex, ey, low, high = oblique[wall]
+            for i in range(beams):
+                best[i] = _meet(ax, ay, ex, ey, low, high, px, py, dx[i], dy[i], best[i])
+        for i in range(beams):
+            out[i, pose] = best[i]
 
 
 @compiled
@@ -208,7 +320,8 @@ def cast_through(
             while walking:
                 cell = row * columns + column
                 for k in range(first[cell], first[cell + 1]):
-                    best = _met(walls, members[k], poses[0, i], poses[1, i], dx, dy, best)
+                    ax, ay, ex, ey, low, high = walls[members[k]]
+                    best = _meet(ax, ay, ex, ey, low, high, poses[0, i], poses[1, i], dx, dy, best)
                 ahead_x = np.float32(column + (1 if per_dx > _ZERO else 0)) * side
                 ahead_y = np.float32(row + (1 if per_dy > _ZERO else 0)) * side
                 to_x, to_y = (ahead_x - px) * per_dx, (ahead_y - py) * per_dy
@@ -219,34 +332,6 @@ def cast_through(
                 walking = (best > min(to_x, to_y)) & (column >= 0) & (column < columns)
                 walking = walking & (row >= 0) & (row < rows)
             out[beam, i] = best
-
-
-@inlined
-def _met(
-    walls: Floats,
-    wall: int,
-    x: np.float32,
-    y: np.float32,
-    dx: np.float32,
-    dy: np.float32,
-    best: np.float32,
-) -> np.float32:
-    """The shorter of ``best`` and the distance from (x, y) along (dx, dy) to a wall."""
-    rx, ry = walls[wall, 0] - x, walls[wall, 1] - y
-    ex, ey = walls[wall, 2], walls[wall, 3]
-    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
-    u = (t * dx - rx) * ex + (t * dy - ry) * ey
-    hit = (t >= _ZERO) & (u >= walls[wall, 4]) & (u <= walls[wall, 5]) & (t < best)
-    return t if hit else best
-
-
-@compiled
-def blind(windings: Ints, out: Floats) -> None:
-    """Overwrite the ranges (B, n) of poses outside the outer wall (winding not 1) by NaN."""
-    for i in range(windings.size):
-        if windings[i] != 1:
-            for beam in range(out.shape[0]):
-                out[beam, i] = _NAN
 
 
 @compiled
@@ -268,6 +353,17 @@ def wind(poses: Floats, walls: Floats, out: Ints) -> None:
             up = (ay <= y[i]) & (by > y[i]) & (left > _ZERO)
             down = (ay > y[i]) & (by <= y[i]) & (left < _ZERO)
             out[i] += np.int32(up) - np.int32(down)
+
+
+@compiled
+def blind(poses: Floats, walls: Floats, out: Floats) -> None:
+    """Overwrite by NaN the ranges (B, n) of poses that the walls (S, 4) do not wind around once."""
+    windings = np.empty(poses.shape[1], np.int32)
+    wind(poses, walls, windings)
+    for i in range(windings.size):
+        if windings[i] != 1:
+            for beam in range(out.shape[0]):
+                out[beam, i] = _NAN
 
 
 @compiled

@@ -84,9 +84,7 @@ class FloorPlan:
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self._caster.cast(origins, beams, out)
-        windings = np.empty(origins.shape[1], np.int32)
-        kernels.wind(origins, self._outer32, windings)
-        kernels.blind(windings, out)
+        kernels.blind(origins, self._outer32, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> NDArray[np.bool_]:

@@ -27,12 +27,3 @@ def compiled(function: F) -> F:
         return cast(F, jit(cache=True)(function))
     except RuntimeError:  # no writable place for a cache: compile in every process
         return cast(F, jit()(function))
-
-
-def inlined(function: F) -> F:
-    """Make ``function`` part of the kernels that call it.
-
-    As if written there: the compiler then sees that their arrays do not overlap, which a call
-    hides from it, and keeps its SIMD code.
-    """
-    return cast(F, numba.njit(inline="always", error_model="numpy", fastmath=False)(function))
