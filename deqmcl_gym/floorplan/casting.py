@@ -25,10 +25,10 @@ class Caster(Protocol):
     """Ray casting on one floor plan."""
 
     def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
-        """Fill in the distance of each beam to the nearest wall.
+        """Fill in the distance of each beam to the nearest wall; NaN outside the outer wall.
 
         Args:
-            poses: rows x px, y px, θ rad, (3, n), in the outer wall.
+            poses: rows x px, y px, θ rad, (3, n).
             bearings: (B,) rad.
             out: (B, n) px.
         """
@@ -38,6 +38,7 @@ class Caster(Protocol):
 class AllWalls(NamedTuple):
     """All walls against all rays, side by side in SIMD lanes; fields as in ``kernels.cast``."""
 
+    outer: Floats
     rooms: Floats
     boxes: Floats
     upright: Floats
@@ -52,18 +53,19 @@ class AllWalls(NamedTuple):
     @property
     def tries(self) -> int:
         """How many boxes and walls each ray is tried against."""
-        return sum(map(len, self))
+        return sum(map(len, self[1:]))
 
 
 class CellByCell(NamedTuple):
     """Each ray against the walls in the cells it crosses."""
 
+    outer: Floats
     walls: Floats
     cells: Cells
 
     def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
         """See ``Caster``."""
-        kernels.cast_through(poses, bearings, self.walls, *self.cells, out)
+        kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
 
 
 def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
@@ -82,6 +84,7 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
     low_x, high_x = np.minimum(x0, x1) - OVERLAP, np.maximum(x0, x1) + OVERLAP
     low_y, high_y = np.minimum(y0, y1) - OVERLAP, np.maximum(y0, y1) + OVERLAP
     return AllWalls(
+        outer=_outer(outer),
         rooms=_boxes([room]),
         boxes=_boxes(boxes),
         upright=_singles([x0, low_y, high_y])[upright],
@@ -93,7 +96,11 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
 def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon]) -> CellByCell:
     """Sort walls into cells."""
     walls = _edges([outer, *obstacles])
-    return CellByCell(walls=_directed(walls), cells=cells_of(walls))
+    return CellByCell(outer=_outer(outer), walls=_directed(walls), cells=cells_of(walls))
+
+
+def _outer(polygon: Polygon) -> Floats:
+    return oriented_edges(polygon, solid=False).astype(np.float32)
 
 
 def _edges(polygons: Sequence[Polygon]) -> NDArray[np.float64]:

@@ -49,6 +49,17 @@ def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
         new_y[i] = y[i] + distances[i] * sin32(new_heading[i])
 
 
+@compiled
+def _blind(poses: Floats, outer: Floats, out: Floats) -> None:
+    """Overwrite by NaN the ranges (B, n) of poses outside the outer wall (S, 4)."""
+    windings = np.empty(poses.shape[1], np.int32)
+    wind(poses, outer, windings)
+    for i in range(windings.size):
+        if windings[i] != 1:
+            for beam in range(out.shape[0]):
+                out[beam, i] = _NAN
+
+
 # Single rays, from (x, y) along (dx, dy); per_dx = 1 / dx. Each returns the shorter of ``best`` and
 # the distance to one obstacle, so that a loop over lanes stays free of branches.
 
@@ -138,6 +149,7 @@ def _meet(
 def cast(
     poses: Floats,
     bearings: Floats,
+    outer: Floats,
     rooms: Floats,
     boxes: Floats,
     upright: Floats,
@@ -145,11 +157,12 @@ def cast(
     oblique: Floats,
     out: Floats,
 ) -> None:
-    """Fill in the distance along each beam to the nearest wall; inf where there is none.
+    """Fill in the distance along each beam to the nearest wall; NaN outside the outer wall.
 
     Args:
         poses: rows x px, y px, θ rad, (3, n).
         bearings: of the beams against the heading, (B,) rad.
+        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4) px.
         rooms: axis-aligned rectangles (x_low, y_low, x_high, y_high) that poses are in, (S₋, 4) px;
             from outside, they are not seen aright.
         boxes: others, seen from outside and from inside, (S₀, 4) px; four walls each.
@@ -223,12 +236,14 @@ def cast(
             seen = out[beam, start : start + count]
             for i in range(count):
                 seen[i] = best[i]
+    _blind(poses, outer, out)
 
 
 @compiled
 def look(
     poses: Floats,
     bearings: Floats,
+    outer: Floats,
     rooms: Floats,
     boxes: Floats,
     upright: Floats,
@@ -278,12 +293,14 @@ def look(
                 best[i] = _meet(ax, ay, ex, ey, low, high, px, py, dx[i], dy[i], best[i])
         for i in range(beams):
             out[i, pose] = best[i]
+    _blind(poses, outer, out)
 
 
 @compiled
 def cast_through(
     poses: Floats,
     bearings: Floats,
+    outer: Floats,
     walls: Floats,
     corner: Floats,
     side: np.float32,
@@ -295,11 +312,12 @@ def cast_through(
     """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
 
     Amanatides & Woo 1987. A ray at a time: its cost is that of the cells it crosses, not of all
-    walls. inf where there is no wall, and for poses outside the cells.
+    walls. NaN outside the outer wall.
 
     Args:
         poses: rows x px, y px, θ rad, (3, n).
         bearings: of the beams against the heading, (B,) rad.
+        outer: as for ``cast``.
         walls: (x₀, y₀, unit x, unit y, low, high), (S, 6), as ``oblique`` of ``cast``.
         corner, side, columns, first, members: ``deqmcl_gym.floorplan.cells.Cells``.
         out: (B, n) px.
@@ -332,6 +350,7 @@ def cast_through(
                 walking = (best > min(to_x, to_y)) & (column >= 0) & (column < columns)
                 walking = walking & (row >= 0) & (row < rows)
             out[beam, i] = best
+    _blind(poses, outer, out)
 
 
 @compiled
@@ -353,17 +372,6 @@ def wind(poses: Floats, walls: Floats, out: Ints) -> None:
             up = (ay <= y[i]) & (by > y[i]) & (left > _ZERO)
             down = (ay > y[i]) & (by <= y[i]) & (left < _ZERO)
             out[i] += np.int32(up) - np.int32(down)
-
-
-@compiled
-def blind(poses: Floats, walls: Floats, out: Floats) -> None:
-    """Overwrite by NaN the ranges (B, n) of poses that the walls (S, 4) do not wind around once."""
-    windings = np.empty(poses.shape[1], np.int32)
-    wind(poses, walls, windings)
-    for i in range(windings.size):
-        if windings[i] != 1:
-            for beam in range(out.shape[0]):
-                out[beam, i] = _NAN
 
 
 @compiled

@@ -84,7 +84,6 @@ class FloorPlan:
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self._caster.cast(origins, beams, out)
-        kernels.blind(origins, self._outer32, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> NDArray[np.bool_]:
@@ -125,10 +124,6 @@ class FloorPlan:
     @cached_property
     def _walls32(self) -> Floats:
         return np.ascontiguousarray(self.walls, dtype=np.float32)
-
-    @cached_property
-    def _outer32(self) -> Floats:
-        return self._walls32[: len(self.outer)]
 
     @cached_property
     def _caster(self) -> Caster:
