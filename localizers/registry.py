@@ -46,6 +46,11 @@ def register(name: str, factory: Factory) -> None:
     _FACTORIES[name] = factory
 
 
+def is_registered(name: str) -> bool:
+    """Whether a name was registered in this process: other processes do not know it."""
+    return name in _FACTORIES and name not in _BUILT_IN
+
+
 def resolve(name: str) -> Factory:
     """Return the factory that a name leads to; the first of these that has it.
 
