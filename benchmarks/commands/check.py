@@ -34,11 +34,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command, printing each law when it was tried; return the last lines."""
     del given
-    from localizers.checks.run import milliseconds_per_step, subject_of, verdicts
+    from localizers.checks.run import Examination, milliseconds_per_step, subject_of
 
     subject = subject_of(options.name, timeout=options.timeout)
     tried, failed = [], []
-    for verdict in verdicts(subject):
+    for verdict in Examination(subject).verdicts():
         print(verdict, flush=True)
         tried.append(verdict)
         if verdict.status == "FAILED":

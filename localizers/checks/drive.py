@@ -25,7 +25,7 @@ class Drive:
 
     Attributes:
         prior: p(x_0).
-        actions: carried out, (T, 2) px, rad.
+        actions: carried out, (T, 2) px, rad; the first of those planned.
         scans: taken after them, (T, B) px.
         plans: at t = 0 … T, each (h, 2).
     """
@@ -58,7 +58,7 @@ def default_robot() -> RobotModel:
 
 
 def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
-    """Drive from a free pose, turning where a wall is near; the plan is the rest of the drive.
+    """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
 
     The noise is small and no part of what the robot assumes: a check asks whether a localizer
     keeps the laws, not whether it is good.
@@ -66,19 +66,21 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     stride = size_of(robot.floor_plan) / 30
     poses = [_free_pose(robot, rng)]
     actions = []
-    for _ in range(STEPS):
+    for _ in range(2 * STEPS):
         action, pose = _free_step(robot, poses[-1], stride, rng)
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(robot.floor_plan.ranges(np.array(poses[1:]), lidar.bearings), np.float64)
+    exact = np.asarray(
+        robot.floor_plan.ranges(np.array(poses[1 : STEPS + 1]), lidar.bearings), np.float64
+    )
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
     return Drive(
         prior=GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        actions=np.array(actions),
+        actions=np.array(actions[:STEPS]),
         scans=np.clip(noisy, 0.0, lidar.max_range),
-        plans=[np.array(actions[t:]).reshape(-1, 2) for t in range(STEPS + 1)],
+        plans=[np.array(actions[t:]) for t in range(STEPS + 1)],
     )
 
 
@@ -89,13 +91,17 @@ def size_of(floor_plan: FloorPlan) -> float:
 
 
 def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
-    """Draw a pose where the robot fits, with a heading that may be written 2π higher."""
+    """Draw a pose where the robot fits and sees far, heading about along the x axis.
+
+    Slightly below 0: it can be written 2π higher, and half a turn from it lies ±π.
+    """
     x0, y0, x1, y1 = robot.floor_plan.bounds
     for _ in range(_TRIES):
-        poses = rng.uniform((x0, y0, -3.0), (x1, y1, -0.1), (_TRIES, 3))
+        poses = rng.uniform((x0, y0, -0.1), (x1, y1, 0.0), (_TRIES, 3))
         free = robot.floor_plan.free(poses, robot.radius)
         if free.any():
-            pose: Floats = poses[free.argmax()]
+            room_ahead = np.where(free, robot.floor_plan.ranges(poses, [0.0])[:, 0], -1.0)
+            pose: Floats = poses[room_ahead.argmax()]
             return pose
     raise InputError(
         f"the robot's radius is {robot.radius:g} px, but nothing that wide fits into its floor "
@@ -106,9 +112,15 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
 def _free_step(
     robot: RobotModel, pose: Floats, stride: float, rng: np.random.Generator
 ) -> tuple[tuple[float, float], Floats]:
-    """Draw a step that touches no wall; a turn on the spot if there is none."""
-    for distance in (*rng.uniform(0.5, 1.0, _TRIES) * stride, 0.0):
-        turn = rng.normal(0.0, 0.5)
+    """Draw a step that touches no wall; a turn on the spot if there is none.
+
+    As long as there is room the heading stays about 0.
+    """
+    sd = np.linspace(0.1, 2.0, _TRIES)
+    for distance, spread in zip(
+        (*rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0), sd, strict=True
+    ):
+        turn = rng.normal(-0.5 * pose[2], spread)
         heading = pose[2] + turn
         ahead = pose + np.array([distance * np.cos(heading), distance * np.sin(heading), turn])
         if distance == 0.0 or not robot.floor_plan.collides(pose[None], ahead[None], robot.radius):

@@ -15,9 +15,11 @@ class Law:
 
     Attributes:
         holds: looks at a localizer; returns what it noticed, if anything worth telling.
+        needs: laws without which this one cannot be tried.
     """
 
     holds: Callable[[Subject], str | None]
+    needs: tuple["Law", ...] = ()
 
     @property
     def name(self) -> str:
@@ -41,38 +43,38 @@ class Law:
         except (LawBrokenError, LawSkippedError):
             raise
         except (Exception, SystemExit) as error:
-            raise LawBrokenError(f"it raised {raised(error)}") from error
+            raise LawBrokenError(f"it raised {raised(error, subject.file)}") from error
 
 
-LAWS = tuple(
-    map(
-        Law,
-        (
-            lifecycle.runs_in_a_worker,
-            answers.makes_a_localizer,
-            answers.answers_with_beliefs,
-            answers.finite,
-            answers.weights_sum_to_one,
-            answers.whole_turn,
-            answers.half_turn,
-            randomness.same_rng_same_result,
-            randomness.other_rng_other_result,
-            randomness.global_rng_untouched,
-            arrays.inputs_not_changed,
-            arrays.inputs_not_kept,
-            arrays.outputs_are_fresh,
-            arrays.beliefs_stay,
-            hard_steps.zero_likelihood,
-            hard_steps.max_range_scan,
-            hard_steps.bad_beams,
-            hard_steps.one_particle,
-            hard_steps.short_plan,
-            hard_steps.changed_plan,
-            lifecycle.reset_starts_anew,
-            lifecycle.picklable,
-        ),
-    )
+_IN_TIME = Law(lifecycle.answers_in_time)
+_MADE = Law(answers.makes_a_localizer, (_IN_TIME,))
+_ANSWERING = Law(answers.answers_with_beliefs, (_MADE,))
+_FINITE = Law(answers.finite, (_ANSWERING,))
+_VALID = Law(answers.weights_sum_to_one, (_FINITE,))
+_REPEATABLE = Law(randomness.same_rng_same_result, (_ANSWERING,))
+
+LAWS = (
+    _IN_TIME,
+    _MADE,
+    _ANSWERING,
+    _FINITE,
+    _VALID,
+    Law(answers.whole_turn, (_VALID,)),
+    Law(answers.half_turn, (_VALID,)),
+    _REPEATABLE,
+    Law(randomness.other_rng_other_result, (_REPEATABLE,)),
+    Law(randomness.global_rng_untouched, (_ANSWERING,)),
+    Law(arrays.inputs_not_changed, (_ANSWERING,)),
+    Law(arrays.inputs_not_kept, (_REPEATABLE,)),
+    Law(arrays.outputs_are_fresh, (_REPEATABLE,)),
+    Law(arrays.beliefs_stay, (_ANSWERING,)),
+    Law(hard_steps.zero_likelihood, (_VALID,)),
+    Law(hard_steps.max_range_scan, (_VALID,)),
+    Law(hard_steps.bad_beams, (_VALID,)),
+    Law(hard_steps.one_particle, (_VALID,)),
+    Law(hard_steps.short_plan, (_VALID,)),
+    Law(hard_steps.changed_plan, (_VALID,)),
+    Law(lifecycle.reset_starts_anew, (_REPEATABLE,)),
+    Law(lifecycle.picklable, (_REPEATABLE,)),
+    Law(lifecycle.runs_in_a_worker, (_REPEATABLE,)),
 )
-
-# Without these there is nothing that the others could look at.
-FIRST = (Law(answers.makes_a_localizer), Law(answers.answers_with_beliefs))

@@ -10,7 +10,7 @@ from localizers.api import RobotModel
 from localizers.checks.drive import Drive
 from localizers.checks.subject import (
     LawBrokenError,
-    NoAnswerError,
+    LawSkippedError,
     Snapshot,
     Subject,
     beliefs,
@@ -23,6 +23,15 @@ from localizers.plugins import raised
 from localizers.registry import Factory, made_by, resolve
 
 _HALF = 6
+
+
+def answers_in_time(subject: Subject) -> None:
+    """In a process of its own it comes to the end of the drive, in time and without a crash."""
+    try:
+        task = _task(subject)
+    except LawBrokenError as reason:
+        raise LawSkippedError("it cannot be sent to a process of its own") from reason
+    _asked(task, subject.timeout)
 
 
 def reset_starts_anew(subject: Subject) -> None:
@@ -51,8 +60,8 @@ def picklable(subject: Subject) -> None:
 
 
 def runs_in_a_worker(subject: Subject) -> None:
-    """In a spawned process, found there again by its name, it answers the same, and in time."""
-    answer = _asked(subject)
+    """In a spawned process, found there again by its name, it answers the same."""
+    answer = _asked(_task(subject), subject.timeout)
     if isinstance(answer, str):
         raise LawBrokenError(f"in a spawned process: {answer}")
     require_same(answer, subject.history(), "a spawned process computes something else")
@@ -62,32 +71,38 @@ def _copy(localizer: Any) -> Any:
     try:
         return pickle.loads(pickle.dumps(localizer))
     except Exception as error:
-        raise LawBrokenError(f"pickle cannot copy it: {raised(error)}") from error
+        raise LawBrokenError(f"pickle cannot copy it: {type(error).__name__}: {error}") from error
 
 
-def _asked(subject: Subject) -> list[Snapshot] | str:
-    """Let a spawned process run the localizer; what it computed, or why not."""
+def _task(subject: Subject) -> bytes:
+    """All that another process needs to run it."""
     try:
-        task = pickle.dumps(
+        return pickle.dumps(
             (subject.sent, subject.name, dict(subject.params), subject.robot, subject.drive)
         )
     except Exception as error:
         raise LawBrokenError(
-            f"it cannot be sent to another process ({raised(error)}): check it by its name, as "
-            "package.module:NAME or path/to/file.py:NAME"
+            f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
+            "its name, as package.module:NAME or path/to/file.py:NAME"
         ) from error
+
+
+def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
+    """Let a spawned process run the localizer; what it computed, or what it raised."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
     process = context.Process(target=_answer, args=(task, there), daemon=True)
     process.start()
     there.close()
     try:
-        if not here.poll(subject.timeout):
-            raise NoAnswerError(f"no answer of a spawned process after {subject.timeout:g} s")
+        if not here.poll(timeout):
+            raise LawBrokenError(f"a process of its own gave no answer in {timeout:g} s")
         answer: list[Snapshot] | str = here.recv()
     except EOFError:
         process.join()
-        return f"it ended with exit code {process.exitcode} and no answer"
+        raise LawBrokenError(
+            f"a process of its own ended without an answer, with exit code {process.exitcode}"
+        ) from None
     finally:
         process.kill()
         process.join()
@@ -102,7 +117,7 @@ def _answer(task: bytes, there: Connection) -> None:
     except LawBrokenError as error:
         answer = str(error)
     except (Exception, SystemExit) as error:
-        answer = raised(error)
+        answer = f"it raised {raised(error)}"
     there.send(answer)
     there.close()
 

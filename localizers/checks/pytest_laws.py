@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from deqmcl_gym.validation import one_of
 from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Law
-from localizers.checks.run import subject_of
-from localizers.checks.subject import LawBrokenError, LawSkippedError, Subject
+from localizers.checks.run import Examination, subject_of
+from localizers.checks.subject import LawBrokenError
 from localizers.registry import Factory
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def parametrize_with_laws(
     expected = dict(expected_failures or {})
     for name in expected:
         one_of("law", name, [law.name for law in LAWS])
-    subject = subject_of(localizer, robot, timeout=timeout, **params)
+    examination = Examination(subject_of(localizer, robot, timeout=timeout, **params))
 
     def case(law: Law) -> Any:
         marks = (
@@ -47,15 +47,16 @@ def parametrize_with_laws(
             if law.name in expected
             else []
         )
-        return pytest.param(partial(_tried, law, subject), id=law.name, marks=marks)
+        return pytest.param(partial(_tried, law, examination), id=law.name, marks=marks)
 
     return pytest.mark.parametrize("law", [case(law) for law in LAWS])
 
 
-def _tried(law: Law, subject: Subject) -> None:
+def _tried(law: Law, examination: Examination) -> None:
     import pytest
 
-    try:
-        law(subject)
-    except LawSkippedError as reason:
-        pytest.skip(str(reason))
+    verdict = examination.verdict(law)
+    if verdict.status == "skipped":
+        pytest.skip(verdict.note)
+    if verdict.error is not None:
+        raise verdict.error

@@ -11,11 +11,10 @@ import numpy as np
 from deqmcl_gym.validation import number, one_of
 from localizers.api import RobotModel
 from localizers.checks.drive import default_robot, random_drive
-from localizers.checks.laws import FIRST, LAWS, Law
+from localizers.checks.laws import LAWS, Law
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
-    NoAnswerError,
     Subject,
     beliefs,
 )
@@ -89,7 +88,7 @@ def check_localizer(
         InputError: the name cannot be resolved, or a parameter is unknown.
     """
     subject = subject_of(localizer, robot, timeout=timeout, **params)
-    return Report(subject.name, tuple(verdicts(subject)))
+    return Report(subject.name, tuple(Examination(subject).verdicts()))
 
 
 def subject_of(
@@ -119,29 +118,41 @@ def subject_of(
     )
 
 
-def verdicts(subject: Subject) -> Iterator[Verdict]:
-    """Try the laws in turn; if one of ``FIRST`` is broken, the others are skipped."""
-    unusable = None
-    for law in LAWS:
-        if unusable is not None:
-            yield Verdict(law.name, "skipped", f"it failed {unusable!r}")
-            continue
-        verdict = verdict_on(subject, law)
-        if verdict.status == "FAILED" and (
-            law in FIRST or isinstance(verdict.error, NoAnswerError)
-        ):
-            unusable = law.name
-        yield verdict
+class Examination:
+    """Tries laws on a localizer, each at most once, those that it needs before."""
 
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        self._tried: dict[Law, Verdict] = {}
 
-def verdict_on(subject: Subject, law: Law) -> Verdict:
-    """Try one law."""
-    try:
-        return Verdict(law.name, "ok", law(subject) or "")
-    except LawSkippedError as skipped:
-        return Verdict(law.name, "skipped", str(skipped))
-    except LawBrokenError as broken:
-        return Verdict(law.name, "FAILED", str(broken), broken)
+    def verdict(self, law: Law) -> Verdict:
+        """Try a law; skipped if one that it needs is broken."""
+        if law not in self._tried:
+            self._tried[law] = self._try(law)
+        return self._tried[law]
+
+    def verdicts(self) -> Iterator[Verdict]:
+        """Try all laws in turn."""
+        return map(self.verdict, LAWS)
+
+    def _try(self, law: Law) -> Verdict:
+        broken = self._broken_below(law)
+        if broken is not None:
+            return Verdict(law.name, "skipped", f"it fails {broken!r}")
+        try:
+            return Verdict(law.name, "ok", law(self.subject) or "")
+        except LawSkippedError as skipped:
+            return Verdict(law.name, "skipped", str(skipped))
+        except LawBrokenError as error:
+            return Verdict(law.name, "FAILED", str(error), error)
+
+    def _broken_below(self, law: Law) -> str | None:
+        for need in law.needs:
+            if self.verdict(need).status == "FAILED":
+                return need.name
+            if (deeper := self._broken_below(need)) is not None:
+                return deeper
+        return None
 
 
 def milliseconds_per_step(subject: Subject) -> float:

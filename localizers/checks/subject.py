@@ -1,5 +1,6 @@
 """What is checked, and how a law looks at it: run it along a drive, read its beliefs, compare."""
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,10 +26,6 @@ class LawSkippedError(Exception):
     """A law has nothing to say about a localizer; the text is the reason."""
 
 
-class NoAnswerError(LawBrokenError):
-    """A localizer does not answer in time: no other law can be tried."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Subject:
     """A localizer under check.
@@ -50,6 +47,12 @@ class Subject:
     drive: Drive
     sent: str | Factory
     timeout: float
+
+    @property
+    def file(self) -> str | None:
+        """The file that the localizer is written in."""
+        module = sys.modules.get(getattr(self.factory, "__module__", None) or "")
+        return getattr(module, "__file__", None)
 
     def made(self, robot: RobotModel | None = None, **params: Any) -> Localizer:
         """Make a new localizer, with other parameters or for another robot if given."""
