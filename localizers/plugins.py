@@ -7,6 +7,7 @@ said in one sentence as an ``InputError``.
 import difflib
 import hashlib
 import importlib
+import importlib.util
 import pkgutil
 import sys
 import traceback
@@ -73,25 +74,28 @@ def load(reference: str, name: str) -> Any:
     return found
 
 
-def reference_digest(reference: str, name: str) -> str | None:
-    """Digest of the source that a reference leads to; see ``module_digest``."""
-    return module_digest(_module(reference, name))
+def reference_digest(reference: str) -> str | None:
+    """SHA-256 of the source that a reference leads to; it is read, not run.
 
-
-def module_digest(module: ModuleType) -> str | None:
-    """SHA-256 of a file's own text, or of all Python files of the package that a module is in.
-
-    None if there is no file, as for what was typed into an interpreter.
+    A file's own text, or all Python files of the package that a module is in. None if there is
+    nothing to read.
     """
-    top = sys.modules.get(module.__name__.partition(".")[0], module)
-    digest = hashlib.sha256()
-    files = [Path(file)] if (file := getattr(module, "__file__", None)) else []
-    for folder in getattr(top, "__path__", ()):
-        files.extend(Path(folder).rglob("*.py"))
-    for path in sorted({path for path in files if path.is_file()}):
-        digest.update(f"{path.name}\0".encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest() if files else None
+    place = absolute_name(reference).rpartition(":")[0]
+    if _is_path(place):
+        return file_digest(place)
+    try:
+        found = importlib.util.find_spec(place.partition(".")[0])
+    except (ImportError, ValueError):
+        return None
+    folders = [] if found is None else found.submodule_search_locations or []
+    if not folders:
+        return None if found is None else file_digest(found.origin)
+    return _digest((path, path.relative_to(root)) for root in folders for path in _sources(root))
+
+
+def file_digest(path: str | None) -> str | None:
+    """SHA-256 of one file, whatever folder it is in; None if it cannot be read."""
+    return None if path is None else _digest([(Path(path), Path(path).name)])
 
 
 def raised(error: BaseException, file: str | None = None) -> str:
@@ -131,6 +135,22 @@ def _module(reference: str, name: str) -> ModuleType:
             f"the localizer {name!r} cannot be imported, its own code raised "
             f"{raised(error, str(path))}."
         ) from error
+
+
+def _sources(folder: str) -> list[Path]:
+    return sorted(Path(folder).rglob("*.py"))
+
+
+def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
+    """Digest of files under the names they are to be known by."""
+    digest = hashlib.sha256()
+    try:
+        for path, known in files:
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest.update(f"{Path(known).as_posix()}\0{content}\0".encode())
+    except OSError:
+        return None
+    return digest.hexdigest()
 
 
 def _source(path: Path, name: str) -> bytes:

@@ -129,18 +129,25 @@ def source_digest(name: str) -> str | None:
     """Digest of the source of a plug-in: another one whenever its file or package is edited.
 
     Of ``file.py:NAME`` it covers that file; of all others every Python file of the package that
-    the factory is in. None for a built-in localizer, whose source is this package's, and for one
-    without a file. Whoever keeps results keeps it with them.
+    the factory is in. The source is read, not run, so a plug-in that cannot be imported has one
+    too. None for a built-in localizer, whose source is this package's, and where there is nothing
+    to read. Whoever keeps results keeps it with them.
+
+    Raises:
+        InputError: a plain name that nobody has.
     """
     if name in _BUILT_IN:
         return None
     if name not in _FACTORIES:
-        return plugins.reference_digest(_reference(name), name)
+        return plugins.reference_digest(_reference(name))
     factory: Any = _FACTORIES[name]
     while isinstance(factory, partial):
         factory = factory.func
-    module = sys.modules.get(getattr(factory, "__module__", None) or type(factory).__module__)
-    return None if module is None else plugins.module_digest(module)
+    home = getattr(factory, "__module__", None) or type(factory).__module__
+    module = sys.modules.get(home)
+    if getattr(module, "__spec__", None) is None:  # a script, a prompt, or a file of its own
+        return plugins.file_digest(getattr(module, "__file__", None))
+    return plugins.reference_digest(f"{home}:{name}")
 
 
 def _reference(name: str) -> str:

@@ -32,8 +32,5 @@ class MyLocalizer:
         lidar = self.robot.lidar
         usable = (ranges >= 0) & (ranges <= lidar.max_range)
         expected = self.robot.floor_plan.ranges(self.cloud.T, lidar.bearings[usable])
-        density = self.robot.scan.density(
-            ranges[usable], expected.astype(np.float64), lidar.max_range
-        )
-        outside = np.isnan(density)  # the walls, where nothing can be measured
-        return np.asarray(np.log(np.where(outside, 0.0, density) + 1e-12).sum(axis=1))
+        found = self.robot.scan.log_likelihood(ranges[usable], expected, lidar.max_range)
+        return np.fmax(found, -1e6)  # no pose is impossible, not even outside the walls (NaN)

@@ -278,6 +278,19 @@ def test_the_digest_of_a_module_covers_its_package(module, install):
     assert localizers.source_digest("pack.good:Mine") != before
 
 
+@pytest.mark.parametrize("name", ["pack.raises:Mine", "pack.torn:Mine", "pack.gone:Mine"])
+def test_the_digest_runs_nothing_so_what_cannot_be_imported_has_one_too(module, file, name):
+    assert localizers.source_digest(name) == localizers.source_digest("pack.good:Mine")
+    file.write_text("def (:")
+    assert localizers.source_digest(f"{file}:Mine") is not None
+    assert not [name for name in sys.modules if name.startswith("pack")]
+
+
+@pytest.mark.parametrize("name", ["no_such_pack:Mine", "no_such_file.py:Mine", ":", "..:Mine"])
+def test_where_there_is_nothing_to_read_there_is_no_digest(name):
+    assert localizers.source_digest(name) is None
+
+
 def test_built_in_localizers_have_no_digest_of_their_own_and_registered_ones_that_of_their_file(
     monkeypatch, file
 ):
