@@ -50,11 +50,8 @@ def test_the_pytest_shown_runs_and_fails_for_what_is_kept_after_all(tmp_path):
         text=True,
         check=False,
     )
-    failed = [line for line in done.stdout.splitlines() if line.startswith("FAILED")]
-    assert failed == [
-        "FAILED test_mine.py::test_my_localizer_keeps[picklable] - [XPASS(strict)] it holds an "
-        "open device"
-    ]
+    (failed,) = [line for line in done.stdout.splitlines() if line.startswith("FAILED")]
+    assert failed.startswith("FAILED test_mine.py::test_my_localizer_keeps[picklable] - [XPASS(st")
     assert f"1 failed, {len(LAWS) - 1} passed" in done.stdout
 
 

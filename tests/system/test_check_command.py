@@ -97,7 +97,7 @@ def test_the_commands_that_new_localizer_prints_work_as_they_are(new):
     path, printed = new
     commands = [line.split()[1:] for line in printed.splitlines() if line.startswith("  deqmcl")]
     assert [command[0] for command in commands] == ["check", "paper"]
-    few = ("--trials", "2", "--particles", "50", "--jobs", "2")
+    few = ("--trials", "1", "--particles", "50", "--jobs", "1")
     for command, more in zip(commands, ((), few), strict=True):
         done = process(DEQMCL, *command, *more, cwd=path.parent)
         assert done.returncode == 0, done.stderr
