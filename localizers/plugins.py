@@ -64,7 +64,7 @@ def load(reference: str, name: str) -> Any:
     found: Any = module
     attribute = reference.rpartition(":")[2]
     for part in attribute.split("."):
-        if not hasattr(found, part):
+        if not _has(found, part, name):
             own = _offered(module)
             raise InputError(
                 f"the localizer {name!r} is not there: {reference.rpartition(':')[0]} has no "
@@ -151,6 +151,16 @@ def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
     except OSError:
         return None
     return digest.hexdigest()
+
+
+def _has(thing: Any, attribute: str, name: str) -> bool:
+    """Whether there is such an attribute; a module may run code of its own to find out."""
+    try:
+        return hasattr(thing, attribute)
+    except (Exception, SystemExit) as error:
+        raise InputError(
+            f"the localizer {name!r} cannot be imported, its own code raised {raised(error)}."
+        ) from error
 
 
 def _source(path: Path, name: str) -> bytes:

@@ -192,6 +192,7 @@ def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
         ("x = '\0'\n", ["null"]),
         ("import no_such_dependency\n", ["its own code raised ModuleNotFoundError"]),
         ("\n\nx = 1 / 0\n", ["ZeroDivisionError: division by zero (mine.py, line 3)."]),
+        ("def __getattr__(name):\n    1 / 0\n", ["ZeroDivisionError: division by zero (mine.py"]),
         ("import sys\nsys.exit('bye')\n", ["SystemExit: bye (mine.py, line 2)."]),
         ("", ["has no 'Mine'; it defines none."]),
         ("from localizers import PoseBelief\nMiner = 3\ndef mines(robot): ...", ["defines mines."]),
