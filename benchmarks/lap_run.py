@@ -20,7 +20,7 @@ from benchmarks.suites import paper_suite
 from benchmarks.tables import TITLES, state_name
 from benchmarks.trace import Trace, trace_of
 from deqmcl_gym.validation import integer, one_of
-from localizers import names
+from localizers import resolve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class LapRun:
     lag: int = 20
 
     def __post_init__(self) -> None:
-        one_of("localizer", self.localizer, names())
+        resolve(self.localizer)
         one_of("preset", self.preset, ASSUMED)
         integer("--seed", self.seed)
         integer("--particles", self.particles, low=1)

@@ -23,7 +23,7 @@ from benchmarks.tables import (
     trials_csv,
 )
 from deqmcl_gym.validation import InputError, integer, one_of
-from localizers import names
+from localizers import names, resolve
 
 NOTE = (
     "Errors mix px and unitless components, as the paper's do; SD over trials; entropy in nats "
@@ -49,7 +49,7 @@ class PaperExperiment:
         if not self.localizers:
             raise InputError(f"no localizer is named: allowed are {', '.join(names())}.")
         for name in self.localizers:
-            one_of("localizer", name, names())
+            resolve(name)
         if len(set(self.localizers)) < len(self.localizers):
             raise InputError(f"a localizer is named twice in {', '.join(self.localizers)}.")
         integer("--trials", self.trials, low=1, high=100_000)

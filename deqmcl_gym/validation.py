@@ -82,7 +82,12 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
     if not (math.isfinite(given.sum()) or np.isfinite(given).all()):  # a sum is quicker to ask
-        raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
+        if given.size <= 12:
+            raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
+        where = np.argwhere(~np.isfinite(given))[0].tolist()
+        raise InputError(
+            f"{what} has {given[tuple(where)]:g} at {where}, but must be {_numbers(shape)}."
+        )
     return given
 
 

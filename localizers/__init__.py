@@ -1,14 +1,17 @@
 """Pluggable estimators of where a robot is: ``make("deq-mcl", RobotModel(...))``.
 
 A localizer is given arrays (ranges, action, plan) and answers with a ``Belief``. It never sees the
-world. Plug-ins inherit nothing: see ``Localizer``.
+world. Plug-ins inherit nothing: see ``Localizer``; ``resolve`` says by which names they are found,
+``localizers.checks`` whether they keep the laws.
 """
 
 from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose
+from localizers.beliefs import PointsBelief, PoseBelief
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
 from localizers.models.scan import BeamModel, CensoredGaussianUniform, GaussianUniform
-from localizers.registry import make, names, parameters, register
+from localizers.plugins import absolute_name
+from localizers.registry import make, names, parameters, register, resolve, source_digest
 
 __all__ = [
     "BeamModel",
@@ -18,11 +21,16 @@ __all__ = [
     "GaussianUniform",
     "Localizer",
     "OdometryMotion",
+    "PointsBelief",
+    "PoseBelief",
     "Prior",
     "RobotModel",
+    "absolute_name",
     "make",
     "mean_pose",
     "names",
     "parameters",
     "register",
+    "resolve",
+    "source_digest",
 ]

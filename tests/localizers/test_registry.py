@@ -73,9 +73,9 @@ def test_a_plug_in_is_made_by_its_name_with_its_parameters(robot):
 
 
 def test_a_factory_that_takes_any_parameter_gets_it(robot):
-    localizers.register("open", lambda robot, **params: params)
+    localizers.register("open", lambda robot, **params: PlugIn(robot, gain=params["anything"]))
     assert localizers.parameters("open") is None
-    assert localizers.make("open", robot, anything=1) == {"anything": 1}
+    assert localizers.make("open", robot, anything=1).gain == 1
 
 
 @pytest.mark.parametrize("name", ["mcl", "mine"])

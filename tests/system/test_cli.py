@@ -9,8 +9,13 @@ from deqmcl_command import DEQMCL, exit_code, process, python
 
 from benchmarks import paper
 from benchmarks.cli import main
+from benchmarks.commands import COMMANDS
 
-HELP = [("--help",), ("-h",), ("paper", "--help"), ("run", "--help")]
+HELP = [
+    ("--help",),
+    ("-h",),
+    *[(command.NAME, "--help") for command in COMMANDS],
+]
 PAPER_FLAGS = {
     *("--trials", "--seed", "--particles", "--lag", "--localizers", "--jobs", "--preset", "--out"),
     *("--debug", "--help"),
@@ -41,7 +46,7 @@ def test_help_loads_nothing_heavy():
         "heavy = {'numpy', 'numba', 'cv2', 'pymunk', 'matplotlib', 'gymnasium', 'scipy'}\n"
         "print('loaded:', sorted(heavy & set(sys.modules)))\n"
     )
-    for arguments in (("--help",), ("paper", "--help"), ("run", "--help")):
+    for arguments in HELP:
         done = python(code, *arguments)
         assert done.stdout.splitlines()[-1] == "loaded: []", done.stderr
 

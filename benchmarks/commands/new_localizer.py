@@ -1,0 +1,46 @@
+"""``deqmcl new-localizer``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+NAME = "new-localizer"
+HELP = "write a small working localizer to start from"
+DESCRIPTION = "Write a file with a small working localizer, class MyLocalizer, to start from."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("file", type=Path, metavar="FILE.py", help="the file; must not exist yet")
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    del given
+    from benchmarks.store import write_text
+    from deqmcl_gym.validation import InputError
+
+    path: Path = options.file
+    if path.suffix != ".py":
+        raise InputError(f"the new file is {path}, but must end in .py, as in my_localizer.py.")
+    if path.exists() or path.is_symlink():
+        raise InputError(f"the new file {path} is there already: choose another name.")
+    if not path.parent.is_dir():
+        raise InputError(f"the new file {path} would be in a folder that is not there: make it.")
+    write_text(path, template())
+    name = f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer"
+    return (
+        f"Written: {path}, a working localizer. It can be checked and run at once:\n"
+        f"  deqmcl check {name}\n"
+        f"  deqmcl paper --localizers mcl,{name} --out results/mine"
+    )
+
+
+def template() -> str:
+    """Return the source of ``localizers.template``."""
+    from importlib.util import find_spec
+
+    package = find_spec("localizers")
+    assert package is not None, "the packages are installed together"
+    assert package.origin is not None, "localizers is no namespace"
+    return Path(package.origin).with_name("template.py").read_text()

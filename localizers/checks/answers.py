@@ -1,0 +1,123 @@
+"""Laws on what a localizer is and on what it answers."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan
+from localizers.api import Prior, mean_pose
+from localizers.checks.drive import size_of
+from localizers.checks.subject import (
+    LawBrokenError,
+    LawSkippedError,
+    Snapshot,
+    Subject,
+    history,
+    require_finite,
+    require_normalized,
+)
+
+Floats = NDArray[np.float64]
+
+
+def makes_a_localizer(subject: Subject) -> None:
+    """The factory makes an object with reset and update, a new one at each call."""
+    if subject.made() is subject.made():
+        raise LawBrokenError("the factory returned the same object twice: make a new one")
+
+
+def answers_with_beliefs(subject: Subject) -> str:
+    """Reset and every update return a belief whose points(0) are poses (n, 3), weights (n,)."""
+    run = subject.history()
+    held = sorted(set.union(*(set(found) for found in run)))
+    words = "the present alone" if held == [0] else f"steps {held[0]:+d} to {held[-1]:+d}"
+    n = max(len(weights) for found in run for _, weights in found.values())
+    return f"{words}, {'one point' if n == 1 else f'up to {n} points'}"
+
+
+def finite(subject: Subject) -> None:
+    """All poses and weights are finite numbers."""
+    require_finite(subject.history())
+
+
+def weights_sum_to_one(subject: Subject) -> None:
+    """Weights are 0 or more, with sum 1 up to the rounding of a sum of n."""
+    require_normalized(subject.history())
+
+
+def whole_turn(subject: Subject) -> None:
+    """A prior whose mean heading is written 2π higher gives the same belief (see ``_alike``)."""
+    drive = subject.drive
+    x, y, heading = drive.prior.mean
+    higher = replace(drive.prior, mean=(x, y, heading + 2 * math.pi))
+    turned = history(subject.made(), drive, prior=higher)
+    _require_alike(subject, subject.history(), turned, "with a start heading written 2π higher")
+
+
+def half_turn(subject: Subject) -> None:
+    """In a world turned by π about the origin the belief is turned by π too (see ``_alike``).
+
+    Where headings in one world are about 0, they are about ±π in the other: a mean of headings
+    that is no mean of directions shows.
+    """
+    plan = subject.robot.floor_plan
+    if not isinstance(plan, FloorPlan):
+        raise LawSkippedError("the floor plan is not made of polygons, so it cannot be turned")
+    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
+    robot = replace(subject.robot, floor_plan=FloorPlan(outer=outer, obstacles=tuple(obstacles)))
+    prior = _HalfTurned(subject.drive.prior)
+    turned = history(subject.made(robot), subject.drive, prior=prior)
+    back: list[Snapshot] = [{0: (_half_turned(found[0][0]), found[0][1])} for found in turned]
+    _require_alike(subject, subject.history(), back, "in a world turned by half a turn")
+
+
+@dataclass(frozen=True)
+class _HalfTurned:
+    """A prior in a world turned by π about the origin."""
+
+    prior: Prior
+
+    @property
+    def mean(self) -> tuple[float, float, float]:
+        x, y, heading = _half_turned(np.array([self.prior.mean]))[0].tolist()
+        return x, y, heading
+
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        return _half_turned(self.prior.sample(n, rng))
+
+    def log_density(self, poses: Floats) -> Floats:
+        return self.prior.log_density(_half_turned(np.asarray(poses)))
+
+
+def _half_turned(poses: Floats) -> Floats:
+    turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
+    turned[:, 2] -= 2 * math.pi * np.rint(turned[:, 2] / (2 * math.pi))
+    return turned
+
+
+def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot], when: str) -> None:
+    """Raise unless the mean poses of the present agree at every step.
+
+    Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or 0.1
+    rad: rounding may send a particle another way, which moves a mean by far less than that;
+    headings that are not taken as angles move it by far more.
+    """
+    slack = size_of(subject.robot.floor_plan) / 100
+    for t, (one, two) in enumerate(zip(run, other, strict=True)):
+        poses, weights = one[0]
+        here, there = np.array(mean_pose(poses, weights)), np.array(mean_pose(*two[0]))
+        apart, spread = _angle_free(there - here), _angle_free(poses - here)
+        allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
+        if not (np.abs(apart) <= allowed).all():
+            raise LawBrokenError(
+                f"{when} the mean pose at step {t} is another one, by ({apart[0]:.3g} px, "
+                f"{apart[1]:.3g} px, {apart[2]:.3g} rad)"
+            )
+
+
+def _angle_free(differences: Floats) -> Floats:
+    wrapped = differences.copy()
+    wrapped[..., 2] -= 2 * math.pi * np.rint(wrapped[..., 2] / (2 * math.pi))
+    return wrapped

@@ -1,0 +1,129 @@
+"""Laws on the life of a localizer: reset, pickled, sent to another process."""
+
+import multiprocessing
+import pickle
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from typing import Any
+
+from localizers.api import RobotModel
+from localizers.checks.drive import Drive
+from localizers.checks.subject import (
+    LawBrokenError,
+    LawSkippedError,
+    Snapshot,
+    Subject,
+    beliefs,
+    continued,
+    history,
+    require_same,
+    snapshot,
+)
+from localizers.plugins import raised
+from localizers.registry import Factory, made_by, resolve
+
+_HALF = 6
+
+
+def answers_in_time(subject: Subject) -> None:
+    """In a process of its own it comes to the end of the drive, in time and without a crash."""
+    try:
+        task = _task(subject)
+    except LawBrokenError as reason:
+        raise LawSkippedError("it cannot be sent to a process of its own") from reason
+    _asked(task, subject.timeout)
+
+
+def reset_starts_anew(subject: Subject) -> None:
+    """After reset, a localizer that was used before answers as a new one does."""
+    used = subject.made()
+    for t, _ in enumerate(beliefs(used, subject.drive, seed=1)):
+        if t == _HALF:
+            break
+    require_same(
+        subject.history(used), subject.history(), "a reset localizer remembers its run before"
+    )
+
+
+def picklable(subject: Subject) -> None:
+    """A copy made by pickle goes on as the original, whether it is new or half way."""
+    expected = subject.history()
+    require_same(subject.history(_copy(subject.made())), expected, "a pickled copy differs")
+    localizer, run = subject.made(), []
+    for t, belief in enumerate(beliefs(localizer, subject.drive)):
+        run.append(snapshot(belief, t))
+        if t == _HALF:
+            break
+    rest = continued(_copy(localizer), subject.drive, _HALF)
+    run.extend(snapshot(belief, t) for t, belief in enumerate(rest, start=_HALF + 1))
+    require_same(run, expected, "a copy pickled half way differs")
+
+
+def runs_in_a_worker(subject: Subject) -> None:
+    """In a spawned process, found there again by its name, it answers the same."""
+    answer = _asked(_task(subject), subject.timeout)
+    if isinstance(answer, str):
+        raise LawBrokenError(f"in a spawned process: {answer}")
+    require_same(answer, subject.history(), "a spawned process computes something else")
+
+
+def _copy(localizer: Any) -> Any:
+    try:
+        return pickle.loads(pickle.dumps(localizer))
+    except Exception as error:
+        raise LawBrokenError(f"pickle cannot copy it: {type(error).__name__}: {error}") from error
+
+
+def _task(subject: Subject) -> bytes:
+    """All that another process needs to run it."""
+    try:
+        return pickle.dumps(
+            (subject.sent, subject.name, dict(subject.params), subject.robot, subject.drive)
+        )
+    except Exception as error:
+        raise LawBrokenError(
+            f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
+            "its name, as package.module:NAME or path/to/file.py:NAME"
+        ) from error
+
+
+def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
+    """Let a spawned process run the localizer; what it computed, or what it raised."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(task, there), daemon=True)
+    process.start()
+    there.close()
+    try:
+        if not here.poll(timeout):
+            raise LawBrokenError(f"a process of its own gave no answer in {timeout:g} s")
+        answer: list[Snapshot] | str = here.recv()
+    except EOFError:
+        process.join()
+        raise LawBrokenError(
+            f"a process of its own ended without an answer, with exit code {process.exitcode}"
+        ) from None
+    finally:
+        process.kill()
+        process.join()
+        here.close()
+    return answer
+
+
+def _answer(task: bytes, there: Connection) -> None:
+    """Run in the spawned process."""
+    try:
+        answer: list[Snapshot] | str = _run(*pickle.loads(task))
+    except LawBrokenError as error:
+        answer = str(error)
+    except (Exception, SystemExit) as error:
+        answer = f"it raised {raised(error)}"
+    there.send(answer)
+    there.close()
+
+
+def _run(
+    sent: str | Factory, name: str, params: Mapping[str, Any], robot: RobotModel, drive: Drive
+) -> list[Snapshot]:
+    factory = resolve(sent) if isinstance(sent, str) else sent
+    return history(made_by(factory, name, robot, **params), drive)

@@ -1,0 +1,220 @@
+"""Localizers out of other people's code: entry points, ``package.module:NAME``, ``file.py:NAME``.
+
+Loading runs that code, so it happens only when a plug-in is used. Whatever goes wrong with it is
+said in one sentence as an ``InputError``.
+"""
+
+import difflib
+import hashlib
+import importlib
+import importlib.util
+import pkgutil
+import sys
+import traceback
+from collections.abc import Iterable
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from deqmcl_gym.validation import InputError
+
+GROUP = "deqmcl.localizers"
+
+
+def is_reference(name: str) -> bool:
+    """Whether a name says where the code is, as ``package.module:NAME`` or ``file.py:NAME``."""
+    return ":" in name
+
+
+def absolute_name(name: str) -> str:
+    """Return a name by which a process in any other folder finds the same localizer.
+
+    The one place where the path of ``path/to/file.py:NAME`` is made absolute; ``~`` is the home
+    folder. All other names stay as they are.
+    """
+    place, colon, attribute = name.rpartition(":")
+    if not _is_path(place):
+        return name
+    return f"{Path(place).expanduser().absolute()}{colon}{attribute}"
+
+
+def installed() -> dict[str, str]:
+    """References by name of the entry points of group ``deqmcl.localizers``; none is loaded.
+
+    A name that several packages offer differently has all their references, joined by " and ".
+    """
+    found: dict[str, set[str]] = {}
+    for entry in entry_points(group=GROUP):
+        found.setdefault(entry.name, set()).add(entry.value.partition("[")[0].strip())
+    return {name: " and ".join(sorted(references)) for name, references in sorted(found.items())}
+
+
+def load(reference: str, name: str) -> Any:
+    """Return what a reference leads to.
+
+    Args:
+        reference: ``package.module:NAME`` or ``path/to/file.py:NAME``.
+        name: what the user asked for, for the error.
+
+    Raises:
+        InputError: there is no such module, file or attribute, or its code fails while importing.
+    """
+    module = _module(reference, name)
+    found: Any = module
+    attribute = reference.rpartition(":")[2]
+    for part in attribute.split("."):
+        if not _has(found, part, name):
+            own = _offered(module)
+            raise InputError(
+                f"the localizer {name!r} is not there: {reference.rpartition(':')[0]} has no "
+                f"{attribute!r}{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
+            )
+        found = getattr(found, part)
+    return found
+
+
+def reference_digest(reference: str) -> str | None:
+    """SHA-256 of the source that a reference leads to; it is read, not run.
+
+    A file's own text, or all Python files of the package that a module is in. None if there is
+    nothing to read.
+    """
+    place = absolute_name(reference).rpartition(":")[0]
+    if _is_path(place):
+        return file_digest(place)
+    try:
+        found = importlib.util.find_spec(place.partition(".")[0])
+    except (ImportError, ValueError):
+        return None
+    folders = [] if found is None else found.submodule_search_locations or []
+    if not folders:
+        return None if found is None else file_digest(found.origin)
+    return _digest((path, path.relative_to(root)) for root in folders for path in _sources(root))
+
+
+def file_digest(path: str | None) -> str | None:
+    """SHA-256 of one file, whatever folder it is in; None if it cannot be read."""
+    return None if path is None else _digest([(Path(path), Path(path).name)])
+
+
+def raised(error: BaseException, file: str | None = None) -> str:
+    """Say what was raised and where: "ValueError: words (name.py, line 7)".
+
+    The line is the deepest one in ``file``, or the deepest of all.
+    """
+    words = " ".join(str(error).split()).rstrip(".")
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename == file] or frames
+    said = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
+
+
+def _module(reference: str, name: str) -> ModuleType:
+    """Import what stands before the colon."""
+    place, _, attribute = reference.rpartition(":")
+    if not place or not all(part.isidentifier() for part in attribute.split(".")):
+        raise InputError(
+            f"the localizer {name!r} leads to {reference!r}, but must be package.module:NAME or "
+            "path/to/file.py:NAME."
+        )
+    path = Path(absolute_name(reference).rpartition(":")[0]) if _is_path(place) else None
+    source = b"" if path is None else _source(path, name)
+    try:
+        return importlib.import_module(place) if path is None else _run(path, source)
+    except SyntaxError as error:
+        raise InputError(
+            f"the localizer {name!r} has a syntax error in {error.filename}, line {error.lineno}: "
+            f"{error.msg}."
+        ) from error
+    except (Exception, SystemExit) as error:  # whatever a plug-in raises while importing
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if path is None and missing and f"{place}.".startswith(f"{missing}."):
+            raise _no_module(name, missing) from None
+        raise InputError(
+            f"the localizer {name!r} cannot be imported, its own code raised "
+            f"{raised(error, str(path))}."
+        ) from error
+
+
+def _sources(folder: str) -> list[Path]:
+    return sorted(Path(folder).rglob("*.py"))
+
+
+def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
+    """Digest of files under the names they are to be known by."""
+    digest = hashlib.sha256()
+    try:
+        for path, known in files:
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest.update(f"{Path(known).as_posix()}\0{content}\0".encode())
+    except OSError:
+        return None
+    return digest.hexdigest()
+
+
+def _has(thing: Any, attribute: str, name: str) -> bool:
+    """Whether there is such an attribute; a module may run code of its own to find out."""
+    try:
+        return hasattr(thing, attribute)
+    except (Exception, SystemExit) as error:
+        raise InputError(
+            f"the localizer {name!r} cannot be imported, its own code raised {raised(error)}."
+        ) from error
+
+
+def _source(path: Path, name: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        beside = sorted(file.name for file in path.parent.glob("*.py"))
+        raise InputError(
+            f"the localizer {name!r} cannot be read: {path}: {error.strerror}"
+            f"{_nearest(path.name, beside)}."
+        ) from None
+
+
+def _run(path: Path, source: bytes) -> ModuleType:
+    """Run a file as a module of its own, once per content: an edited file is another module."""
+    content = hashlib.sha256(b"\0".join((str(path).encode(), source))).hexdigest()
+    name = f"_localizer_{content[:16]}"
+    if name not in sys.modules:
+        code = compile(source, str(path), "exec")
+        module = ModuleType(name)
+        module.__file__ = str(path)
+        sys.modules[name] = module  # dataclasses and pickle look a class's module up
+        try:
+            exec(code, vars(module))
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
+
+
+def _no_module(name: str, missing: str) -> InputError:
+    parent, _, last = missing.rpartition(".")
+    folders = getattr(sys.modules.get(parent), "__path__", None) if parent else None
+    beside = [found.name for found in pkgutil.iter_modules(folders)]
+    return InputError(
+        f"the localizer {name!r} is not there: no module is named {missing!r}"
+        f"{_nearest(last, beside)}; install it, put its folder on PYTHONPATH, or give the path of "
+        "its file as path/to/file.py:NAME."
+    )
+
+
+def _is_path(place: str) -> bool:
+    return place.endswith(".py") or "/" in place or "\\" in place
+
+
+def _offered(module: ModuleType) -> list[str]:
+    """Names of the classes and functions that a module defines itself."""
+    return [
+        name
+        for name, value in vars(module).items()
+        if callable(value) and getattr(value, "__module__", None) == module.__name__
+    ]
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    nearest = difflib.get_close_matches(name, list(names), n=1, cutoff=0.4)
+    return f" (did you mean {nearest[0]!r}?)" if nearest else ""

@@ -1,0 +1,240 @@
+"""Every law can fail, each on an example that breaks nothing else; who is right passes all."""
+
+import random
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import localizers
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import InputError
+from localizers import registry
+from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
+from localizers.checks.drive import default_robot, random_drive
+from localizers.checks.run import Examination, milliseconds_per_step, subject_of
+from localizers.template import MyLocalizer
+
+BROKEN = Path(__file__).parent / "broken"
+IN_A_PROCESS = ("answers in time", "runs in a worker")
+
+
+def example(law):
+    return f"{BROKEN / law.replace(' ', '_')}.py:Broken"
+
+
+def broken_here(subject):
+    """Names of the laws that fail, those left out for which a process is started."""
+    alone = replace(subject, sent=lambda: None)  # cannot be sent
+    verdicts = Examination(alone).verdicts()
+    return [v.law for v in verdicts if v.status == "FAILED" and v.law not in IN_A_PROCESS]
+
+
+@pytest.mark.parametrize("name", localizers.names())
+def test_every_built_in_localizer_keeps_all_laws(name):
+    report = check_localizer(name)
+    assert report.passed, str(report)
+    skipped = [verdict.law for verdict in report.verdicts if verdict.status == "skipped"]
+    assert skipped == (["one particle"] if name == "dead-reckoning" else [])
+
+
+@parametrize_with_laws(MyLocalizer, particles=50)
+def test_the_template_keeps(law):
+    law()
+
+
+@pytest.mark.parametrize("law", [law.name for law in LAWS if law.name not in IN_A_PROCESS])
+def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
+    assert broken_here(subject_of(example(law))) == [law]
+
+
+def test_there_is_one_broken_example_per_law():
+    assert {path.stem.replace("_", " ") for path in BROKEN.glob("*.py")} == {
+        law.name for law in LAWS
+    }
+
+
+def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():
+    report = check_localizer(example("runs in a worker"))
+    assert [str(verdict) for verdict in report.failed] == [
+        "FAILED   runs in a worker: in a spawned process: it raised OSError: no device in this "
+        "process (runs_in_a_worker.py, line 11)"
+    ]
+
+
+def test_a_localizer_that_hangs_is_given_up_and_nothing_else_is_tried():
+    first, *others = check_localizer(example("answers in time"), timeout=5.0).verdicts
+    assert (first.status, first.note) == ("FAILED", "a process of its own gave no answer in 5 s")
+    assert {verdict.note for verdict in others} == {"it fails 'answers in time'"}
+
+
+def test_a_localizer_that_ends_the_process_ends_only_its_own(tmp_path):
+    path = tmp_path / "crash.py"
+    path.write_text(
+        "import os\nfrom localizers.template import MyLocalizer\n"
+        "class Crash(MyLocalizer):\n    def update(self, *given): os._exit(7)\n"
+    )
+    first = check_localizer(f"{path}:Crash").verdicts[0]
+    assert first.status == "FAILED"
+    assert first.note == "a process of its own ended without an answer, with exit code 7"
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("beams", [1, 8])
+@pytest.mark.parametrize("name", ["deq-mcl", "localizers.template:MyLocalizer"])
+def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
+    robot = replace(default_robot(), lidar=Lidar(beams=beams))
+    subject = subject_of(name, robot, particles=50)
+    drive = random_drive(robot, np.random.default_rng(seed))
+    assert broken_here(subject.along(drive)) == []
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(seed):
+    subject = subject_of(example("half turn"))
+    drive = random_drive(subject.robot, np.random.default_rng(seed))
+    assert broken_here(subject.along(drive)) == ["half turn"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
+    robot = replace(default_robot(), lidar=Lidar(beams=8, max_range=150.0))
+    drive = random_drive(robot, np.random.default_rng(seed))
+    pose = np.array(drive.prior.mean)
+    for distance, turn in drive.plans[0]:
+        heading = pose[2] + turn
+        ahead = pose + np.array([distance * np.cos(heading), distance * np.sin(heading), turn])
+        free = not robot.floor_plan.collides(pose[None], ahead[None], robot.radius)[0]
+        assert free or distance == 0
+        pose = ahead
+    assert np.array_equal(drive.plans[0][: len(drive.actions)], drive.actions)
+    assert drive.scans.shape == (len(drive.actions), 8)
+    assert drive.scans.min() >= 0
+    assert drive.scans.max() <= 150.0
+
+
+def test_a_floor_plan_without_room_for_the_robot_is_refused():
+    narrow = FloorPlan(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
+    with pytest.raises(InputError, match="radius is 8 px"):
+        check_localizer("mcl", replace(default_robot(), floor_plan=narrow))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"localizer": "dec-mcl"}, "did you mean 'deq-mcl'"),
+        ({"localizer": "mcl", "particels": 3}, "did you mean 'particles'"),
+        ({"localizer": "mcl", "timeout": 0}, "the timeout is 0"),
+    ],
+)
+def test_a_bad_question_is_refused(arguments, words):
+    with pytest.raises(InputError, match=words):
+        check_localizer(**arguments)
+
+
+def test_what_the_constructor_raises_breaks_a_law_and_is_not_raised():
+    failed = check_localizer("mcl", particles=-1).failed
+    assert [verdict.law for verdict in failed] == ["makes a localizer"]
+    assert "particles is -1" in failed[0].note
+
+
+def test_a_factory_without_a_name_cannot_run_in_a_worker_and_is_told_how_to():
+    (verdict,) = check_localizer(lambda robot: MyLocalizer(robot, particles=20)).failed
+    assert verdict.law == "runs in a worker"
+    assert verdict.note.endswith("as package.module:NAME or path/to/file.py:NAME")
+
+
+def test_a_registered_factory_is_sent_as_it_is(monkeypatch):
+    monkeypatch.setitem(registry._FACTORIES, "mine", MyLocalizer)
+    assert check_localizer("mine", particles=20).passed
+
+
+def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
+    (law,) = (law for law in LAWS if law.name == "global rng untouched")
+    before = np.random.get_state(legacy=False)["state"], random.getstate()  # noqa: NPY002
+    with pytest.raises(LawBrokenError):
+        law(subject_of(example(law.name)))
+    after = np.random.get_state(legacy=False)["state"], random.getstate()  # noqa: NPY002
+    assert np.array_equal(before[0]["key"], after[0]["key"])
+    assert (before[0]["pos"], before[1]) == (after[0]["pos"], after[1])
+
+
+def test_a_deterministic_localizer_is_told_so_and_passes():
+    notes = {verdict.law: verdict.note for verdict in check_localizer("dead-reckoning").verdicts}
+    assert notes["other rng other result"] == "deterministic, it draws nothing"
+
+
+def test_every_law_says_what_it_demands():
+    assert len({law.name for law in LAWS}) == len(LAWS)
+    for law in LAWS:
+        assert law.text.split("\n")[0].rstrip().endswith((".", ")", ":"))
+
+
+def test_the_time_per_step_is_measured():
+    assert milliseconds_per_step(subject_of("dead-reckoning")) > 0
+
+
+SUITE = """
+from pathlib import Path
+from localizers.checks import parametrize_with_laws
+from localizers.template import MyLocalizer
+
+class Unnormalized:
+    def __init__(self, belief):
+        self.belief = belief
+    def points(self, offset=0):
+        points = self.belief.points(offset)
+        return points and (points[0], 0.5 * points[1])
+
+class Mine(MyLocalizer):
+    def update(self, ranges, action, plan):
+        return Unnormalized(super().update(ranges, action, plan))
+
+@parametrize_with_laws(Mine, expected_failures={"weights sum to one": "likelihoods, by design"})
+def test_declared(law):
+    law()
+
+@parametrize_with_laws(Mine)
+def test_undeclared(law):
+    law()
+
+@parametrize_with_laws(MyLocalizer, expected_failures={"finite": "it is not broken"})
+def test_mended(law):
+    law()
+"""
+
+
+def test_expected_failures_are_strict_xfails(tmp_path):
+    (tmp_path / "test_mine.py").write_text(SUITE)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-rfx",
+            "-k",
+            "weights or finite",
+            "-p",
+            "no:cacheprovider",
+            "--tb=short",
+            ".",
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "XFAIL"))]
+    assert [line.split(" - ")[0] for line in lines] == [
+        "FAILED test_mine.py::test_undeclared[weights sum to one]",
+        "FAILED test_mine.py::test_mended[finite]",
+        "XFAIL test_mine.py::test_declared[weights sum to one]",
+    ], done.stdout
+
+
+def test_an_expected_failure_of_no_law_is_refused():
+    with pytest.raises(InputError, match="did you mean 'finite'"):
+        parametrize_with_laws("mcl", expected_failures={"finit": "?"})

@@ -1,0 +1,133 @@
+"""``deqmcl check`` and ``deqmcl new-localizer``: what they print, write and refuse."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from deqmcl_command import DEQMCL, exit_code, files, process
+
+from localizers.checks import LAWS
+
+BROKEN = Path(__file__).parents[1] / "localizers" / "broken"
+
+
+def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_0(capsys):
+    assert exit_code("check", "dead-reckoning") == 0
+    printed = capsys.readouterr()
+    *laws, time, last = printed.out.splitlines()
+    assert [line[9:].partition(":")[0] for line in laws] == [law.name for law in LAWS]
+    assert {line.split()[0] for line in laws} == {"ok", "skipped"}
+    assert "skipped  one particle: it has no parameter particles" in laws
+    assert re.fullmatch(r"time per step: [\d.]+ ms, the median of a short drive", time)
+    assert last == "dead-reckoning keeps all laws but 1 that do not concern it."
+    assert printed.err == ""
+
+
+def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3():
+    done = process(DEQMCL, "check", f"{BROKEN / 'finite.py'}:Broken")
+    assert done.returncode == 3
+    lines = done.stdout.splitlines()
+    assert [line[9:].partition(":")[0] for line in lines] == [law.name for law in LAWS]
+    assert "FAILED   finite: a pose of points(0) at step 1 is nan" in lines
+    assert "skipped  max range scan: it fails 'finite'" in lines
+    assert done.stderr == (
+        f"deqmcl: 1 of {len(LAWS)} laws failed: 'finite'. (--debug shows where)\n"
+    )
+
+
+def test_no_traceback_is_shown_but_with_debug():
+    name = f"{BROKEN / 'runs_in_a_worker.py'}:Broken"
+    quiet, loud = (process(DEQMCL, "check", name, *more) for more in ((), ("--debug",)))
+    assert "Traceback" not in quiet.stdout + quiet.stderr
+    assert "Traceback" not in loud.stdout
+    assert "LawBrokenError: in a spawned process" in loud.stderr
+    assert (quiet.returncode, quiet.stdout) == (3, loud.stdout)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("dec-mcl", "did you mean 'deq-mcl'?"),
+        ("no_such_module:Mine", "no module is named 'no_such_module'"),
+        ("./no_such_file.py:Mine", "No such file"),
+        ("torn.py:Mine", "has a syntax error in"),
+        ("raises.py:Mine", "its own code raised ZeroDivisionError: division by zero (raises.py, l"),
+        ("empty.py:Mine", "has no 'Mine'"),
+        ("value.py:Mine", "is an int"),
+    ],
+)
+def test_what_cannot_be_resolved_is_bad_input(tmp_path, monkeypatch, capsys, name, words):
+    monkeypatch.chdir(tmp_path)
+    for file, text in (("torn", "def ("), ("raises", "1 / 0"), ("empty", ""), ("value", "Mine=1")):
+        Path(f"{file}.py").write_text(text)
+    assert exit_code("check", name) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert words in printed.err
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [(), ("mcl", "--timeout", "0"), ("mcl", "--timeout", "x")])
+def test_a_bad_command_line_of_check_is_refused(capsys, arguments):
+    assert exit_code("check", *arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+
+
+@pytest.fixture
+def new(tmp_path, monkeypatch, capsys):
+    """The folder with a new localizer, and what was printed when it was written."""
+    monkeypatch.chdir(tmp_path)
+    assert exit_code("new-localizer", "my_localizer.py") == 0
+    return tmp_path / "my_localizer.py", capsys.readouterr().out
+
+
+def test_a_new_localizer_has_one_definition_and_is_short(new):
+    path, _ = new
+    body = ast.parse(path.read_text()).body
+    defined = [node.name for node in body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
+    assert defined == ["MyLocalizer"]
+    code = [line for line in path.read_text().splitlines() if line.strip()]
+    assert len(code) <= 35
+
+
+def test_the_commands_that_new_localizer_prints_work_as_they_are(new):
+    path, printed = new
+    commands = [line.split()[1:] for line in printed.splitlines() if line.startswith("  deqmcl")]
+    assert [command[0] for command in commands] == ["check", "paper"]
+    few = ("--trials", "1", "--particles", "50", "--jobs", "1")
+    for command, more in zip(commands, ((), few), strict=True):
+        done = process(DEQMCL, *command, *more, cwd=path.parent)
+        assert done.returncode == 0, done.stderr
+    table = (path.parent / "results" / "mine" / "table.csv").read_text()
+    assert "./my_localizer.py:MyLocalizer,0," in table
+
+
+def test_an_existing_file_is_not_overwritten(new, capsys):
+    path, _ = new
+    path.write_text("precious")
+    assert exit_code("new-localizer", path.name) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert path.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("my_localizer", "must end in .py"),
+        ("no/such/folder/mine.py", "a folder that is not there"),
+        ("folder.py", "is there already"),
+        ("link.py", "is there already"),
+    ],
+)
+def test_a_name_that_cannot_be_written_is_refused(tmp_path, monkeypatch, capsys, name, words):
+    monkeypatch.chdir(tmp_path)
+    Path("folder.py").mkdir()
+    Path("link.py").symlink_to("nowhere.py")
+    assert exit_code("new-localizer", name) == 2
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert printed.out == ""
+    assert files(tmp_path) == {}
