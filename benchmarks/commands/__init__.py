@@ -8,6 +8,7 @@ that ``deqmcl --help`` stays fast.
 from collections.abc import Sequence
 from types import ModuleType
 
-from benchmarks.commands import paper, run
+from benchmarks.commands import list as list_
+from benchmarks.commands import paper, run, sweep
 
-COMMANDS: Sequence[ModuleType] = (paper, run)
+COMMANDS: Sequence[ModuleType] = (sweep, list_, paper, run)
