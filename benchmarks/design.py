@@ -109,7 +109,8 @@ class Sweep:
                 one_of("preset", value, ASSUMED)
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
-        self._check_params()
+        for method in self.localizers:
+            takes(method.name)
 
     @property
     def combinations(self) -> int:
@@ -182,20 +183,6 @@ class Sweep:
         shared = {"lag": base["lag"]} | base["params"]
         useful = {k: v for k, v in shared.items() if known is None or k in known}
         return frozen(useful | dict(method.params))
-
-    def _check_params(self) -> None:
-        """Refuse a shared parameter that nobody has a use for: it is a misspelt one."""
-        known = [takes(method.name) for method in self.localizers]
-        valid = {name for names in known for name in names or ()}
-        named = [name for name, _ in self.params] + [
-            name.removeprefix("params.")
-            for axis in self.vary
-            for name in axis.values
-            if name.startswith("params.")
-        ]
-        for name in named:
-            if None not in known:
-                one_of("parameter of the localizers", name, valid)
 
 
 def _jsonable_values(name: str, values: tuple[Any, ...]) -> list[Any]:

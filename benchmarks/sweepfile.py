@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.design import Axis, Method, Sweep
+from benchmarks.plugins import takes
 from benchmarks.spec import Params, frozen
 from benchmarks.suites import SUITES
 from deqmcl_gym.validation import InputError, one_of
@@ -46,7 +47,9 @@ def read_sweep(path: Path) -> Sweep:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"the sweep file {path} is no TOML: {error}.") from None
     try:
-        return sweep_of(given, title=path.stem)
+        sweep = sweep_of(given, title=path.stem)
+        _refuse_idle(sweep)
+        return sweep
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -71,6 +74,17 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
         vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
         **plain,
     )
+
+
+def _refuse_idle(sweep: Sweep) -> None:
+    """Refuse a shared parameter that no localizer has a use for: it is a misspelt one."""
+    known = [takes(method.name) for method in sweep.localizers]
+    if None in known:
+        return
+    varied = [name for axis in sweep.vary for name in axis.values]
+    shared = [name.removeprefix("params.") for name in varied if name.startswith("params.")]
+    for name in [*dict(sweep.params), *shared]:
+        one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 
 def _method(entry: Any) -> Method:

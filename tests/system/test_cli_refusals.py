@@ -10,7 +10,7 @@ RUN = ("run", "--localizer", "mcl", "--out", "out")
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
     (["papr"], ["papr", "paper"]),
-    (["list"], ["list", "paper", "run"]),
+    (["lst"], ["lst", "list", "paper", "run", "sweep"]),
     (["paper", "--trails", "3"], ["--trails", "--trials"]),
     (["paper", "--trails=3"], ["--trails", "--trials"]),
     (["paper", "--tria", "3"], ["--tria", "--trials"]),
