@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -83,10 +84,6 @@ class Processes(Executor):
                 thread.join()
 
     def _look_after_one(self) -> None:
-        # Ctrl-C in a terminal goes to all processes: only the parent is to hear it. A process
-        # inherits the mask of the thread that starts it.
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         worker: _Worker | None = None
         while (item := self._calls.get()) is not None:
             future, call = item
@@ -109,6 +106,7 @@ class Processes(Executor):
         with self._lock:
             if self._closed:
                 raise WorkerDiedError("the sweep is being stopped")
+            _shield_from_ctrl_c()
             with _one_thread_each():
                 worker = _Worker()
             self._living.add(worker)
@@ -168,6 +166,17 @@ class _Worker:
             raise CannotStartError(f"a worker process could not start (exit code {code})")
         how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
         return f"its worker died {how}"
+
+
+def _shield_from_ctrl_c() -> None:
+    """Let only the parent hear Ctrl-C, which a terminal sends to all processes.
+
+    A process inherits the signal mask of the thread that starts it. The first start of a process
+    also starts multiprocessing's resource tracker, which would clear the mask.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 @contextmanager
