@@ -69,6 +69,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     refuse_too_many(sweep, yes=options.yes)
+    how.where.check()
     check(sweep)
     if options.dry_run:
         return dry_run(sweep, how)

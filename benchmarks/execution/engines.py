@@ -58,12 +58,23 @@ class Where:
                 f"the executor is {self.executor!r}, but must be process, dask or module:factory."
             )
 
+    def check(self) -> None:
+        """See whether the engine can be had, before anything is written.
+
+        Raises:
+            InputError: it is not installed, or there is none of this name.
+        """
+        if self.executor == "dask":
+            _distributed()
+        elif self.executor != "process":
+            _factory(self.executor)
+
     @contextmanager
     def engine(self, trials: int) -> Iterator[Engine]:
         """Start an engine for so many trials, and end it with all that still runs.
 
         Raises:
-            InputError: it is not installed, or there is none of this name.
+            InputError: it cannot be had.
         """
         if self.executor == "dask":
             with _dask(self.jobs, self.scheduler, self.timeout) as engine:
@@ -107,14 +118,9 @@ def available_cpus() -> int:
 
 @contextmanager
 def _dask(jobs: int | None, scheduler: str | None, timeout: float | None) -> Iterator[Engine]:
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise InputError(
-            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave --executor dask."
-        ) from None
+    dask = _distributed()
     if scheduler is None:
-        place = LocalCluster(  # type: ignore[no-untyped-call]
+        place = dask.LocalCluster(
             n_workers=jobs or available_cpus(),
             threads_per_worker=1,
             processes=True,
@@ -124,7 +130,7 @@ def _dask(jobs: int | None, scheduler: str | None, timeout: float | None) -> Ite
     else:
         place = None
     try:
-        with _client(Client, place or scheduler) as client:
+        with _client(dask.Client, place or scheduler) as client:
             threads = sum(client.nthreads().values())
             if threads == 0:
                 raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
@@ -134,6 +140,17 @@ def _dask(jobs: int | None, scheduler: str | None, timeout: float | None) -> Ite
     finally:
         if place is not None:
             place.close(timeout=2)
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
+            "--executor dask."
+        ) from None
+    return distributed
 
 
 def _client(client: Any, place: Any) -> Any:

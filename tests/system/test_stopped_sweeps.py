@@ -1,0 +1,170 @@
+"""A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import pytest
+from deqmcl_command import DEQMCL, files
+from sweep_command import lines, sweep, tables, trial_files, write_small
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+TROUBLED = Path(__file__).with_name("troubled.py")
+PATIENCE = 60.0  # seconds; never waited out if all is well
+
+
+class Running:
+    """A sweep in processes of its own group, which can be told from all others."""
+
+    def __init__(self, file, out, *more, script=None, flag=""):
+        self.out = out
+        self._mark = uuid.uuid4().hex
+        program = (DEQMCL,) if script is None else (sys.executable, script)
+        words = [*program, "sweep", file, "--out", out, "--jobs", "2", *more]
+        self.process = subprocess.Popen(
+            [str(word) for word in words],
+            env=os.environ | {"SWEEP_MARK": self._mark, "TROUBLED_FLAG": str(flag)},
+            start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def pids(self):
+        """Its processes that live."""
+        found = []
+        for folder in Path("/proc").iterdir():
+            try:
+                if folder.name.isdigit() and self._mark.encode() in (
+                    (folder / "environ").read_bytes()
+                ):
+                    found.append(int(folder.name))
+            except OSError:
+                continue
+        return found
+
+    def workers(self):
+        return [p for p in self.pids() if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+    def wait_for_trials(self, count):
+        until(lambda: len(list((self.out / "trials").glob("*.json"))) >= count, self.process)
+
+    def ended(self):
+        """Exit code and what was said; no process of it is left."""
+        out, err = self.process.communicate(timeout=PATIENCE)
+        until(lambda: not self.pids())
+        return self.process.returncode, out, err
+
+
+def until(condition, process=None):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "it takes too long"
+        assert process is None or process.poll() is None, process.communicate()
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_small(tmp_path_factory.mktemp("file"), trials=12)
+
+
+@pytest.fixture(scope="module")
+def finished(file, tmp_path_factory):
+    out = tmp_path_factory.mktemp("finished") / "out"
+    assert sweep(file, out) == 0
+    return out
+
+
+def kill_all(running):
+    os.killpg(running.process.pid, signal.SIGKILL)
+
+
+def kill_parent(running):
+    os.kill(running.process.pid, signal.SIGKILL)
+
+
+def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(
+    file, finished, tmp_path
+):
+    out = tmp_path / "out"
+    for count, kill in ((1, kill_all), (4, kill_parent), (9, kill_all), (13, kill_parent)):
+        running = Running(file, out)
+        running.wait_for_trials(count)
+        kept = trial_files(out)
+        kill(running)
+        code, _, _ = running.ended()
+        assert code == -signal.SIGKILL
+        assert kept.items() <= trial_files(out).items()
+    assert len(trial_files(out)) < 24
+    assert sweep(file, out) == 0
+    assert tables(out) == tables(finished)
+    assert trial_files(out) == trial_files(finished)
+    assert not [name for name in files(out) if name.endswith(".tmp")]
+
+
+def test_a_worker_that_is_killed_costs_nothing_but_time(file, finished, tmp_path):
+    running = Running(file, tmp_path / "out")
+    running.wait_for_trials(2)
+    os.kill(running.workers()[0], signal.SIGKILL)
+    code, said, err = running.ended()
+    assert (code, err) == (0, "")
+    assert said.startswith("small: 24 of 24 trials finished.")
+    assert tables(running.out) == tables(finished)
+
+
+@pytest.mark.parametrize(
+    ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
+)
+def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial_and_can_go_on(tmp_path, how, code):
+    file = write_small(tmp_path, trials=1)
+    running = Running(file, tmp_path / "out", "--with", "sleep,mcl-map", script=TROUBLED)
+    running.wait_for_trials(3)  # what is left sleeps for a quarter of an hour
+    if how == signal.SIGINT:
+        os.killpg(running.process.pid, how)  # as a terminal does
+    else:
+        running.process.send_signal(how)
+    assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
+    assert len(trial_files(running.out)) == 3
+    assert not (running.out / ".lock").exists()
+    again = Running(
+        file, tmp_path / "out", "--with", "sleep,mcl-map", "--timeout", "1", script=TROUBLED
+    )
+    code, said, _ = again.ended()
+    assert code == 3
+    assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
+
+
+def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_goes_on(tmp_path):
+    file = write_small(tmp_path, trials=2)
+    running = Running(file, tmp_path / "out", "--with", "sleep", "--timeout", "2", script=TROUBLED)
+    code, said, err = running.ended()
+    assert code == 3
+    assert said.startswith("small: 4 of 6 trials finished, 2 failed.")
+    assert "first: sleep, trial 0: no result within 2 s: its worker (process " in err
+    assert {line["method"] for line in lines(running.out)} == {"mcl", "dead-reckoning"}
+
+
+def test_a_trial_whose_worker_dies_once_is_run_again_and_succeeds(tmp_path):
+    file, flag = write_small(tmp_path, trials=2), tmp_path / "flag"
+    flag.touch()
+    running = Running(file, tmp_path / "out", "--with", "die-once", script=TROUBLED, flag=flag)
+    code, said, _ = running.ended()
+    assert not flag.exists()
+    assert (code, said.splitlines()[0]) == (0, "small: 6 of 6 trials finished.")
+
+
+@pytest.mark.parametrize(("name", "how"), [("die", "by signal 9"), ("leave", "with exit code 0")])
+def test_a_trial_that_kills_every_worker_fails_and_the_rest_goes_on(tmp_path, name, how):
+    file = write_small(tmp_path, trials=1)
+    running = Running(file, tmp_path / "out", "--with", name, script=TROUBLED)
+    code, said, err = running.ended()
+    assert code == 3
+    assert said.startswith("small: 2 of 3 trials finished, 1 failed.")
+    assert f"{name}, trial 0: lost 3 times by its worker; last: WorkerDiedError" in err
+    assert how in err
