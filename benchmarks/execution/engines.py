@@ -11,6 +11,8 @@ from typing import Any
 from benchmarks.execution.processes import ONE_THREAD, Processes
 from deqmcl_gym.validation import InputError, integer, number
 
+CONNECT_SECONDS = 10  # how long a Dask scheduler may take to answer
+
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
@@ -155,7 +157,7 @@ def _distributed() -> Any:
 
 def _client(client: Any, place: Any) -> Any:
     try:
-        return client(place, timeout="10s", set_as_default=False)
+        return client(place, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         words = " ".join(str(error).split())
         raise InputError(
