@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.execution.processes import ONE_THREAD, Processes
+from benchmarks.execution import dask
+from benchmarks.execution.processes import Processes
 from deqmcl_gym.validation import InputError, integer, number
-
-CONNECT_SECONDS = 10  # how long a Dask scheduler may take to answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +66,7 @@ class Where:
             InputError: it is not installed, or there is none of this name.
         """
         if self.executor == "dask":
-            _distributed()
+            dask.require()
         elif self.executor != "process":
             _factory(self.executor)
 
@@ -79,14 +78,13 @@ class Where:
             InputError: it cannot be had.
         """
         if self.executor == "dask":
-            with _dask(self.jobs, self.scheduler, self.timeout) as engine:
-                yield engine
+            with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
+                yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
         elif self.executor == "process":
             with self._processes(trials) as executor:
                 yield Engine(executor=executor, slots=self._here(trials))
         else:
-            with _factory(self.executor)() as executor:
-                _check_executor(self.executor, executor)
+            with _made_by(self.executor) as executor:
                 yield Engine(
                     executor=executor, slots=self.jobs or available_cpus(), timeout=self.timeout
                 )
@@ -118,54 +116,6 @@ def available_cpus() -> int:
     return os.cpu_count() or 1
 
 
-@contextmanager
-def _dask(jobs: int | None, scheduler: str | None, timeout: float | None) -> Iterator[Engine]:
-    dask = _distributed()
-    if scheduler is None:
-        place = dask.LocalCluster(
-            n_workers=jobs or available_cpus(),
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            env=ONE_THREAD,
-        )
-    else:
-        place = None
-    try:
-        with _client(dask.Client, place or scheduler) as client:
-            threads = sum(client.nthreads().values())
-            if threads == 0:
-                raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
-            yield Engine(
-                executor=client.get_executor(retries=0), slots=jobs or threads, timeout=timeout
-            )
-    finally:
-        if place is not None:
-            place.close(timeout=2)
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise InputError(
-            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
-            "--executor dask."
-        ) from None
-    return distributed
-
-
-def _client(client: Any, place: Any) -> Any:
-    try:
-        return client(place, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError) as error:
-        words = " ".join(str(error).split())
-        raise InputError(
-            f"the Dask scheduler {place!r} cannot be reached ({words}): give an address like "
-            "tcp://host:8786."
-        ) from None
-
-
 def _factory(name: str) -> Callable[[], Executor]:
     module, _, attribute = name.partition(":")
     try:
@@ -181,8 +131,14 @@ def _factory(name: str) -> Callable[[], Executor]:
     return factory  # type: ignore[no-any-return]
 
 
-def _check_executor(name: str, executor: object) -> None:
+@contextmanager
+def _made_by(name: str) -> Iterator[Executor]:
+    executor = _factory(name)()
     if not isinstance(executor, Executor):
         raise InputError(
             f"{name} returned {executor!r}, but must return a concurrent.futures.Executor."
         )
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)

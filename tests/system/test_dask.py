@@ -32,9 +32,9 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
 
 
 def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, capsys, monkeypatch):
-    from benchmarks.execution import engines
+    from benchmarks.execution import dask
 
-    monkeypatch.setattr(engines, "CONNECT_SECONDS", 1)
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 1)
     file = write_small(tmp_path, trials=1)
     given = ("--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     assert exit_code("sweep", file, "--out", tmp_path / "out", *given) == 2
