@@ -22,7 +22,7 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     cells: dict[str, list[Trial]] = {}
     trials = sweep.distinct()
     for trial in trials:
-        cells.setdefault(_name(trial), []).append(trial)
+        cells.setdefault(trial.cell(), []).append(trial)
     seconds = _measured(list(cells.values()))
     rows = [
         [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
@@ -74,12 +74,6 @@ def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool
         (known[i], True) if i in known else (means.get(cell[0].localizer), False)
         for i, cell in enumerate(cells)
     ]
-
-
-def _name(trial: Trial) -> str:
-    changes = [f"{name}={value}" for name, value in (*trial.world, *trial.assumed, *trial.params)]
-    kinds = [str(dict(wrapper).get("kind")) for wrapper in trial.disturbance]
-    return " ".join([trial.preset, *kinds, f"L={trial.lag}", trial.localizer, *changes])
 
 
 def _duration(seconds: float) -> str:

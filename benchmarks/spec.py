@@ -76,6 +76,14 @@ class Trial:
             "filter_seed": self.filter_seed,
         }
 
+    def cell(self) -> str:
+        """Return its setting and method in words: what trials are counted by."""
+        parts = [self.preset, *(f"{name}={value}" for name, value in self.world)]
+        parts += [f"assumed {name}={value}" for name, value in self.assumed]
+        parts += [str(dict(wrapper).get("kind")) for wrapper in self.disturbance]
+        parts += [f"L={self.lag}", self.localizer]
+        return " ".join([*parts, *(f"{name}={value}" for name, value in self.params)])
+
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
         words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
@@ -90,6 +98,15 @@ def frozen(values: Mapping[str, Any]) -> Params:
 def thawed(params: Params) -> dict[str, Any]:
     """Return pairs as JSON-able values; JSON has no infinity: it is the word "inf"."""
     return {name: _jsonable(value) for name, value in sorted(params)}
+
+
+def unworded(value: Any) -> Any:
+    """Return a value read from JSON with "inf" as the number again."""
+    if isinstance(value, dict):
+        return {name: unworded(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [unworded(inner) for inner in value]
+    return float(value) if value in ("inf", "-inf") else value
 
 
 def _tuples(value: Any) -> Any:

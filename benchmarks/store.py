@@ -47,10 +47,9 @@ class Store:
         self._write("trials", key, record)
         self._path("failed", key).unlink(missing_ok=True)
 
-    def failure(self, key: str) -> str | None:
-        """Return why a trial failed; None if it did not."""
-        found = self._read("failed", key)
-        return None if found is None else str(found["reason"])
+    def failure(self, key: str) -> dict[str, Any] | None:
+        """Return the ``trial`` that failed and the ``reason`` why; None if it did not."""
+        return self._read("failed", key)
 
     def put_failure(self, key: str, trial: dict[str, Any], reason: str) -> None:
         """Keep the reason why a trial failed."""
@@ -69,6 +68,10 @@ class Store:
                 elif path.suffix != ".json" or path.stem not in keys:
                     found[f"{folder}/{path.name}"] = "is no trial of this sweep"
         return found
+
+    def keys(self, folder: str) -> list[str]:
+        """Return the names of the files in "trials" or "failed", whatever has made them."""
+        return sorted(path.stem for path in (self.out / folder).glob("*.json"))
 
     def _path(self, folder: str, key: str) -> Path:
         return self.out / folder / f"{key}.json"

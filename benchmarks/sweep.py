@@ -1,7 +1,9 @@
 """Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
 
 import contextlib
+import json
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +22,12 @@ from benchmarks.plugins import key_of, loads
 from benchmarks.provenance import environment
 from benchmarks.reporting import write_report
 from benchmarks.results import Failure, Results
-from benchmarks.spec import Trial
+from benchmarks.spec import Trial, unworded
 from benchmarks.store import Store
+from benchmarks.sweepfile import sweep_of
 from deqmcl_gym.validation import InputError
 
+_SHOWN = 20  # cells that are not complete
 MANY = 100_000  # trials; more are run only if one says so
 
 
@@ -157,8 +161,8 @@ def collected(
     for key, trial in trials.items():
         if (record := store.get(key)) is not None:
             records.append(record)
-        elif (reason := store.failure(key)) is not None:
-            failures.append(Failure(trial=trial.canonical(), reason=reason))
+        elif (failed := store.failure(key)) is not None:
+            failures.append(Failure(trial=trial.canonical(), reason=failed["reason"]))
     return Results(
         title=title,
         records=records,
@@ -187,10 +191,26 @@ def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) ->
     if results.missing:
         parts.append(f"{results.missing:,} missing")
     lines = [", ".join(parts) + "."]
+    lines += _incomplete(sweep, results)
     if equal := sweep.combinations - results.planned:
         lines.append(f"{equal:,} combinations equal others and were run once.")
     names = ", ".join(str(path.relative_to(out)) for path in files)
     return "\n".join([*lines, f"Written to {out}: {names}."])
+
+
+def _incomplete(sweep: Sweep, results: Results) -> list[str]:
+    """Say of each setting and method how many of its trials are there, unless all are."""
+    if len(results.records) == results.planned:
+        return []
+    there = {_name(record["trial"]) for record in results.records}
+    planned: Counter[str] = Counter()
+    done: Counter[str] = Counter()
+    for trial in sweep.distinct():
+        planned[trial.cell()] += 1
+        done[trial.cell()] += _name(trial.canonical()) in there
+    lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
+    more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
+    return ["Not complete:", *lines[:_SHOWN], *more]
 
 
 def failed_sentence(results: Results) -> str:
@@ -242,3 +262,38 @@ def shard_of(text: str) -> tuple[int, int]:
     if number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= 100_000:
         return int(number), int(of)
     raise InputError(f"--shard is {text!r}, but must be i/n with i from 1 to n, like 2/8.")
+
+
+def results_in(folder: Path) -> Results:
+    """Return what the folder of a sweep holds, whatever code and machine have made it.
+
+    Raises:
+        InputError: the folder is not one of a sweep.
+    """
+    content = manifest.read(folder)
+    if "identity" not in content:
+        raise InputError(f"{folder / manifest.NAME} is not of a sweep: give the folder of one.")
+    sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
+    store = Store(folder)
+    finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
+    failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
+    planned = [trial.canonical() for trial in sweep.distinct()]
+    records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
+    failures = [
+        Failure(trial=trial, reason=failed[name]["reason"])
+        for trial in planned
+        if (name := _name(trial)) in failed and name not in finished
+    ]
+    return Results(
+        title=sweep.title,
+        records=records,
+        failures=failures,
+        missing=len(planned) - len(records) - len(failures),
+        planned=len(planned),
+        command=content["command"],
+        environment=content["environment"],
+    )
+
+
+def _name(trial: Mapping[str, Any]) -> str:
+    return json.dumps(trial, sort_keys=True)

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.design import Axis, Method, Sweep
 from benchmarks.plugins import takes
 from benchmarks.spec import Params, frozen
-from benchmarks.suites import SUITES
+from benchmarks.suites import SUITES, with_localizers
 from deqmcl_gym.validation import InputError, one_of
 
 _KEYS = (
@@ -18,22 +18,22 @@ _KEYS = (
 )
 
 
-def sweep_named(name: str) -> Sweep:
-    """Return the suite of that name, or what the TOML file says.
+def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
+    """Return the suite of that name, or what the TOML file says, with localizers added.
 
     Raises:
         InputError: there is neither.
     """
     if name.endswith(".toml"):
-        return read_sweep(Path(name))
+        return read_sweep(Path(name), added)
     try:
-        return SUITES[one_of("suite", name, SUITES)]
+        return with_localizers(SUITES[one_of("suite", name, SUITES)], added)
     except InputError as error:
         raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
 
 
-def read_sweep(path: Path) -> Sweep:
-    """Read a sweep file.
+def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
+    """Read a sweep file, and add localizers to what it says.
 
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
@@ -47,7 +47,7 @@ def read_sweep(path: Path) -> Sweep:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"the sweep file {path} is no TOML: {error}.") from None
     try:
-        sweep = sweep_of(given, title=path.stem)
+        sweep = with_localizers(sweep_of(given, title=path.stem), added)
         _refuse_idle(sweep)
         return sweep
     except InputError as error:

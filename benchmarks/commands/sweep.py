@@ -42,7 +42,6 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.dry_run import dry_run
     from benchmarks.execution.engines import Where
-    from benchmarks.suites import with_localizers
     from benchmarks.sweep import (
         Options,
         TrialsFailedError,
@@ -56,7 +55,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.sweepfile import sweep_named
 
     added = [name for listed in options.added for name in comma_separated(listed)]
-    sweep = with_localizers(sweep_named(options.suite), added)
+    sweep = sweep_named(options.suite, added)
     how = Options(
         where=Where(
             jobs=options.jobs,

@@ -110,7 +110,7 @@ def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
     store = Store(tmp_path)
     assert store.failure(KEY) is None
     store.put_failure(KEY, {"trial": 0}, "it slept")
-    assert Store(tmp_path).failure(KEY) == "it slept"
+    assert Store(tmp_path).failure(KEY) == {"trial": {"trial": 0}, "reason": "it slept"}
     assert store.get(KEY) is None
     store.put(KEY, RECORD, 1.0)
     assert store.failure(KEY) is None

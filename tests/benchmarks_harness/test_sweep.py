@@ -123,7 +123,7 @@ def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, mon
     monkeypatch.setattr(attempt, "key_of", lambda trial: "another")
     store = Store(tmp_path)
     run_missing({key: trial for trial, key in keys.items()}, store, here())
-    reasons = {store.failure(key) for key in keys.values()}
+    reasons = {store.failure(key)["reason"] for key in keys.values()}
     assert len(reasons) == 1
     assert "its worker loaded other code" in reasons.pop()
     assert not (tmp_path / "trials").exists()

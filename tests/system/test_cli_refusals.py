@@ -74,7 +74,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl")])
+@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl"), ("sweep", "quick")])
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
     (tmp_path / "file").write_text("precious")

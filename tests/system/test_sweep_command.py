@@ -12,8 +12,12 @@ import pytest
 from deqmcl_command import DEQMCL, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
-from benchmarks import plugins
+from benchmarks import manifest, plugins
 from benchmarks.execution import attempt
+from benchmarks.spec import unworded
+from benchmarks.suites import SUITES
+from benchmarks.sweep import results_in
+from benchmarks.sweepfile import sweep_of
 from localizers import registry
 
 
@@ -163,8 +167,6 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(
 
 
 def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
-    from benchmarks import manifest
-
     monkeypatch.setattr(manifest, "code_digest", lambda: "other")
     monkeypatch.setattr(manifest, "versions", lambda: {"numpy": "0.1"})
     assert sweep(file, copy) == 2
@@ -175,8 +177,6 @@ def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
 
 
 def test_a_changed_plug_in_is_refused_and_named(tmp_path, monkeypatch, capsys):
-    from benchmarks import manifest
-
     monkeypatch.setitem(registry._FACTORIES, "mine", registry._FACTORIES["mcl"])
     for module in (plugins, manifest):
         monkeypatch.setattr(module, "source_digest", lambda name: "1" if name == "mine" else "")
@@ -226,7 +226,13 @@ def test_fail_fast_stops_and_says_what_is_missing(tmp_path, monkeypatch, capsys)
     monkeypatch.setitem(registry._FACTORIES, "broken", broken)
     file, out = write_small(tmp_path), tmp_path / "out"
     assert sweep(file, out, "--with", "broken", "--fail-fast") == 3
-    assert "small: 2 of 6 trials finished, 1 failed, 3 missing." in capsys.readouterr().out
+    assert capsys.readouterr().out.startswith(
+        "small: 2 of 6 trials finished, 1 failed, 3 missing.\n"
+        "Not complete:\n"
+        "  1 of 2: paper L=4 mcl particles=15\n"
+        "  1 of 2: paper L=4 dead-reckoning\n"
+        "  0 of 2: paper L=4 broken lag=4 particles=15\n"
+    )
 
 
 def test_a_plug_in_that_cannot_be_loaded_fails_its_trials_and_the_sweep_goes_on(tmp_path, capsys):
@@ -268,6 +274,37 @@ def test_a_localizer_added_stands_in_the_tables_beside_the_others(file, tmp_path
     assert list(dict.fromkeys(line["method"] for line in lines(out))) == [
         *("mcl", "dead-reckoning", "mcl-map", "deq-mcl"),
     ]
+
+
+@pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed"])
+def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
+    sweep = SUITES[name]
+    text = json.dumps(manifest.identity(sweep)["sweep"], allow_nan=False)
+    assert sweep_of(unworded(json.loads(text)), title="") == sweep
+
+
+def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
+    found = results_in(finished)
+    assert (found.planned, found.missing, found.failures) == (4, 0, [])
+    assert [(r["trial"]["localizer"], r["trial"]["trial"]) for r in found.records] == [
+        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1)),
+    ]
+    assert found.title == "small"
+    assert found.command[:2] == ["deqmcl", "sweep"]
+
+
+def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
+    file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
+    assert sweep(file, out, "--with", "mcl-map,broken") == 3
+    monkeypatch.setattr(plugins, "provenance", lambda: "other")
+    (copy := out / "trials" / "note.json").write_text("{}")
+    found = results_in(out)
+    assert copy.exists()
+    assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
+    betas = [r["trial"]["params"].get("beta") for r in found.records]
+    assert betas == [None, None, "inf", 1.0]  # mcl and dead reckoning have none
 
 
 def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
