@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.plugins import takes
@@ -138,6 +138,10 @@ class Sweep:
                             trial=number,
                             filter_seed=filter_seed,
                         )
+
+    def cells(self) -> Iterator[Trial]:
+        """Yield the first trial of each setting and method."""
+        return replace(self, trials=1, filter_seeds=1).listed()
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""

@@ -82,9 +82,7 @@ def check(sweep: Sweep) -> None:
         InputError: something of it is refused.
     """
     settings, methods = set(), set()
-    for trial in sweep.listed():
-        if trial.trial or trial.filter_seed:
-            continue
+    for trial in sweep.cells():
         setting = repr((trial.preset, trial.world, trial.assumed, trial.disturbance))
         if setting not in settings:
             check_setting(trial)

@@ -18,10 +18,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     del options, given
     from benchmarks.presets import ASSUMED
     from benchmarks.suites import SUITES
-    from localizers import names, parameters
+    from localizers import names
 
     suites = ((name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items())
-    localizers = ((name, ", ".join(parameters(name) or ())) for name in names())
+    localizers = ((name, _parameters(name)) for name in names())
     return "\n\n".join(
         (
             f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",
@@ -29,6 +29,17 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             f"Presets\n{_lines((name, '') for name in ASSUMED)}",
         )
     )
+
+
+def _parameters(name: str) -> str:
+    """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
+    import localizers
+
+    try:
+        known = localizers.parameters(name)
+    except Exception as error:
+        return f"cannot be loaded: {' '.join(str(error).split())}"
+    return "any parameters" if known is None else ", ".join(known)
 
 
 def _lines(rows: Iterable[tuple[str, str]]) -> str:

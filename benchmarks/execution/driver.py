@@ -21,16 +21,23 @@ def outcomes(
     """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
     No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
-    that its engine loses (its worker died) is tried again; one that hangs is not.
+    that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
+    slot: what else is sent to that worker would wait behind it.
 
     Raises:
-        RuntimeError: the engine itself broke.
+        RuntimeError: the engine itself broke, or hangs in all its slots.
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
     flying: _Flying = {}
+    hung: list[Future[Outcome]] = []
     while waiting or flying:
-        while waiting and len(flying) < engine.slots:
+        if len(hung) == engine.slots:
+            raise RuntimeError(
+                f"all {len(hung)} workers hang; finished trials are kept, run the command again "
+                "for the rest."
+            )
+        while waiting and len(flying) + len(hung) < engine.slots:
             key, trial = waiting.popleft()
             future = engine.executor.submit(attempt, trial, key)
             flying[future] = key, trial, time.monotonic()
@@ -38,8 +45,12 @@ def outcomes(
                 break  # an engine that runs it here: take it at once
         for future in _landed(flying, engine):
             key, trial, _ = flying.pop(future)
+            if not future.done():
+                hung.append(future)
+                yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
+                continue
             tries[key] += 1
-            outcome = _outcome(future, tries[key], engine)
+            outcome = _outcome(future, tries[key])
             if outcome is None:
                 waiting.appendleft((key, trial))
             else:
@@ -57,11 +68,8 @@ def _landed(flying: _Flying, engine: Engine) -> set[Future[Outcome]]:
     return done or {future for future, (_, _, started) in flying.items() if started <= late}
 
 
-def _outcome(future: Future[Outcome], tries: int, engine: Engine) -> Outcome | None:
+def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
     """Return what came of a trial; None to try again."""
-    if not future.done():
-        future.cancel()
-        return Outcome(reason=f"no result within {engine.timeout:g} s; its worker may still run")
     try:
         return future.result()
     except TimedOutError as error:

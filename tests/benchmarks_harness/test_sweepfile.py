@@ -1,9 +1,12 @@
 """A sweep file: what it says, and how it is refused."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
+from benchmarks.sweep import check
 from benchmarks.sweepfile import read_sweep, sweep_named
 from deqmcl_gym.validation import InputError
 
@@ -82,6 +85,15 @@ def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
     assert sweep.combinations == 6
     found = [(t.localizer, dict(t.params).get("beta")) for t in sweep.distinct()]
     assert found == [("deq-mcl", 1), ("mcl", None), ("deq-mcl", 2)]
+
+
+def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
+    document = Path(__file__).parents[2] / "docs" / "sweeps.md"
+    (text,) = re.findall(r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE)
+    sweep = read(tmp_path, text)
+    assert sweep.combinations == 1440
+    assert f"= {sweep.combinations} trials" in document.read_text()
+    check(sweep)
 
 
 BAD = [  # a file, and what the sentence must name

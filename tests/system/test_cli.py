@@ -10,10 +10,17 @@ from deqmcl_command import DEQMCL, exit_code, process, python
 from benchmarks import paper
 from benchmarks.cli import main
 
-HELP = [("--help",), ("-h",), ("paper", "--help"), ("run", "--help")]
+HELP = [
+    *(("--help",), ("-h",), ("paper", "--help"), ("run", "--help")),
+    *(("sweep", "--help"), ("list", "--help")),
+]
 PAPER_FLAGS = {
     *("--trials", "--seed", "--particles", "--lag", "--localizers", "--jobs", "--preset", "--out"),
     *("--debug", "--help"),
+}
+SWEEP_FLAGS = {
+    *("--out", "--with", "--jobs", "--executor", "--scheduler", "--shard", "--timeout"),
+    *("--retry-failed", "--fail-fast", "--dry-run", "--yes", "--debug", "--help"),
 }
 RUN_FLAGS = {"--localizer", "--out", "--seed", "--preset", "--particles", "--lag", "--debug"}
 
@@ -26,10 +33,13 @@ def test_help_is_printed_and_is_no_error(capsys, arguments):
     assert printed.err == ""
 
 
-@pytest.mark.parametrize(("command", "flags"), [("paper", PAPER_FLAGS), ("run", RUN_FLAGS)])
+@pytest.mark.parametrize(
+    ("command", "flags"),
+    [("paper", PAPER_FLAGS), ("run", RUN_FLAGS), ("sweep", SWEEP_FLAGS), ("list", {"--debug"})],
+)
 def test_help_names_every_flag(capsys, command, flags):
     exit_code(command, "--help")
-    assert flags <= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
+    assert flags <= set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
 
 
 def test_help_loads_nothing_heavy():
@@ -41,7 +51,7 @@ def test_help_loads_nothing_heavy():
         "heavy = {'numpy', 'numba', 'cv2', 'pymunk', 'matplotlib', 'gymnasium', 'scipy'}\n"
         "print('loaded:', sorted(heavy & set(sys.modules)))\n"
     )
-    for arguments in (("--help",), ("paper", "--help"), ("run", "--help")):
+    for arguments in (("--help",), ("paper", "--help"), ("run", "--help"), ("sweep", "--help")):
         done = python(code, *arguments)
         assert done.stdout.splitlines()[-1] == "loaded: []", done.stderr
 

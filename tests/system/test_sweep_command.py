@@ -1,5 +1,6 @@
 """``deqmcl sweep``: what it writes, what it runs again, and what it refuses."""
 
+import errno
 import json
 import os
 import re
@@ -9,9 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, files, process
+from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
+import localizers
 from benchmarks import manifest, plugins
 from benchmarks.execution import attempt
 from benchmarks.spec import unworded
@@ -383,6 +385,48 @@ def test_dask_that_is_not_installed_is_said_with_the_pip_command(
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert sweep(file, tmp_path / "out", "--executor", "dask") == 2
     assert "pip install 'deqmcl-gym[dask]'" in capsys.readouterr().err
+
+
+def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_loaded(
+    monkeypatch, capsys
+):
+    really = localizers.parameters
+
+    def parameters(name):
+        if name == "mcl-map":
+            raise ImportError("no module\nnamed so")
+        return really(name)
+
+    monkeypatch.setattr(localizers, "parameters", parameters)
+    assert exit_code("list") == 0
+    said = capsys.readouterr().out
+    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp"):
+        assert re.search(rf"^  {words}\b", said, re.MULTILINE)
+    assert "  mcl-map           cannot be loaded: no module named so\n" in said
+    assert "  headline   10,800 trials: " in said
+
+
+def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
+    file, finished, tmp_path, monkeypatch, capsys
+):
+    really, writes = os.fsync, []
+
+    def fill_up(handle):
+        writes.append(handle)
+        if len(writes) == 6:  # manifest, then timing and trial of each
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        really(handle)
+
+    monkeypatch.setattr(os, "fsync", fill_up)
+    out = tmp_path / "out"
+    assert sweep(file, out) == 3
+    assert capsys.readouterr().err.startswith(f"deqmcl: No space left on device: {out}/timings/")
+    kept = trial_files(out)
+    assert len(kept) == 2
+    assert not [name for name in files(out) if "tmp" in name or "lock" in name]
+    assert sweep(file, out) == 0
+    assert kept.items() <= trial_files(out).items()
+    assert tables(out) == tables(finished)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
