@@ -1,9 +1,7 @@
 """Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
 
 import contextlib
-import json
 import sys
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import manifest
+from benchmarks.collecting import collected, failed_sentence
 from benchmarks.design import Sweep
 from benchmarks.episode import check_params, check_setting
 from benchmarks.execution.attempt import Outcome
@@ -19,15 +18,12 @@ from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.lock import locked
 from benchmarks.plugins import key_of, loads
-from benchmarks.provenance import environment
 from benchmarks.reporting import write_report
-from benchmarks.results import Failure, Results
-from benchmarks.spec import Trial, unworded
+from benchmarks.results import Results
+from benchmarks.spec import Trial
 from benchmarks.store import Store
-from benchmarks.sweepfile import sweep_of
 from deqmcl_gym.validation import InputError
 
-_SHOWN = 20  # cells that are not complete
 MANY = 100_000  # trials; more are run only if one says so
 
 
@@ -151,27 +147,6 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
                 return
 
 
-def collected(
-    title: str, trials: Mapping[str, Trial], store: Store, command: Sequence[str]
-) -> Results:
-    """Return what the store has of these trials (by key)."""
-    records, failures = [], []
-    for key, trial in trials.items():
-        if (record := store.get(key)) is not None:
-            records.append(record)
-        elif (failed := store.failure(key)) is not None:
-            failures.append(Failure(trial=trial.canonical(), reason=failed["reason"]))
-    return Results(
-        title=title,
-        records=records,
-        failures=failures,
-        missing=len(trials) - len(records) - len(failures),
-        planned=len(trials),
-        command=list(command),
-        environment=environment(),
-    )
-
-
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
     """Refuse a sweep of more than 100,000 trials, unless that is what one wants."""
     if sweep.combinations > MANY and not yes:
@@ -179,45 +154,6 @@ def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
             f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
             "them all, or vary less."
         )
-
-
-def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
-    """Say how far a sweep has come, and where that is written."""
-    parts = [f"{sweep.title}: {len(results.records):,} of {results.planned:,} trials finished"]
-    if results.failures:
-        parts.append(f"{len(results.failures):,} failed")
-    if results.missing:
-        parts.append(f"{results.missing:,} missing")
-    lines = [", ".join(parts) + "."]
-    lines += _incomplete(sweep, results)
-    if equal := sweep.combinations - results.planned:
-        lines.append(f"{equal:,} combinations equal others and were run once.")
-    names = ", ".join(str(path.relative_to(out)) for path in files)
-    return "\n".join([*lines, f"Written to {out}: {names}."])
-
-
-def _incomplete(sweep: Sweep, results: Results) -> list[str]:
-    """Say of each setting and method how many of its trials are there, unless all are."""
-    if len(results.records) == results.planned:
-        return []
-    there = {_name(record["trial"]) for record in results.records}
-    planned: Counter[str] = Counter()
-    done: Counter[str] = Counter()
-    for trial in sweep.distinct():
-        planned[trial.cell()] += 1
-        done[trial.cell()] += _name(trial.canonical()) in there
-    lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
-    more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
-    return ["Not complete:", *lines[:_SHOWN], *more]
-
-
-def failed_sentence(results: Results) -> str:
-    """Say how many trials failed, and the first reason."""
-    first = results.failures[0]
-    return (
-        f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "
-        f"{first.trial['localizer']}, trial {first.trial['trial']}: {first.reason}"
-    )
 
 
 def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> None:
@@ -236,7 +172,7 @@ def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping
 
 def _say_rejected(store: Store) -> None:
     for name, why in store.rejected.items():
-        print(f"deqmcl: {store.out / name} {why}; it is left out.", file=sys.stderr)
+        print(f"deqmcl: {store.out / name} {why}; it is run again.", file=sys.stderr)
     store.rejected.clear()
 
 
@@ -260,38 +196,3 @@ def shard_of(text: str) -> tuple[int, int]:
     if number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= 100_000:
         return int(number), int(of)
     raise InputError(f"--shard is {text!r}, but must be i/n with i from 1 to n, like 2/8.")
-
-
-def results_in(folder: Path) -> Results:
-    """Return what the folder of a sweep holds, whatever code and machine have made it.
-
-    Raises:
-        InputError: the folder is not one of a sweep.
-    """
-    content = manifest.read(folder)
-    if "identity" not in content:
-        raise InputError(f"{folder / manifest.NAME} is not of a sweep: give the folder of one.")
-    sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
-    store = Store(folder)
-    finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
-    failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
-    planned = [trial.canonical() for trial in sweep.distinct()]
-    records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
-    failures = [
-        Failure(trial=trial, reason=failed[name]["reason"])
-        for trial in planned
-        if (name := _name(trial)) in failed and name not in finished
-    ]
-    return Results(
-        title=sweep.title,
-        records=records,
-        failures=failures,
-        missing=len(planned) - len(records) - len(failures),
-        planned=len(planned),
-        command=content["command"],
-        environment=content["environment"],
-    )
-
-
-def _name(trial: Mapping[str, Any]) -> str:
-    return json.dumps(trial, sort_keys=True)

@@ -40,17 +40,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.collecting import failed_sentence, summary
     from benchmarks.dry_run import dry_run
     from benchmarks.execution.engines import Where
     from benchmarks.sweep import (
         Options,
         TrialsFailedError,
         check,
-        failed_sentence,
         refuse_too_many,
         run_sweep,
         shard_of,
-        summary,
     )
     from benchmarks.sweepfile import sweep_named
 

@@ -75,6 +75,11 @@ def file(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def sleepy(tmp_path_factory):
+    return write_small(tmp_path_factory.mktemp("sleepy"), trials=1)
+
+
+@pytest.fixture(scope="module")
 def finished(file, tmp_path_factory):
     out = tmp_path_factory.mktemp("finished") / "out"
     assert sweep(file, out) == 0
@@ -126,51 +131,37 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(file, finished, tmp_path
 @pytest.mark.parametrize(
     ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
 )
-def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial_and_can_go_on(tmp_path, how, code):
-    file = write_small(tmp_path, trials=1)
-    running = Running(file, tmp_path / "out", "--with", "sleep,mcl-map", script=TROUBLED)
-    running.wait_for_trials(3)  # what is left sleeps for a quarter of an hour
+def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, code):
+    running = Running(sleepy, tmp_path / "out", "--with", "sleep", script=TROUBLED)
+    running.wait_for_trials(2)  # what is left sleeps for a quarter of an hour
     if how == signal.SIGINT:
         os.killpg(running.process.pid, how)  # as a terminal does
     else:
         running.process.send_signal(how)
     assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
-    assert len(trial_files(running.out)) == 3
+    assert len(trial_files(running.out)) == 2
     assert not (running.out / ".lock").exists()
-    if how == signal.SIGTERM:
-        return
-    again = Running(
-        file, tmp_path / "out", "--with", "sleep,mcl-map", "--timeout", "1", script=TROUBLED
-    )
-    code, said, _ = again.ended()
+
+
+def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(sleepy, tmp_path):
+    with_it = ("--with", "sleep,mcl-map", "--timeout", "2")
+    running = Running(sleepy, tmp_path / "out", *with_it, script=TROUBLED)
+    code, said, err = running.ended()
     assert code == 3
     assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
-
-
-def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_goes_on(tmp_path):
-    file = write_small(tmp_path, trials=2)
-    running = Running(file, tmp_path / "out", "--with", "sleep", "--timeout", "2", script=TROUBLED)
-    code, said, err = running.ended()
-    assert code == 3
-    assert said.startswith("small: 4 of 6 trials finished, 2 failed.")
     assert "first: sleep, trial 0: no result within 2 s: its worker (process " in err
-    assert {line["method"] for line in lines(running.out)} == {"mcl", "dead-reckoning"}
+    assert "sleep" not in {line["method"] for line in lines(running.out)}
 
 
-def test_a_trial_whose_worker_dies_once_is_run_again_and_succeeds(tmp_path):
-    file, flag = write_small(tmp_path, trials=2), tmp_path / "flag"
+def test_a_trial_whose_worker_dies_is_tried_again_and_fails_if_that_goes_on(tmp_path):
+    file, flag = write_small(tmp_path, trials=1), tmp_path / "flag"
     flag.touch()
-    running = Running(file, tmp_path / "out", "--with", "die-once", script=TROUBLED, flag=flag)
-    code, said, _ = running.ended()
-    assert not flag.exists()
-    assert (code, said.splitlines()[0]) == (0, "small: 6 of 6 trials finished.")
-
-
-def test_a_trial_that_kills_every_worker_fails_and_the_rest_goes_on(tmp_path):
-    file = write_small(tmp_path, trials=1)
-    running = Running(file, tmp_path / "out", "--with", "die", script=TROUBLED)
+    with_them = ("--with", "die-once,die")
+    running = Running(file, tmp_path / "out", *with_them, script=TROUBLED, flag=flag)
     code, said, err = running.ended()
+    assert not flag.exists()
     assert code == 3
-    assert said.startswith("small: 2 of 3 trials finished, 1 failed.")
+    assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
     assert "die, trial 0: lost 3 times by its worker; last: WorkerDiedError: its worker" in err
     assert "by signal 9" in err
+    assert "die-once" in {line["method"] for line in lines(running.out)}

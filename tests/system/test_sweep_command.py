@@ -15,10 +15,10 @@ from sweep_command import lines, sweep, tables, trial_files, write_small
 
 import localizers
 from benchmarks import manifest, plugins
+from benchmarks.collecting import results_in
 from benchmarks.execution import attempt
 from benchmarks.spec import unworded
 from benchmarks.suites import SUITES
-from benchmarks.sweep import results_in
 from benchmarks.sweepfile import sweep_of
 from localizers import registry
 
@@ -199,11 +199,12 @@ def test_a_manifest_that_cannot_be_read_is_no_excuse_to_go_on(file, copy, capsys
     assert "manifest.json cannot be read" in capsys.readouterr().err
 
 
-def test_the_folder_of_another_command_is_refused(file, one_worker, capsys):
-    before = files(one_worker)
-    assert sweep(file, one_worker) == 2
+def test_the_folder_of_another_command_is_refused(file, tmp_path, capsys):
+    (tmp_path / "manifest.json").write_text('{"command": ["deqmcl", "paper"]}')
+    before = files(tmp_path)
+    assert sweep(file, tmp_path) == 2
     assert "is not of a sweep" in capsys.readouterr().err
-    assert files(one_worker) == before
+    assert files(tmp_path) == before
 
 
 def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
