@@ -3,13 +3,20 @@
 import argparse
 import difflib
 import io
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NoReturn
 
 from benchmarks.commands import COMMANDS
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 3, 130
+BAD_INPUT, FAILED, INTERRUPTED, TERMINATED = 2, 3, 130, 143
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came: end as for Ctrl-C."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -28,21 +35,39 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code: 0 done, 2 bad input, 3 failed, 130 interrupted."""
+    """Run the command; return its exit code: 0 done, 2 bad input, 3 failed, 130 or 143 stopped."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = _parse(given)
     try:
-        print(options.run(options, given))
-    except KeyboardInterrupt:
+        with _terminable():
+            print(options.run(options, given))
+    except KeyboardInterrupt as how:
         print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
-        return INTERRUPTED
+        return TERMINATED if isinstance(how, Terminated) else INTERRUPTED
     except Exception as error:
         if options.debug:
             raise
         return _explain(error)
     return 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM unwind the stack, so that what was started is ended, too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(*_: object) -> NoReturn:
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _explain(error: Exception) -> int:

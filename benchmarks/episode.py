@@ -12,14 +12,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.presets import ASSUMED
-from benchmarks.spec import Trial
+from benchmarks.disturbances import disturbed
+from benchmarks.presets import ASSUMED, Assumptions
+from benchmarks.spec import Params, Trial
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Belief, Localizer, Prior, make
 
 Floats = NDArray[np.floating]
 Driver = Callable[[Belief, Floats], Floats]
+
+_PARTS = ("floor_plan", "lidar", "robot", "noise", "start", "lap")
 
 
 @dataclass(frozen=True)
@@ -80,18 +83,45 @@ def moments(
         yield Moment(step, info["truth"], ranges, belief, time.perf_counter() - started)
 
 
-def room_of(preset: str) -> RoomEnv:
-    """Return the world of a preset, set up to run all planned steps."""
+def room_of(preset: str, world: Params = ()) -> RoomEnv:
+    """Return the world of a preset, set up to run all planned steps.
+
+    Args:
+        preset: its name.
+        world: changes to it, by dotted name: ("lidar.beams", 9).
+
+    Raises:
+        InputError: unknown preset or name, or a bad value.
+    """
     one_of("preset", preset, ASSUMED)
-    return RoomEnv(preset=preset, ends_at_goal=False)
+    parts: dict[str, Any] = {}
+    for name, value in world:
+        part, _, key = name.partition(".")
+        one_of("part of the world", part, _PARTS)
+        if not key:
+            raise InputError(f"world.{part} is {value!r}, but must name a key: world.{part}.….")
+        parts.setdefault(part, {})[key] = value
+    return RoomEnv(preset=preset, ends_at_goal=False, **parts)
 
 
 def trial_moments(trial: Trial) -> Iterator[Moment]:
     """Run a trial; yield each step."""
-    room = room_of(trial.preset)
-    prior = ASSUMED[trial.preset].prior(room)
+    room = room_of(trial.preset, trial.world)
+    env = disturbed(room, trial.disturbance)
     localizer = _localizer(trial, room)
-    yield from moments(room, localizer, prior, trial.filter_rng(), seed=trial.world_seed)
+    prior = _assumed(trial).prior(room)
+    yield from moments(env, localizer, prior, trial.filter_rng(), seed=trial.world_seed)
+
+
+def check_setting(trial: Trial) -> None:
+    """Build a trial's world and what its filters assume, without running it.
+
+    Raises:
+        InputError: something of it is refused.
+    """
+    room = room_of(trial.preset, trial.world)
+    disturbed(room, trial.disturbance).reset(seed=trial.world_seed)
+    _assumed(trial).robot_model(room)
 
 
 def check_params(trial: Trial) -> None:
@@ -100,7 +130,7 @@ def check_params(trial: Trial) -> None:
     Raises:
         InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
     """
-    room = room_of(trial.preset)
+    room = room_of(trial.preset, trial.world)
     try:
         _localizer(trial, room)
     except InputError:
@@ -109,9 +139,12 @@ def check_params(trial: Trial) -> None:
         return
 
 
+def _assumed(trial: Trial) -> Assumptions:
+    return ASSUMED[trial.preset].changed(dict(trial.assumed))
+
+
 def _localizer(trial: Trial, room: RoomEnv) -> Localizer:
-    robot = ASSUMED[trial.preset].robot_model(room)
-    return make(trial.localizer, robot, **dict(trial.params))
+    return make(trial.localizer, _assumed(trial).robot_model(room), **dict(trial.params))
 
 
 def _plan(info: dict[str, Any]) -> Floats:

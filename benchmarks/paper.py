@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.episode import check_params
 from benchmarks.figures import FIG_4_METHODS, write_figures
+from benchmarks.manifest import seeds
 from benchmarks.presets import ASSUMED
 from benchmarks.provenance import environment
 from benchmarks.store import Store, write_text
-from benchmarks.suites import PAPER_METHODS, paper_suite
-from benchmarks.sweep import run_trials
+from benchmarks.suites import PAPER_METHODS, paper_sweep
+from benchmarks.sweep import check, run_trials
 from benchmarks.tables import (
     Row,
     reading,
@@ -61,7 +61,7 @@ class PaperExperiment:
 def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Sequence[str]) -> str:
     """Run the experiment (what ``out`` already holds is not run again); return what to print."""
     integer("--jobs", jobs, low=1)
-    suite = paper_suite(
+    sweep = paper_sweep(
         preset=experiment.preset,
         localizers=experiment.localizers,
         trials=experiment.trials,
@@ -69,8 +69,8 @@ def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Seq
         lag=experiment.lag,
         particles=experiment.particles,
     )
-    for first in suite[:: experiment.trials]:  # one trial of each method
-        check_params(first)
+    check(sweep)
+    suite = sweep.distinct()
     records = run_trials(suite, Store(out), jobs=jobs)
     rows = table_rows(records)
     write_text(out / "table.csv", table_csv(rows))
@@ -113,12 +113,7 @@ def _manifest(experiment: PaperExperiment, command: Sequence[str]) -> str:
     content = {
         "command": list(command),
         "configuration": configuration,
-        "seeds": {
-            "root": experiment.seed,
-            "world": "env.reset(seed) of trial i: "
-            "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
-            "localizer": "SeedSequence(root, spawn_key=(i, 1, 0)), the same for every method",
-        },
+        "seeds": seeds(experiment.seed),
         "environment": environment(),
     }
     return json.dumps(content, indent=2) + "\n"

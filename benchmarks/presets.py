@@ -4,10 +4,13 @@ Nothing of the paper's setting but room, L, β and the number of trials is publi
 chosen by the plain MCL row of its Table 1 alone: large assumed noise, a weak sensor, a local start.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.validation import number, one_of
 from localizers import (
     CensoredGaussianUniform,
     GaussianPrior,
@@ -26,6 +29,33 @@ class Assumptions:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     start_sd_position: float = 10.0
     start_sd_heading: float = 0.1
+
+    def __post_init__(self) -> None:
+        number("start_sd_position", self.start_sd_position, low=0)
+        number("start_sd_heading", self.start_sd_heading, low=0)
+
+    def changed(self, values: Mapping[str, Any]) -> "Assumptions":
+        """Return these with some values changed, by dotted name: {"scan.sigma": 50.0}.
+
+        Raises:
+            InputError: unknown name or a bad value.
+        """
+        changed = self
+        for name, value in values.items():
+            part, _, key = one_of("assumption", name, self._names()).partition(".")
+            new = replace(getattr(changed, part), **{key: value}) if key else value
+            changed = replace(changed, **{part: new})
+        return changed
+
+    def _names(self) -> list[str]:
+        parts = {own.name: getattr(self, own.name) for own in fields(self)}
+        return [
+            name
+            for part, value in parts.items()
+            for name in (
+                [f"{part}.{own.name}" for own in fields(value)] if is_dataclass(value) else [part]
+            )
+        ]
 
     def robot_model(self, room: RoomEnv) -> RobotModel:
         """Return what localizers are made for: the room's map and lidar with this noise."""

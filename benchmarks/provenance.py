@@ -10,7 +10,12 @@ from pathlib import Path
 
 # Libraries whose arithmetic or random numbers reach the results.
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
-_PACKAGES = ("deqmcl_gym", "localizers", "benchmarks")
+_PACKAGES = ("deqmcl_gym", "localizers")
+# Of this package only what a trial runs: a new table or report makes no result out of date.
+HARNESS = (
+    *("__init__", "disturbances", "episode", "metrics", "plugins", "presets", "provenance"),
+    *("scoring", "spec", "trace", "execution/__init__", "execution/attempt"),
+)
 
 
 @cache
@@ -21,15 +26,22 @@ def provenance() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the source of the three packages."""
+    """Return a digest of the source that a trial's numbers depend on."""
     digest = hashlib.sha256()
     for package in _PACKAGES:
-        spec = find_spec(package)
-        root = Path(str(spec and spec.origin)).parent
+        root = _folder(package)
         for path in sorted(root.rglob("*.py")):
             digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
             digest.update(path.read_bytes())
+    for name in HARNESS:
+        digest.update(f"benchmarks/{name}.py\0".encode())
+        digest.update((_folder("benchmarks") / f"{name}.py").read_bytes())
     return digest.hexdigest()
+
+
+def _folder(package: str) -> Path:
+    spec = find_spec(package)
+    return Path(str(spec and spec.origin)).parent
 
 
 @cache

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +20,9 @@ class Trial:
 
     Attributes:
         preset: name of the world and of what the filters assume of it.
+        world: changes to the preset's world, by dotted name: ("lidar.beams", 9).
+        assumed: changes to what the filters assume, by dotted name: ("scan.sigma", 50.0).
+        disturbance: wrappers around the world, innermost first: (("kind", "kidnap"), …).
         localizer: name of the localizer.
         params: its parameters, sorted by name.
         lag: L, the offsets scored are -L, 0 and L.
@@ -27,6 +32,9 @@ class Trial:
     """
 
     preset: str
+    world: Params = ()
+    assumed: Params = ()
+    disturbance: tuple[Params, ...] = ()
     localizer: str
     params: Params
     lag: int
@@ -57,15 +65,57 @@ class Trial:
         """Return the trial as JSON-able values in a fixed order."""
         return {
             "preset": self.preset,
+            "world": thawed(self.world),
+            "assumed": thawed(self.assumed),
+            "disturbance": [thawed(wrapper) for wrapper in self.disturbance],
             "localizer": self.localizer,
-            "params": dict(sorted(self.params)),
+            "params": thawed(self.params),
             "lag": self.lag,
             "seed": self.seed,
             "trial": self.trial,
             "filter_seed": self.filter_seed,
         }
 
+    def cell(self) -> str:
+        """Return its setting and method in words: what trials are counted by."""
+        parts = [self.preset, *(f"{name}={value}" for name, value in self.world)]
+        parts += [f"assumed {name}={value}" for name, value in self.assumed]
+        parts += [str(dict(wrapper).get("kind")) for wrapper in self.disturbance]
+        parts += [f"L={self.lag}", self.localizer]
+        return " ".join([*parts, *(f"{name}={value}" for name, value in self.params)])
+
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
-        words = json.dumps([self.canonical(), provenance], sort_keys=True)
+        words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
         return hashlib.sha256(words.encode()).hexdigest()[:32]
+
+
+def frozen(values: Mapping[str, Any]) -> Params:
+    """Return a mapping as pairs sorted by name, its lists as tuples."""
+    return tuple(sorted((name, _tuples(value)) for name, value in values.items()))
+
+
+def thawed(params: Params) -> dict[str, Any]:
+    """Return pairs as JSON-able values; JSON has no infinity: it is the word "inf"."""
+    return {name: _jsonable(value) for name, value in sorted(params)}
+
+
+def unworded(value: Any) -> Any:
+    """Return a value read from JSON with "inf" as the number again."""
+    if isinstance(value, dict):
+        return {name: unworded(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [unworded(inner) for inner in value]
+    return float(value) if value in ("inf", "-inf") else value
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_jsonable(item) for item in value]
+    if isinstance(value, float) and math.isinf(value):
+        return str(value)
+    return value

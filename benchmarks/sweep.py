@@ -1,24 +1,92 @@
-"""Run trials: those that are missing, on one or many processes, each stored when it is done."""
+"""Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
 
-import multiprocessing
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import contextlib
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.episode import room_of, trial_moments
-from benchmarks.provenance import provenance
-from benchmarks.scoring import record
+from benchmarks import manifest
+from benchmarks.collecting import collected, failed_sentence
+from benchmarks.design import Sweep
+from benchmarks.episode import check_params, check_setting
+from benchmarks.execution.attempt import Outcome
+from benchmarks.execution.driver import outcomes
+from benchmarks.execution.engines import Where
+from benchmarks.lock import locked
+from benchmarks.plugins import key_of, loads
+from benchmarks.reporting import write_report
+from benchmarks.results import Results
 from benchmarks.spec import Trial
 from benchmarks.store import Store
-from benchmarks.trace import Trace, trace_of
+from deqmcl_gym.validation import InputError
+
+MANY = 100_000  # trials; more are run only if one says so
 
 
 class TrialsFailedError(RuntimeError):
-    """Some trials raised; the others are stored."""
+    """Some trials failed; the others are stored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a sweep is run. Nothing of it changes a number.
+
+    Attributes:
+        where: the engine.
+        shard: (i, n): every n-th trial, from the i-th; None runs all.
+        retry_failed: run trials again that failed before.
+        fail_fast: stop at the first trial that fails.
+        progress: show a bar, if someone watches.
+    """
+
+    where: Where = field(default_factory=Where)
+    shard: tuple[int, int] | None = None
+    retry_failed: bool = False
+    fail_fast: bool = False
+    progress: bool = True
+
+
+def run_sweep(
+    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
+) -> tuple[Results, list[Path]]:
+    """Run what ``out`` lacks of a sweep and report all that it has; return that and its files.
+
+    The caller has had ``check`` look at the sweep.
+
+    Raises:
+        InputError: the folder is another sweep's, or in use.
+    """
+    trials = {key_of(trial): trial for trial in sweep.distinct()}
+    store = Store(out)
+    shard = None if options.shard is None else "{}/{}".format(*options.shard)
+    with locked(out, shard):
+        manifest.begin(out, sweep, command)
+        _say_strays(store, trials, remove=shard is None)
+        run_missing(_part(trials, options.shard), store, options)
+        results = collected(sweep.title, trials, store, command)
+        return results, write_report(out, results)
+
+
+def check(sweep: Sweep) -> None:
+    """Build every world and every localizer of a sweep once, before anything is written.
+
+    Raises:
+        InputError: something of it is refused.
+    """
+    settings, methods = set(), set()
+    for trial in sweep.cells():
+        setting = repr((trial.preset, trial.world, trial.assumed, trial.disturbance))
+        if setting not in settings:
+            check_setting(trial)
+            settings.add(setting)
+        method = setting + repr((trial.localizer, trial.params))
+        if method not in methods and loads(trial.localizer):
+            check_params(trial)
+        methods.add(method)
 
 
 def run_trials(
@@ -32,74 +100,99 @@ def run_trials(
     Raises:
         TrialsFailedError: with each failed trial and its reason; the finished ones are kept.
     """
-    keys = [trial.key(provenance()) for trial in trials]
-    missing = [trial for trial, key in zip(trials, keys, strict=True) if store.get(key) is None]
-    reasons = []
-    with tqdm(
-        total=len(trials),
-        initial=len(trials) - len(missing),
-        unit="trial",
-        disable=None if progress else True,
-    ) as bar:
-        for reason in _run_all(missing, store.out, jobs):
-            bar.update()
-            if reason is not None:
-                reasons.append(reason)
-    if reasons:
+    named = {key_of(trial): trial for trial in trials}
+    options = Options(where=Where(jobs=jobs), retry_failed=True, progress=progress)
+    with locked(store.out):
+        run_missing(named, store, options)
+    results = collected("", named, store, [])
+    if results.failures:
+        raise TrialsFailedError(failed_sentence(results))
+    if results.missing:
         raise TrialsFailedError(
-            f"{len(reasons)} of {len(trials)} trials failed, the rest is kept; "
-            f"first: {sorted(reasons)[0]}"
-        )
-    records = [found for key in keys if (found := store.get(key)) is not None]
-    if len(records) < len(keys):
-        raise TrialsFailedError(
-            f"{len(keys) - len(records)} of {len(keys)} finished trials have gone from "
+            f"{results.missing} of {results.planned} finished trials have gone from "
             f"{store.out}, or cannot be read: run the command again."
         )
-    return records
+    return results.records
 
 
-def available_cpus() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> None:
+    """Run the trials (by key) that the store lacks, and store what comes of them.
 
-
-def trial_trace(trial: Trial) -> Trace:
-    """Run one trial and return its trace."""
-    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.preset))
-
-
-def _run_all(trials: Sequence[Trial], out: Path, jobs: int) -> Iterator[str | None]:
-    """Run and store trials; yield None or a reason to have failed for each, as they finish."""
-    workers = min(jobs, len(trials))
-    if workers <= 1:
-        yield from _run_here(trials, out)
+    All methods run on one world before any runs on the next, so that whenever this is stopped,
+    what is there can be compared.
+    """
+    missing = {
+        key: trial
+        for key, trial in trials.items()
+        if store.get(key) is None and (options.retry_failed or store.failure(key) is None)
+    }
+    _say_rejected(store)
+    waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
+    if not waiting:
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        try:
-            futures = [pool.submit(_run_and_store, trial, out, provenance()) for trial in trials]
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    with (
+        options.where.engine(len(waiting)) as engine,
+        tqdm(
+            total=len(trials),
+            initial=len(trials) - len(waiting),
+            unit="trial",
+            disable=None if options.progress else True,
+        ) as bar,
+        contextlib.closing(outcomes(waiting, engine)) as finished,
+    ):
+        for key, outcome in finished:
+            _keep(store, key, missing[key], outcome)
+            bar.update()
+            if options.fail_fast and outcome.reason is not None:
+                return
 
 
-def _run_here(trials: Iterable[Trial], out: Path) -> Iterator[str | None]:
-    for trial in trials:
-        yield _run_and_store(trial, out, provenance())
+def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
+    """Refuse a sweep of more than 100,000 trials, unless that is what one wants."""
+    if sweep.combinations > MANY and not yes:
+        raise InputError(
+            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
+            "them all, or vary less."
+        )
 
 
-def _run_and_store(trial: Trial, out: Path, code: str) -> str | None:
-    """Run and store a trial; ``code`` is the provenance that the sweep was started with."""
-    if provenance() != code:  # a worker loads the code when it starts
-        return "the code changed while the trials ran: run the command again"
-    try:
-        trace = trial_trace(trial)
-        result = {"trial": trial.canonical()} | record(trace, trial.lag)
-    except Exception as error:
-        return f"{trial.localizer}, trial {trial.trial}: {type(error).__name__}: {error}"
-    Store(out).put(trial.key(provenance()), result, trace.seconds)
-    return None
+def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> None:
+    if outcome.record is None:
+        store.put_failure(key, trial.canonical(), outcome.reason or "no reason was given")
+    else:
+        store.put(key, outcome.record, outcome.seconds)
+
+
+def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping[str, Trial]:
+    if shard is None:
+        return trials
+    number, of = shard
+    return {key: trials[key] for key in list(trials)[number - 1 :: of]}
+
+
+def _say_rejected(store: Store) -> None:
+    for name, why in store.rejected.items():
+        print(f"deqmcl: {store.out / name} {why}; it is run again.", file=sys.stderr)
+    store.rejected.clear()
+
+
+def _say_strays(store: Store, keys: Mapping[str, Trial], *, remove: bool) -> None:
+    for name, what in store.strays(keys.keys()).items():
+        temporary = name.endswith(".tmp")
+        if temporary and remove:
+            (store.out / name).unlink(missing_ok=True)
+        if not temporary or remove:  # another shard may be writing it
+            does = "removed" if temporary else "left out"
+            print(f"deqmcl: {store.out / name} {what}; it is {does}.", file=sys.stderr)
+
+
+def shard_of(text: str) -> tuple[int, int]:
+    """Return (i, n) of "i/n".
+
+    Raises:
+        InputError: it is not of that form, or i is not one of 1 … n.
+    """
+    number, _, of = text.partition("/")
+    if number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= 100_000:
+        return int(number), int(of)
+    raise InputError(f"--shard is {text!r}, but must be i/n with i from 1 to n, like 2/8.")

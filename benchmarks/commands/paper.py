@@ -29,9 +29,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.execution.engines import available_cpus
     from benchmarks.paper import PaperExperiment, run_paper
     from benchmarks.suites import PAPER_METHODS
-    from benchmarks.sweep import available_cpus
 
     named = options.localizers
     experiment = PaperExperiment(

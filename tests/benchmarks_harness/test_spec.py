@@ -17,6 +17,9 @@ TRIAL = Trial(
 )
 CHANGED = {
     "preset": "matched",
+    "world": (("lidar.beams", 9),),
+    "assumed": (("scan.sigma", 50.0),),
+    "disturbance": ((("kind", "kidnap"), ("step", 100)),),
     "localizer": "mcl",
     "params": (("lag", 20), ("particles", 1001)),
     "lag": 21,

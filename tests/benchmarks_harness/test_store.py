@@ -29,7 +29,7 @@ def stored(tmp_path):
 def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
     store, _ = stored(tmp_path / "new" / "folder")
     found = store.get(KEY)
-    assert found == RECORD | {"schema": 1, "key": KEY, "seconds": 2.5}
+    assert found == RECORD | {"seconds": 2.5}
     assert files(store.out) == [f"timings/{KEY}.json", f"trials/{KEY}.json"]
     assert Store(store.out).get(KEY) == found
     assert store.get("another") is None
@@ -45,33 +45,88 @@ def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
 def test_a_trial_without_its_time_is_still_finished(tmp_path):
     store, _ = stored(tmp_path)
     (tmp_path / "timings" / f"{KEY}.json").unlink()
-    assert store.get(KEY) == RECORD | {"schema": 1, "key": KEY, "seconds": None}
+    assert store.get(KEY) == RECORD | {"seconds": None}
 
 
 def damaged(good):
-    """Contents that are no finished trial of this key, by what is wrong with them."""
+    """Contents that are no finished trial of this key: what is said of them, and the bytes."""
     value = json.loads(good)
+
+    def changed(**parts):
+        return json.dumps(value | parts).encode()
+
+    def without(name):
+        return json.dumps({k: v for k, v in value.items() if k != name}).encode()
+
     return {
-        "empty": b"",
-        "torn": good[: len(good) // 2],
-        "not text": b"\xff\xfe\x00" + good,
-        "not an object": b"[1, 2]\n",
-        "not JSON": b"error,entropy\n1,2\n",
-        "of another schema": json.dumps(value | {"schema": 2}).encode(),
-        "without schema": json.dumps({k: v for k, v in value.items() if k != "schema"}).encode(),
-        "of another trial": json.dumps(value | {"key": "ffff"}).encode(),
-        "without key": json.dumps({k: v for k, v in value.items() if k != "key"}).encode(),
+        "empty": ("is torn", b""),
+        "torn": ("is torn", good[: len(good) // 2]),
+        "without its last byte but one": ("is torn", good[:-2]),
+        "with a line more": ("is torn", good + b"1,2\n"),
+        "not text": ("cannot be read", b"\xff\xfe\x00" + good),
+        "not an object": ("no JSON object", b"[1, 2]\n"),
+        "not JSON": ("is torn, or no JSON", b"error,entropy\n1,2\n"),
+        "of another schema": ("has schema 1, not 2", changed(schema=1)),
+        "without schema": ("has schema None", without("schema")),
+        "of another trial": ("of another trial", changed(key="ffff")),
+        "without key": ("of another trial", without("key")),
+        "without checksum": ("checksum does not fit", without("checksum")),
+        "edited by hand": ("checksum does not fit", good.replace(b"1.5", b"1.4")),
+        "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
+        "with an infinity": ("holds Infinity", good.replace(b"1.5", b"Infinity")),
+        "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
     }
 
 
-@pytest.mark.parametrize("kind", damaged(b'{"schema": 1, "key": "0123abcd"}'))
-def test_a_damaged_trial_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
+@pytest.mark.parametrize("kind", damaged(b'{"schema": 2, "key": "0123abcd"}'))
+def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
     store, path = stored(tmp_path)
     good = path.read_bytes()
-    path.write_bytes(damaged(good)[kind])
+    why, content = damaged(good)[kind]
+    assert content != good
+    path.write_bytes(content)
     assert store.get(KEY) is None
+    assert list(store.rejected) == [f"trials/{KEY}.json"]
+    assert why in store.rejected[f"trials/{KEY}.json"]
     store.put(KEY, RECORD, 2.5)
     assert path.read_bytes() == good
+
+
+def test_a_damaged_trial_leaves_the_others_as_they_are(tmp_path):
+    store, path = stored(tmp_path)
+    store.put("ffff", RECORD, 1.0)
+    path.write_bytes(b"")
+    assert store.get("ffff") == RECORD | {"seconds": 1.0}
+
+
+def test_the_order_of_keys_and_the_spaces_of_a_file_are_no_change(tmp_path):
+    store, path = stored(tmp_path)
+    value = json.loads(path.read_text())
+    path.write_text(json.dumps(dict(reversed(value.items())), indent=4))
+    assert store.get(KEY) == RECORD | {"seconds": 2.5}
+
+
+def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
+    store = Store(tmp_path)
+    assert store.failure(KEY) is None
+    store.put_failure(KEY, {"trial": 0}, "it slept")
+    assert Store(tmp_path).failure(KEY) == {"trial": {"trial": 0}, "reason": "it slept"}
+    assert store.get(KEY) is None
+    store.put(KEY, RECORD, 1.0)
+    assert store.failure(KEY) is None
+    assert files(tmp_path) == [f"timings/{KEY}.json", f"trials/{KEY}.json"]
+
+
+def test_strays_are_files_that_are_no_trial_of_the_sweep(tmp_path):
+    store, path = stored(tmp_path)
+    (path.parent / f".{KEY}.json.x1.tmp").write_text("half")
+    (path.parent / "ffff.json").write_bytes(path.read_bytes())
+    (path.parent / "notes.txt").write_text("mine")
+    assert store.strays({KEY}) == {
+        f"trials/.{KEY}.json.x1.tmp": "is what an interrupted write has left",
+        "trials/ffff.json": "is no trial of this sweep",
+        "trials/notes.txt": "is no trial of this sweep",
+    }
 
 
 def test_a_stray_temporary_file_is_no_trial(tmp_path):

@@ -2,17 +2,18 @@
 
 import math
 import re
-import threading
-from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
-from benchmarks import sweep
+from benchmarks import plugins
 from benchmarks.episode import trial_moments
+from benchmarks.execution import attempt
+from benchmarks.execution.engines import Where
 from benchmarks.spec import Trial
 from benchmarks.store import Store
 from benchmarks.suites import paper_suite
-from benchmarks.sweep import TrialsFailedError, run_trials
+from benchmarks.sweep import Options, TrialsFailedError, run_missing, run_trials
 from benchmarks.tables import table_csv, table_rows, trials_csv
 from localizers import registry
 
@@ -25,6 +26,10 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 def run(trials, out, jobs=1):
     return run_trials(trials, Store(out), jobs=jobs, progress=False)
+
+
+def here(**how):
+    return Options(where=Where(jobs=1), progress=False, **how)
 
 
 def results(out):
@@ -41,16 +46,17 @@ def runs(monkeypatch):
         ran.append(trial)
         return trial_moments(trial)
 
-    monkeypatch.setattr(sweep, "trial_moments", noted)
+    monkeypatch.setattr(attempt, "trial_moments", noted)
     return ran
 
 
 def test_a_finished_sweep_is_not_run_again_and_gives_the_same_tables(tmp_path, runs):
     first = run(suite(), tmp_path)
-    assert runs == suite()
+    assert sorted(runs, key=suite().index) == suite()
+    runs.clear()
     written = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
     again = run(suite(), tmp_path)
-    assert runs == suite()  # no more than before
+    assert runs == []
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == written
     assert again == first
     assert table_csv(table_rows(again)) == table_csv(table_rows(first))
@@ -64,7 +70,7 @@ def test_only_a_lost_or_damaged_trial_is_run_again_and_comes_back_byte_for_byte(
     run(suite(), tmp_path)
     before = results(tmp_path)
     lost = suite()[1]
-    damage(tmp_path / "trials" / f"{lost.key(sweep.provenance())}.json")
+    damage(tmp_path / "trials" / f"{plugins.key_of(lost)}.json")
     runs.clear()
     run(suite(), tmp_path)
     assert runs == [lost]
@@ -88,7 +94,7 @@ def test_a_changed_parameter_is_another_trial(tmp_path, runs):
 
 def test_results_of_other_code_are_not_taken_for_ours(tmp_path, runs, monkeypatch):
     run(suite(["mcl"], trials=1), tmp_path)
-    monkeypatch.setattr(sweep, "provenance", lambda: "other code")
+    monkeypatch.setattr(plugins, "provenance", lambda: "other code")
     run(suite(["mcl"], trials=1), tmp_path)
     assert len(runs) == 2
 
@@ -113,16 +119,13 @@ def test_more_workers_than_trials_are_no_trouble_and_no_trials_are_no_work(tmp_p
 
 
 def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, monkeypatch):
-    def digest():  # the code was edited between the start of the sweep and that of its workers
-        return "before" if threading.current_thread() is threading.main_thread() else "after"
-
-    def pool(workers, mp_context):
-        return ThreadPoolExecutor(workers)
-
-    monkeypatch.setattr(sweep, "ProcessPoolExecutor", pool)
-    monkeypatch.setattr(sweep, "provenance", digest)
-    with pytest.raises(TrialsFailedError, match=r"4 of 4 trials failed.*the code changed"):
-        run(suite(), tmp_path, jobs=2)
+    keys = {trial: plugins.key_of(trial) for trial in suite()}
+    monkeypatch.setattr(attempt, "key_of", lambda trial: "another")
+    store = Store(tmp_path)
+    run_missing({key: trial for trial, key in keys.items()}, store, here())
+    reasons = {store.failure(key)["reason"] for key in keys.values()}
+    assert len(reasons) == 1
+    assert "its worker loaded other code" in reasons.pop()
     assert not (tmp_path / "trials").exists()
 
 
@@ -130,6 +133,80 @@ def test_results_that_vanish_during_a_sweep_are_missed(tmp_path, monkeypatch):
     monkeypatch.setattr(Store, "put", lambda *_: None)
     with pytest.raises(TrialsFailedError, match="2 of 2 finished trials have gone"):
         run(suite(["dead-reckoning"]), tmp_path)
+
+
+def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, runs):
+    run(suite(trials=3), tmp_path)
+    assert [trial.trial for trial in runs] == [0, 0, 1, 1, 2, 2]
+
+
+def test_a_failed_trial_is_run_again_only_if_asked(tmp_path, monkeypatch, runs):
+    monkeypatch.setitem(registry._FACTORIES, "broken", lambda robot: Broken("reset"))
+    trials = {plugins.key_of(t): t for t in suite(["broken", "dead-reckoning"])}
+    store = Store(tmp_path)
+    run_missing(trials, store, here())
+    assert len(runs) == 4
+    run_missing(trials, store, here())
+    assert len(runs) == 4
+    run_missing(trials, store, here(retry_failed=True))
+    assert [trial.localizer for trial in runs[4:]] == ["broken"] * 2
+
+
+def test_a_trial_that_succeeds_at_last_is_failed_no_more(tmp_path):
+    store = Store(tmp_path)
+    (trial,) = suite(["dead-reckoning"], trials=1)
+    key = plugins.key_of(trial)
+    store.put_failure(key, trial.canonical(), "bad luck")
+    run_missing({key: trial}, store, here(retry_failed=True))
+    assert store.failure(key) is None
+    assert store.get(key) is not None
+
+
+def test_fail_fast_stops_at_the_first_failure(tmp_path, monkeypatch, runs):
+    monkeypatch.setitem(registry._FACTORIES, "broken", lambda robot: Broken("reset"))
+    trials = {plugins.key_of(t): t for t in suite(["dead-reckoning", "broken"], trials=5)}
+    run_missing(trials, Store(tmp_path), here(fail_fast=True))
+    assert [trial.localizer for trial in runs] == ["dead-reckoning", "broken"]
+
+
+class Nowhere:
+    """A belief whose points are not finite from a step on."""
+
+    def __init__(self):
+        self.step = 0
+
+    def reset(self, prior, plan, rng):
+        return self
+
+    def update(self, ranges, action, plan):
+        self.step += 1
+        return self
+
+    def points(self, offset=0):
+        if offset:
+            return None
+        return np.array([[math.nan if self.step > 3 else 1.0, 50, 0]]), np.ones(1)
+
+
+def test_a_belief_that_is_not_finite_fails_the_trial_and_names_the_state(tmp_path, monkeypatch):
+    monkeypatch.setitem(registry._FACTORIES, "nowhere", lambda robot: Nowhere())
+    with pytest.raises(TrialsFailedError, match="belief of state 4 at offset 0 is not finite"):
+        run(suite(["nowhere"], trials=1), tmp_path)
+
+
+def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
+    trial = Trial(
+        preset="paper",
+        localizer="dead-reckoning",
+        params=(),
+        lag=0,
+        seed=0,
+        trial=0,
+    )
+    first = list(trial_moments(trial))[:1]
+    monkeypatch.setattr(attempt, "trial_moments", lambda _: first)
+    with pytest.raises(TrialsFailedError, match="it processed 0 steps"):
+        run([trial], tmp_path)
 
 
 class Broken:

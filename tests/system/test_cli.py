@@ -20,6 +20,10 @@ PAPER_FLAGS = {
     *("--trials", "--seed", "--particles", "--lag", "--localizers", "--jobs", "--preset", "--out"),
     *("--debug", "--help"),
 }
+SWEEP_FLAGS = {
+    *("--out", "--with", "--jobs", "--executor", "--scheduler", "--shard", "--timeout"),
+    *("--retry-failed", "--fail-fast", "--dry-run", "--yes", "--debug", "--help"),
+}
 RUN_FLAGS = {"--localizer", "--out", "--seed", "--preset", "--particles", "--lag", "--debug"}
 
 
@@ -31,10 +35,13 @@ def test_help_is_printed_and_is_no_error(capsys, arguments):
     assert printed.err == ""
 
 
-@pytest.mark.parametrize(("command", "flags"), [("paper", PAPER_FLAGS), ("run", RUN_FLAGS)])
+@pytest.mark.parametrize(
+    ("command", "flags"),
+    [("paper", PAPER_FLAGS), ("run", RUN_FLAGS), ("sweep", SWEEP_FLAGS), ("list", {"--debug"})],
+)
 def test_help_names_every_flag(capsys, command, flags):
     exit_code(command, "--help")
-    assert flags <= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
+    assert flags <= set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
 
 
 def test_help_loads_nothing_heavy():

@@ -10,7 +10,7 @@ RUN = ("run", "--localizer", "mcl", "--out", "out")
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
     (["papr"], ["papr", "paper"]),
-    (["list"], ["list", "paper", "run"]),
+    (["lst"], ["lst", "list", "paper", "run", "sweep"]),
     (["paper", "--trails", "3"], ["--trails", "--trials"]),
     (["paper", "--trails=3"], ["--trails", "--trials"]),
     (["paper", "--tria", "3"], ["--tria", "--trials"]),
@@ -74,7 +74,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl")])
+@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl"), ("sweep", "quick")])
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
     (tmp_path / "file").write_text("precious")

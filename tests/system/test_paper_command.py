@@ -9,7 +9,8 @@ import shutil
 import pytest
 from deqmcl_command import METHODS, SMALL, exit_code, files
 
-from benchmarks import paper, sweep
+from benchmarks import paper
+from benchmarks.execution import attempt
 
 FIGURES = (
     *("fig4_deq-mcl.png", "fig4_mcl.png", "fig5_step150.png", "fig5_step170.png", "lap.webp"),
@@ -135,7 +136,7 @@ def test_a_second_run_computes_nothing_and_writes_the_same_bytes(one_worker, tmp
     out = tmp_path / "copy"
     shutil.copytree(one_worker, out)
     (out / "table.csv").write_text("spoiled")
-    monkeypatch.setattr(sweep, "trial_moments", fail)
+    monkeypatch.setattr(attempt, "trial_moments", fail)
     monkeypatch.setattr(paper, "write_figures", lambda *_: [])  # they are drawn anew
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
     before, after = files(one_worker), files(out)

@@ -8,9 +8,9 @@ import cv2
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 
+from benchmarks.execution.attempt import trial_trace
 from benchmarks.scoring import scores
 from benchmarks.suites import paper_suite
-from benchmarks.sweep import trial_trace
 
 FEW = ("--particles", "20", "--seed", "3")
 

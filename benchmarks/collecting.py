@@ -1,0 +1,113 @@
+"""How far a sweep has come: what a store holds of it, and the same in words."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks import manifest
+from benchmarks.design import Sweep
+from benchmarks.provenance import environment
+from benchmarks.results import Failure, Results
+from benchmarks.spec import Trial, unworded
+from benchmarks.store import Store
+from benchmarks.sweepfile import sweep_of
+from deqmcl_gym.validation import InputError
+
+_SHOWN = 20  # cells that are not complete
+
+
+def collected(
+    title: str, trials: Mapping[str, Trial], store: Store, command: Sequence[str]
+) -> Results:
+    """Return what the store has of these trials (by key)."""
+    records, failures = [], []
+    for key, trial in trials.items():
+        if (record := store.get(key)) is not None:
+            records.append(record)
+        elif (failed := store.failure(key)) is not None:
+            failures.append(Failure(trial=trial.canonical(), reason=failed["reason"]))
+    return Results(
+        title=title,
+        records=records,
+        failures=failures,
+        missing=len(trials) - len(records) - len(failures),
+        planned=len(trials),
+        command=list(command),
+        environment=environment(),
+    )
+
+
+def results_in(folder: Path) -> Results:
+    """Return what the folder of a sweep holds, whatever code and machine have made it.
+
+    Raises:
+        InputError: the folder is not one of a sweep.
+    """
+    content = manifest.read(folder)
+    if "identity" not in content:
+        raise InputError(f"{folder / manifest.NAME} is not of a sweep: give the folder of one.")
+    sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
+    store = Store(folder)
+    finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
+    failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
+    planned = [trial.canonical() for trial in sweep.distinct()]
+    records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
+    failures = [
+        Failure(trial=trial, reason=failed[name]["reason"])
+        for trial in planned
+        if (name := _name(trial)) in failed and name not in finished
+    ]
+    return Results(
+        title=sweep.title,
+        records=records,
+        failures=failures,
+        missing=len(planned) - len(records) - len(failures),
+        planned=len(planned),
+        command=content["command"],
+        environment=content["environment"],
+    )
+
+
+def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
+    """Say how far a sweep has come, and where that is written."""
+    parts = [f"{sweep.title}: {len(results.records):,} of {results.planned:,} trials finished"]
+    if results.failures:
+        parts.append(f"{len(results.failures):,} failed")
+    if results.missing:
+        parts.append(f"{results.missing:,} missing")
+    lines = [", ".join(parts) + "."]
+    lines += _incomplete(sweep, results)
+    if equal := sweep.combinations - results.planned:
+        lines.append(f"{equal:,} combinations equal others and were run once.")
+    names = ", ".join(str(path.relative_to(out)) for path in files)
+    return "\n".join([*lines, f"Written to {out}: {names}."])
+
+
+def _incomplete(sweep: Sweep, results: Results) -> list[str]:
+    """Say of each setting and method how many of its trials are there, unless all are."""
+    if len(results.records) == results.planned:
+        return []
+    there = {_name(record["trial"]) for record in results.records}
+    planned: Counter[str] = Counter()
+    done: Counter[str] = Counter()
+    for trial in sweep.distinct():
+        planned[trial.cell()] += 1
+        done[trial.cell()] += _name(trial.canonical()) in there
+    lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
+    more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
+    return ["Not complete:", *lines[:_SHOWN], *more]
+
+
+def failed_sentence(results: Results) -> str:
+    """Say how many trials failed, and the first reason."""
+    first = results.failures[0]
+    return (
+        f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "
+        f"{first.trial['localizer']}, trial {first.trial['trial']}: {first.reason}"
+    )
+
+
+def _name(trial: Mapping[str, Any]) -> str:
+    return json.dumps(trial, sort_keys=True)

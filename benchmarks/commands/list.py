@@ -1,0 +1,48 @@
+"""``deqmcl list``."""
+
+import argparse
+from collections.abc import Iterable, Sequence
+
+NAME = "list"
+HELP = "list suites, localizers and presets"
+DESCRIPTION = "List the suites, the localizers and the presets there are."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments: none."""
+    del parser
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    del options, given
+    from benchmarks.presets import ASSUMED
+    from benchmarks.suites import SUITES
+    from localizers import names
+
+    suites = ((name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items())
+    localizers = ((name, _parameters(name)) for name in names())
+    return "\n\n".join(
+        (
+            f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",
+            f"Localizers and their parameters\n{_lines(localizers)}",
+            f"Presets\n{_lines((name, '') for name in ASSUMED)}",
+        )
+    )
+
+
+def _parameters(name: str) -> str:
+    """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
+    import localizers
+
+    try:
+        known = localizers.parameters(name)
+    except Exception as error:
+        return f"cannot be loaded: {' '.join(str(error).split())}"
+    return "any parameters" if known is None else ", ".join(known)
+
+
+def _lines(rows: Iterable[tuple[str, str]]) -> str:
+    listed = list(rows)
+    width = max(len(name) for name, _ in listed)
+    return "\n".join(f"  {name:<{width}}  {words}".rstrip() for name, words in listed)

@@ -1,0 +1,80 @@
+"""``deqmcl sweep``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.commands.shared import comma_separated
+
+NAME = "sweep"
+HELP = "run a suite of trials, or what a TOML file says; resumable, on one or many machines"
+DESCRIPTION = (
+    "Run a suite (deqmcl list names them) or the sweep that a TOML file says, and report it. "
+    "What the output folder already holds is not run again."
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add = parser.add_argument
+    add("suite", metavar="SUITE|FILE.toml", help="name of a suite, or a sweep file")
+    add("--out", type=Path, metavar="DIR", help="output folder (results/SUITE)")
+    add(
+        "--with",
+        dest="added",
+        action="append",
+        default=[],
+        metavar="LOCALIZER[,…]",
+        help="further localizers",
+    )
+    add("--jobs", type=int, metavar="J", help="trials at a time (one per processor)")
+    add("--executor", default="process", metavar="E", help="process, dask or module:factory")
+    add("--scheduler", metavar="ADDRESS", help="of Dask (a cluster on this machine)")
+    add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
+    add("--timeout", type=float, metavar="S", help="seconds that a trial may take (no limit)")
+    add("--retry-failed", action="store_true", help="run trials again that failed before")
+    add("--fail-fast", action="store_true", help="stop at the first trial that fails")
+    add("--dry-run", action="store_true", help="show the cells and about how long they take")
+    add("--yes", action="store_true", help="run more than 100,000 trials without being asked")
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    from benchmarks.collecting import failed_sentence, summary
+    from benchmarks.dry_run import dry_run
+    from benchmarks.execution.engines import Where
+    from benchmarks.sweep import (
+        Options,
+        TrialsFailedError,
+        check,
+        refuse_too_many,
+        run_sweep,
+        shard_of,
+    )
+    from benchmarks.sweepfile import sweep_named
+
+    added = [name for listed in options.added for name in comma_separated(listed)]
+    sweep = sweep_named(options.suite, added)
+    how = Options(
+        where=Where(
+            jobs=options.jobs,
+            executor=options.executor,
+            scheduler=options.scheduler,
+            timeout=options.timeout,
+        ),
+        shard=None if options.shard is None else shard_of(options.shard),
+        retry_failed=options.retry_failed,
+        fail_fast=options.fail_fast,
+    )
+    refuse_too_many(sweep, yes=options.yes)
+    how.where.check()
+    check(sweep)
+    if options.dry_run:
+        return dry_run(sweep, how)
+    out = options.out or Path("results") / Path(options.suite).stem
+    results, files = run_sweep(sweep, out, how, command=["deqmcl", *given])
+    text = summary(sweep, results, out, files)
+    if results.failures:
+        print(text)
+        raise TrialsFailedError(failed_sentence(results))
+    return text

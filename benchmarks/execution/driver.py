@@ -1,0 +1,83 @@
+"""Keep an engine busy with trials, and take what comes back: the only place that knows both."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Generator, Iterable
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+
+from benchmarks.execution.attempt import Outcome, attempt
+from benchmarks.execution.engines import Engine
+from benchmarks.execution.processes import TimedOutError
+from benchmarks.spec import Trial
+
+TRIES = 3  # of a trial whose worker dies
+
+_Flying = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
+
+
+def outcomes(
+    jobs: Iterable[tuple[str, Trial]], engine: Engine
+) -> Generator[tuple[str, Outcome], None, None]:
+    """Run (key, trial) pairs; yield (key, outcome) as they finish.
+
+    No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
+    that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
+    slot: what else is sent to that worker would wait behind it.
+
+    Raises:
+        RuntimeError: the engine itself broke, or hangs in all its slots.
+    """
+    waiting = deque(jobs)
+    tries: Counter[str] = Counter()
+    flying: _Flying = {}
+    hung: list[Future[Outcome]] = []
+    while waiting or flying:
+        if len(hung) == engine.slots:
+            raise RuntimeError(
+                f"all {len(hung)} workers hang; finished trials are kept, run the command again "
+                "for the rest."
+            )
+        while waiting and len(flying) + len(hung) < engine.slots:
+            key, trial = waiting.popleft()
+            future = engine.executor.submit(attempt, trial, key)
+            flying[future] = key, trial, time.monotonic()
+            if future.done():
+                break  # an engine that runs it here: take it at once
+        for future in _landed(flying, engine):
+            key, trial, _ = flying.pop(future)
+            if not future.done():
+                hung.append(future)
+                yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
+                continue
+            tries[key] += 1
+            outcome = _outcome(future, tries[key])
+            if outcome is None:
+                waiting.appendleft((key, trial))
+            else:
+                yield key, outcome
+
+
+def _landed(flying: _Flying, engine: Engine) -> set[Future[Outcome]]:
+    """Wait for futures that are done, or have been in flight for too long."""
+    if engine.timeout is None:
+        return wait(flying, return_when=FIRST_COMPLETED).done
+    first = min(started for _, _, started in flying.values())
+    patience = max(0.0, first + engine.timeout - time.monotonic())
+    done = wait(flying, timeout=patience, return_when=FIRST_COMPLETED).done
+    late = time.monotonic() - engine.timeout
+    return done or {future for future, (_, _, started) in flying.items() if started <= late}
+
+
+def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
+    """Return what came of a trial; None to try again."""
+    try:
+        return future.result()
+    except TimedOutError as error:
+        return Outcome(reason=str(error))
+    except BrokenExecutor as error:
+        raise RuntimeError(f"the executor broke ({error}); finished trials are kept.") from error
+    except Exception as error:  # of the engine: errors of the trial itself are outcomes
+        if tries < TRIES:
+            return None
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        return Outcome(reason=f"lost {tries} times by its worker; last: {words}")

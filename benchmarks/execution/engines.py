@@ -1,0 +1,144 @@
+"""The engines a sweep can run on: each gives an ``Executor`` for as long as it is needed."""
+
+import importlib
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.execution import dask
+from benchmarks.execution.processes import Processes
+from deqmcl_gym.validation import InputError, integer, number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """What trials are submitted to.
+
+    Attributes:
+        executor: any ``concurrent.futures.Executor``.
+        slots: trials in flight at a time.
+        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
+    """
+
+    executor: Executor
+    slots: int
+    timeout: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Where trials run. No part of a sweep's identity: the numbers do not depend on it.
+
+    Attributes:
+        jobs: trials at a time; None: one per processor, or per thread of the Dask cluster.
+        executor: "process", "dask" or "module:factory".
+        scheduler: address of a Dask scheduler; None starts a cluster on this machine.
+        timeout: seconds that one trial may take; None waits for ever.
+    """
+
+    jobs: int | None = None
+    executor: str = "process"
+    scheduler: str | None = None
+    timeout: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.jobs is not None:
+            integer("--jobs", self.jobs, low=1)
+        if self.timeout is not None:
+            number("--timeout", self.timeout, low=0, high=1e6, above=True)
+        if self.scheduler is not None and self.executor != "dask":
+            raise InputError(
+                f"--scheduler is for Dask, but the executor is {self.executor!r}: "
+                "give --executor dask."
+            )
+        if self.executor not in ("process", "dask") and ":" not in self.executor:
+            raise InputError(
+                f"the executor is {self.executor!r}, but must be process, dask or module:factory."
+            )
+
+    def check(self) -> None:
+        """See whether the engine can be had, before anything is written.
+
+        Raises:
+            InputError: it is not installed, or there is none of this name.
+        """
+        if self.executor == "dask":
+            dask.require()
+        elif self.executor != "process":
+            _factory(self.executor)
+
+    @contextmanager
+    def engine(self, trials: int) -> Iterator[Engine]:
+        """Start an engine for so many trials, and end it with all that still runs.
+
+        Raises:
+            InputError: it cannot be had.
+        """
+        if self.executor == "dask":
+            with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
+                yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
+        elif self.executor == "process":
+            with self._processes(trials) as executor:
+                yield Engine(executor=executor, slots=self._here(trials))
+        else:
+            with _made_by(self.executor) as executor:
+                yield Engine(
+                    executor=executor, slots=self.jobs or available_cpus(), timeout=self.timeout
+                )
+
+    def _here(self, trials: int) -> int:
+        return max(1, min(self.jobs or available_cpus(), trials))
+
+    def _processes(self, trials: int) -> Executor:
+        workers = self._here(trials)
+        if workers == 1 and self.timeout is None:
+            return ThisProcess()
+        return Processes(workers, timeout=self.timeout)
+
+
+class ThisProcess(Executor):
+    """Runs each call where it is submitted."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call ``fn``."""
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def available_cpus() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _factory(name: str) -> Callable[[], Executor]:
+    module, _, attribute = name.partition(":")
+    try:
+        factory = getattr(importlib.import_module(module), attribute)
+    except Exception as error:
+        raise InputError(
+            f"the executor {name!r} cannot be loaded ({type(error).__name__}: {error}): give "
+            "module:factory, a function without arguments that returns a "
+            "concurrent.futures.Executor."
+        ) from None
+    if not callable(factory):
+        raise InputError(f"the executor {name!r} is {factory!r}, but must be a function.")
+    return factory  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _made_by(name: str) -> Iterator[Executor]:
+    executor = _factory(name)()
+    if not isinstance(executor, Executor):
+        raise InputError(
+            f"{name} returned {executor!r}, but must return a concurrent.futures.Executor."
+        )
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,194 @@
+"""Processes of this machine as an ``Executor`` that outlives the death of any of them.
+
+``concurrent.futures.ProcessPoolExecutor`` is broken for good when one of its processes dies, and
+can neither tell whose call that was nor end a call that hangs. Here one thread looks after one
+process: it sends a call, waits for the answer, and starts another process when there is none.
+"""
+
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from typing import Any
+
+from benchmarks.execution.worker import work
+
+ONE_THREAD = {
+    "NUMBA_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "BLIS_NUM_THREADS": "1",
+    "VECLIB_MAXIMUM_THREADS": "1",
+}
+_Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+class WorkerDiedError(RuntimeError):
+    """The process that ran a call ended before it answered."""
+
+
+class CannotStartError(BrokenExecutor):
+    """A worker process ends by itself before it takes its first call."""
+
+
+class TimedOutError(RuntimeError):
+    """A call took too long; the process that ran it was killed."""
+
+
+class Processes(Executor):
+    """``workers`` spawned processes of one thread each.
+
+    A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
+    than ``timeout`` seconds; a new process takes the next call. Leaving the context kills what
+    still runs. Processes notice by themselves when this one is gone.
+    """
+
+    def __init__(self, workers: int, *, timeout: float | None = None) -> None:
+        """Start nothing yet: a process starts with the first call it gets."""
+        self._timeout = timeout
+        self._calls: queue.SimpleQueue[tuple[Future[Any], _Call] | None] = queue.SimpleQueue()
+        self._lock = threading.Lock()  # of what follows
+        self._closed = False
+        self._living: set[_Worker] = set()
+        self._threads = [threading.Thread(target=self._look_after_one) for _ in range(workers)]
+        for thread in self._threads:
+            thread.daemon = True
+            thread.start()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have ``fn(*args)`` run by the next free process; keyword arguments are not taken."""
+        if kwargs:
+            raise TypeError("keyword arguments are not passed on to worker processes")
+        future: Future[Any] = Future()
+        self._calls.put((future, (fn, args)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all processes; what still runs is killed, what waits is not begun."""
+        del cancel_futures
+        with self._lock:
+            self._closed = True
+            for worker in self._living:
+                worker.kill()
+        for _ in self._threads:
+            self._calls.put(None)
+        if wait:
+            for thread in self._threads:
+                thread.join()
+
+    def _look_after_one(self) -> None:
+        worker: _Worker | None = None
+        while (item := self._calls.get()) is not None:
+            future, call = item
+            if self._closed or not future.set_running_or_notify_cancel():
+                continue
+            try:
+                worker = worker or self._started()
+                answer = worker.answer(call, self._timeout)
+            except BaseException as error:
+                if worker is not None:
+                    self._ended(worker)
+                    worker = None
+                future.set_exception(error)
+            else:
+                future.set_result(answer)
+        if worker is not None:
+            self._ended(worker)
+
+    def _started(self) -> "_Worker":
+        with self._lock:
+            if self._closed:
+                raise WorkerDiedError("the sweep is being stopped")
+            _shield_from_ctrl_c()
+            with _one_thread_each():
+                worker = _Worker()
+            self._living.add(worker)
+        return worker
+
+    def _ended(self, worker: "_Worker") -> None:
+        with self._lock:
+            self._living.discard(worker)
+        worker.kill()
+        worker.join()
+
+
+class _Worker:
+    """A process and our end of the line to it."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._line: Connection
+        self._line, its_end = context.Pipe()
+        self._process = context.Process(target=work, args=(its_end,), name="deqmcl-worker")
+        self._process.start()
+        its_end.close()  # so that the line breaks when the process dies
+        self._ready = False
+
+    def answer(self, call: _Call, timeout: float | None) -> Any:
+        """Return what a call returns, or raise what it raised."""
+        try:
+            if not self._ready:
+                self._line.recv()  # imports take their time, which is not the call's
+                self._ready = True
+            self._line.send(call)
+            if not self._line.poll(timeout):
+                raise TimedOutError(
+                    f"no result within {timeout:g} s: its worker (process {self._process.pid}) "
+                    "was killed"
+                )
+            returned, value = self._line.recv()
+        except (EOFError, OSError):
+            raise WorkerDiedError(self._how_it_ended()) from None
+        if not returned:
+            raise value
+        return value
+
+    def kill(self) -> None:
+        """Kill the process, if it still lives."""
+        self._process.kill()
+
+    def join(self) -> None:
+        """Wait for the end of the process; close the line."""
+        self._process.join()
+        self._line.close()
+
+    def _how_it_ended(self) -> str:
+        self._process.join(1)
+        code = self._process.exitcode
+        if not self._ready and code is not None and code > 0:
+            raise CannotStartError(f"a worker process could not start (exit code {code})")
+        how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
+        return f"its worker died {how}"
+
+
+def _shield_from_ctrl_c() -> None:
+    """Let only the parent hear Ctrl-C, which a terminal sends to all processes.
+
+    A process inherits the signal mask of the thread that starts it. The first start of a process
+    also starts multiprocessing's resource tracker, which would clear the mask.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes started here have one thread; libraries read this when they are loaded."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,104 @@
+"""The loop that keeps an engine busy, on engines that misbehave as told."""
+
+from collections import Counter
+from concurrent.futures import BrokenExecutor, Executor, Future
+from dataclasses import dataclass, field
+
+import pytest
+
+from benchmarks.execution.attempt import Outcome
+from benchmarks.execution.driver import TRIES, outcomes
+from benchmarks.execution.engines import Engine
+from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+
+DONE = Outcome(record={}, seconds=1.0)
+
+
+@dataclass
+class Scripted(Executor):
+    """Answers each trial with the next entry of its script; ``None`` never answers."""
+
+    scripts: dict = field(default_factory=dict)
+    submitted: list = field(default_factory=list)
+
+    def submit(self, function, trial, key):
+        self.submitted.append(key)
+        script = self.scripts.get(key, [DONE])
+        answer = script[min(Counter(self.submitted)[key], len(script)) - 1]
+        future = Future()
+        if isinstance(answer, Exception):
+            future.set_exception(answer)
+        elif answer is not None:
+            future.set_result(answer)
+        return future
+
+
+def run(scripts, keys="abc", slots=2, timeout=None):
+    executor = Scripted(scripts)
+    engine = Engine(executor=executor, slots=slots, timeout=timeout)
+    return dict(outcomes([(key, f"trial {key}") for key in keys], engine)), executor
+
+
+def test_every_trial_is_run_once_if_all_goes_well():
+    found, executor = run({})
+    assert found == dict.fromkeys("abc", DONE)
+    assert executor.submitted == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("losses", range(TRIES))
+def test_a_trial_whose_worker_dies_is_tried_again_and_the_others_are_not(losses):
+    found, executor = run({"b": [WorkerDiedError("gone")] * losses + [DONE]})
+    assert found == dict.fromkeys("abc", DONE)
+    assert Counter(executor.submitted) == {"a": 1, "b": 1 + losses, "c": 1}
+
+
+def test_a_trial_that_keeps_killing_its_workers_fails_with_the_reason_after_three_tries():
+    found, executor = run({"b": [WorkerDiedError("its worker died by signal 11")]})
+    assert Counter(executor.submitted) == {"a": 1, "b": TRIES, "c": 1}
+    assert found["b"].record is None
+    assert found["b"].reason == (
+        "lost 3 times by its worker; last: WorkerDiedError: its worker died by signal 11"
+    )
+    assert found["a"] == found["c"] == DONE
+
+
+def test_a_trial_that_timed_out_is_not_tried_again():
+    found, executor = run({"b": [TimedOutError("no result within 5 s")]})
+    assert Counter(executor.submitted)["b"] == 1
+    assert found["b"] == Outcome(reason="no result within 5 s")
+
+
+def test_an_engine_that_never_answers_is_given_up_after_the_timeout_and_the_rest_goes_on():
+    found, _ = run({"b": [None]}, timeout=0.05)
+    assert found["a"] == found["c"] == DONE
+    assert found["b"] == Outcome(reason="no result within 0.05 s")
+
+
+def test_a_hung_trial_keeps_its_slot_and_an_engine_that_hangs_in_all_ends_the_sweep():
+    executor = Scripted({"a": [None], "b": [None]})
+    engine = Engine(executor=executor, slots=2, timeout=0.05)
+    found = []
+    with pytest.raises(RuntimeError, match="all 2 workers hang"):
+        found += outcomes([(key, key) for key in "abcd"], engine)
+    assert executor.submitted == ["a", "b"]
+
+
+def test_a_broken_engine_ends_the_sweep():
+    with pytest.raises(RuntimeError, match=r"the executor broke \(all is lost\)"):
+        run({"b": [BrokenExecutor("all is lost")]})
+
+
+def test_no_more_trials_are_in_flight_than_there_are_slots():
+    executor = Scripted({key: [None] for key in "abcdef"})
+    engine = Engine(executor=executor, slots=3, timeout=0.05)
+    running = outcomes([(key, key) for key in "abcdef"], engine)
+    next(running)
+    assert executor.submitted == ["a", "b", "c"]
+    running.close()
+
+
+def test_a_failed_trial_is_an_outcome_like_any_other():
+    failed = Outcome(reason="ArithmeticError: broken")
+    found, executor = run({"a": [failed]})
+    assert found["a"] == failed
+    assert executor.submitted == ["a", "b", "c"]

@@ -1,0 +1,140 @@
+"""Worker processes: what they answer, and what becomes of a call whose process is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import calls
+import pytest
+
+from benchmarks.execution.processes import (
+    ONE_THREAD,
+    CannotStartError,
+    Processes,
+    TimedOutError,
+    WorkerDiedError,
+)
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+SOON = 20.0  # seconds in which a process that ends is gone; never waited out if all is well
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with Processes(1) as pool:
+        yield pool
+
+
+def gone(pids):
+    """Whether all these processes end soon."""
+    until = time.monotonic() + SOON
+    while any(map(calls.alive, pids)) and time.monotonic() < until:
+        time.sleep(0.02)
+    return not any(map(calls.alive, pids))
+
+
+def test_a_call_gives_what_the_function_returns_or_raises_in_another_process(pool):
+    assert pool.submit(calls.add, 2, 3).result() == 5
+    with pytest.raises(ArithmeticError, match="too bad"):
+        pool.submit(calls.fail, "too bad").result()
+    first, second = (pool.submit(calls.pid).result() for _ in range(2))
+    assert first == second != os.getpid()  # one process serves many calls
+
+
+def test_what_cannot_be_sent_to_a_process_fails_its_call_only(pool):
+    with pytest.raises(Exception, match=r"[Pp]ickle|local object"):
+        pool.submit(lambda: None).result()
+    assert pool.submit(calls.add, 1, 1).result() == 2
+
+
+@pytest.mark.parametrize(
+    ("end", "how"), [(calls.die, "by signal 9"), (calls.leave, "with exit code 7")]
+)
+def test_a_process_that_dies_fails_its_own_call_and_the_next_call_gets_a_new_one(pool, end, how):
+    before = pool.submit(calls.pid).result()
+    with pytest.raises(WorkerDiedError, match=f"its worker died {how}"):
+        pool.submit(end).result()
+    after = pool.submit(calls.pid).result()
+    assert after != before
+    assert gone([before])
+
+
+def test_a_worker_has_one_thread_and_leaves_ctrl_c_to_its_parent(pool):
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    assert pool.submit(calls.environment, list(ONE_THREAD)).result() == (ONE_THREAD, 1)
+    assert {name: os.environ.get(name) for name in ONE_THREAD} == before
+    assert pool.submit(calls.interrupted).result() == "no"
+
+
+def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed():
+    with Processes(1, timeout=0.3) as pool:
+        process = pool.submit(calls.pid).result()
+        with pytest.raises(
+            TimedOutError, match=rf"within 0\.3 s: .*process {process}\) was killed"
+        ):
+            pool.submit(calls.sleep, 1000).result()
+        assert gone([process])
+        assert pool.submit(calls.add, 1, 1).result() == 2
+
+
+def test_leaving_kills_what_runs_and_begins_nothing_more():
+    with Processes(2) as pool:
+        pids = [pool.submit(calls.pid).result()]
+        running = [pool.submit(calls.sleep, 1000) for _ in range(2)]
+        waiting = pool.submit(calls.add, 1, 1)
+        while not all(future.running() for future in running):
+            time.sleep(0.01)
+    assert gone(pids)
+    assert not waiting.running()
+    assert not waiting.done()
+
+
+ORPHANS = """
+import sys, time
+sys.path.insert(0, {tests!r})
+import calls
+from benchmarks.execution.processes import Processes
+if __name__ == "__main__":
+    pool = Processes(2)
+    first, second = pool.submit(calls.pid), pool.submit(calls.sleep, 0)
+    pids = {{first.result(), second.result()}}
+    busy = [pool.submit(calls.sleep, 1000) for _ in range(2)]
+    print(*pids, flush=True)
+    time.sleep(1000)
+"""
+
+
+def script(tmp_path, text):
+    path = tmp_path / "script.py"
+    path.write_text(text.format(tests=os.path.dirname(__file__)))
+    return subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, text=True)
+
+
+def test_workers_leave_when_their_parent_is_killed_even_in_mid_call(tmp_path):
+    parent = script(tmp_path, ORPHANS)
+    pids = [int(word) for word in parent.stdout.readline().split()]
+    assert pids
+    parent.send_signal(signal.SIGKILL)
+    parent.communicate()
+    assert gone(pids)
+
+
+CANNOT_START = """
+import sys
+if __name__ != "__main__":
+    sys.exit(3)
+sys.path.insert(0, {tests!r})
+import calls
+from benchmarks.execution.processes import Processes
+with Processes(1) as pool:
+    error = pool.submit(calls.pid).exception()
+    print(type(error).__name__, error)
+"""
+
+
+def test_a_worker_that_cannot_start_is_told_from_one_that_died(tmp_path):
+    said, _ = script(tmp_path, CANNOT_START).communicate(timeout=60)
+    assert said == f"{CannotStartError.__name__} a worker process could not start (exit code 3)\n"

@@ -1,0 +1,59 @@
+"""What makes a result out of date: any code that a trial runs, and no other."""
+
+import subprocess
+import sys
+
+from benchmarks import provenance
+
+RUN = """
+import sys
+from benchmarks.execution.attempt import attempt
+from benchmarks.plugins import key_of
+from benchmarks.spec import Trial
+for name in ("mcl", "deq-mcl", "dead-reckoning"):
+    trial = Trial(
+        preset="paper", localizer=name, params=(), lag=2, seed=0, trial=0,
+        disturbance=((("kind", "dropout"), ("probability", 0.1)),),
+    )
+    assert attempt(trial, key_of(trial)).record
+print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
+"""
+
+
+def names():
+    return {
+        f"benchmarks.{name.replace('/', '.')}".removesuffix(".__init__")
+        for name in provenance.HARNESS
+    }
+
+
+def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads():
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert set(done.stdout.split()) == names(), done.stderr
+
+
+def test_the_digest_changes_with_any_file_of_the_world_and_of_the_localizers(monkeypatch, tmp_path):
+    def digest():
+        provenance.code_digest.cache_clear()
+        return provenance.code_digest()
+
+    for package in ("deqmcl_gym", "localizers", "benchmarks"):
+        (tmp_path / package / "execution").mkdir(parents=True)
+        (tmp_path / package / "part.py").write_text("")
+    for name in provenance.HARNESS:
+        (tmp_path / "benchmarks" / f"{name}.py").write_text("")
+    monkeypatch.setattr(provenance, "_folder", lambda package: tmp_path / package)
+    try:
+        seen = {digest()}
+        for path in ("deqmcl_gym/part.py", "localizers/part.py", "benchmarks/scoring.py"):
+            (tmp_path / path).write_text("changed")
+            seen.add(digest())
+        (tmp_path / "localizers" / "part.py").rename(tmp_path / "localizers" / "other.py")
+        seen.add(digest())
+        assert len(seen) == 5
+        (tmp_path / "benchmarks" / "part.py").write_text("a report")
+        assert digest() in seen
+    finally:
+        provenance.code_digest.cache_clear()

@@ -1,0 +1,142 @@
+"""The built-in suites, and what a sweep makes of its settings."""
+
+import numpy as np
+import pytest
+
+from benchmarks.episode import room_of, trial_moments
+from benchmarks.presets import ASSUMED
+from benchmarks.spec import Trial
+from benchmarks.suites import PAPER_METHODS, SUITES, with_localizers
+from benchmarks.sweep import check
+from deqmcl_gym.validation import InputError
+
+
+def trial(**changes):
+    base = {
+        "preset": "sharp",
+        "localizer": "dead-reckoning",
+        "params": (),
+        "lag": 0,
+        "seed": 0,
+        "trial": 0,
+    }
+    return Trial(**base | changes)
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_every_built_in_suite_can_be_made(name):
+    check(SUITES[name])
+
+
+def test_the_suites_are_those_promised():
+    assert list(SUITES) == [
+        *("quick", "paper", "headline"),
+        *("particles", "lag", "beta", "sensor", "noise", "disturbed"),
+    ]
+
+
+def test_the_headline_is_200_paired_worlds_with_three_runs_each_of_all_presets():
+    trials = SUITES["headline"].distinct()
+    assert len(trials) == 3 * 6 * 200 * 3
+    assert {t.preset for t in trials} == {"paper", "matched", "sharp"}
+    worlds = {}
+    for t in trials:
+        worlds.setdefault((t.preset, t.localizer), []).append((t.trial, t.filter_seed))
+    assert {t.localizer for t in trials} == set(PAPER_METHODS)
+    assert len({tuple(own) for own in worlds.values()}) == 1
+
+
+def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():
+    quick = SUITES["quick"]
+    assert with_localizers(quick, ["mcl"]) == quick
+    lag = with_localizers(SUITES["lag"], ["mcl", "mcl"])
+    assert [method.name for method in lag.localizers].count("mcl") == 1
+    assert {t.lag for t in lag.distinct() if t.localizer == "mcl"} == {0, 5, 10, 20, 40}
+
+
+def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_alone():
+    room = room_of("paper", (("lidar.beams", 9), ("lidar.sigma", 1.0), ("noise.drive", 0.5)))
+    assert (room.lidar.beams, room.lidar.sigma, room.world.noise.drive) == (9, 1.0, 0.5)
+    assert room.world.noise.turn == room_of("paper").world.noise.turn
+    ours = [m.truth for m in trial_moments(trial())]
+    theirs = [m.truth for m in trial_moments(trial(world=(("lidar.sigma", 50.0),)))]
+    assert np.array_equal(ours, theirs)  # another sensor, the same motion
+
+
+def test_an_assumption_reaches_the_filters_and_no_other_is_changed():
+    assumed = ASSUMED["sharp"]
+    changed = assumed.changed({"scan.sigma": 7.0, "motion.drive": 0.3, "start_sd_heading": 0.5})
+    assert (changed.scan.sigma, changed.motion.drive, changed.start_sd_heading) == (7.0, 0.3, 0.5)
+    assert type(changed.scan) is type(assumed.scan)
+    assert changed.motion.turn == assumed.motion.turn
+    assert assumed.scan.sigma == 5.0
+
+
+def test_an_assumption_changes_the_filter_and_not_the_world():
+    sharp = trial(localizer="mcl", params=(("particles", 20),))
+    ours, theirs = (
+        list(trial_moments(t)) for t in (sharp, trial(**vars(sharp) | {"assumed": SIGMA}))
+    )
+    assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
+    assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
+
+
+SIGMA = (("scan.sigma", 50.0),)
+
+
+def test_a_kidnapped_robot_is_elsewhere_from_its_step_on():
+    kidnap = ((("kind", "kidnap"), ("step", 100)),)
+    ours = [m.truth for m in trial_moments(trial())]
+    theirs = [m.truth for m in trial_moments(trial(disturbance=kidnap))]
+    assert np.array_equal(ours[:100], theirs[:100])
+    assert not np.array_equal(ours[100], theirs[100])
+
+
+def test_lost_beams_read_infinity_and_do_not_move_the_robot():
+    dropout = ((("kind", "dropout"), ("probability", 0.5)),)
+    ours, theirs = list(trial_moments(trial())), list(trial_moments(trial(disturbance=dropout)))
+    assert np.array_equal([m.truth for m in ours], [m.truth for m in theirs])
+    lost = np.isinf([m.ranges for m in theirs])
+    assert 0.4 < lost.mean() < 0.6  # 205 x 9 beams: 0.5 within 8 standard deviations
+
+
+def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
+    change = SUITES["disturbed"].vary[0].values["disturbance"][3]
+    still = (("noise.drive", 0.0), ("noise.turn", 0.0), ("noise.drift", 0.0))
+    truths = [m.truth for m in trial_moments(trial(world=still, disturbance=change))]
+    assert len(truths) == 1 + 100 + 12 + 23 + 6 + 40 + 6 + 25
+    assert np.allclose(truths[-1][:2], truths[0][:2], atol=1e-3)  # float32 actions
+
+
+def test_disturbances_are_stacked():
+    both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
+    moments = list(trial_moments(trial(disturbance=both)))
+    assert np.isinf([m.ranges for m in moments]).all()
+    assert np.hypot(*(moments[5].truth - moments[4].truth)[:2]) > 20  # no step is so long
+
+
+BAD = [
+    ({"world": (("lidr.beams", 9),)}, ["'lidr'", "did you mean 'lidar'?"]),
+    ({"world": (("lidar.beans", 9),)}, ["'beans'", "did you mean 'beams'?"]),
+    ({"world": (("lidar.beams", 0),)}, ["lidar.beams", "0"]),
+    ({"world": (("lidar", 9),)}, ["world.lidar"]),
+    ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
+    ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
+    ({"assumed": (("scan.sigma", 0),)}, ["scan.sigma", "0"]),
+    ({"assumed": (("scan", 9),)}, ["'scan'", "scan.sigma"]),
+    ({"assumed": (("start_sd_position", -1),)}, ["start_sd_position", "-1"]),
+    ({"disturbance": ((("step", 3),),)}, ["no kind", "kidnap"]),
+    ({"disturbance": ((("kind", "kidnapp"),),)}, ["did you mean 'kidnap'?"]),
+    ({"disturbance": ((("kind", "kidnap"),),)}, ["'kidnap'", "step"]),
+    ({"disturbance": ((("kind", "kidnap"), ("step", 0)),)}, ["step", "0"]),
+    ({"disturbance": ((("kind", "kidnap"), ("stop", 3)),)}, ["did you mean 'step'?"]),
+    ({"disturbance": ((("kind", "dropout"), ("probability", 2)),)}, ["probability", "2"]),
+]
+
+
+@pytest.mark.parametrize(("changes", "named"), BAD)
+def test_a_setting_that_cannot_be_is_refused(changes, named):
+    with pytest.raises(InputError) as caught:
+        list(trial_moments(trial(**changes)))
+    for words in named:
+        assert words in str(caught.value)

@@ -1,0 +1,176 @@
+"""A sweep file: what it says, and how it is refused."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks.sweep import check
+from benchmarks.sweepfile import read_sweep, sweep_named
+from deqmcl_gym.validation import InputError
+
+ALL = """
+title = "Everything that a file can say"
+preset = "sharp"
+lag = 7
+seed = 3
+trials = 2
+filter_seeds = 2
+localizers = ["mcl", { name = "deq-mcl", params = { beta = inf } }]
+disturbance = [{ kind = "kidnap", step = 100 }]
+
+[world]
+noise.drive = 0.04
+"lidar.beams" = 9
+
+[assumed.scan]
+sigma = 50
+
+[params]
+particles = 30
+
+[[vary]]
+lag = [5, 6]
+world.lidar.sigma = [5.0, 20.0]
+
+[[vary]]
+params.pilots = [1, 2, 3]
+"""
+
+
+def read(tmp_path, text):
+    path = tmp_path / "my-sweep.toml"
+    path.write_text(text)
+    return read_sweep(path)
+
+
+def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
+    sweep = read(tmp_path, ALL)
+    assert sweep.title == "Everything that a file can say"
+    assert sweep.combinations == 2 * 3 * 2 * 2 * 2
+    trials = sweep.distinct()
+    assert {t.preset for t in trials} == {"sharp"}
+    assert {t.seed for t in trials} == {3}
+    assert {(t.trial, t.filter_seed) for t in trials} == {(0, 0), (0, 1), (1, 0), (1, 1)}
+    assert {t.assumed for t in trials} == {(("scan.sigma", 50),)}
+    assert {t.disturbance for t in trials} == {((("kind", "kidnap"), ("step", 100)),)}
+    # walked together: lag 5 with sigma 5, lag 6 with sigma 20
+    assert {(t.lag, dict(t.world)["lidar.sigma"]) for t in trials} == {(5, 5.0), (6, 20.0)}
+    assert {dict(t.world)["lidar.beams"] for t in trials} == {9}
+    assert {dict(t.world)["noise.drive"] for t in trials} == {0.04}
+    mcl = {t.params for t in trials if t.localizer == "mcl"}
+    deq_mcl = [dict(t.params) for t in trials if t.localizer == "deq-mcl"]
+    assert mcl == {(("particles", 30),)}  # it has no use for the others
+    assert {p["pilots"] for p in deq_mcl} == {1, 2, 3}
+    assert {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl} == {
+        (math.inf, 5, 30),
+        (math.inf, 6, 30),
+    }
+
+
+def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(tmp_path):
+    sweep = read(tmp_path, 'localizers = ["mcl"]')
+    assert sweep.title == "my-sweep"
+    (first, *rest) = sweep.distinct()
+    assert len(rest) == 9
+    assert (first.preset, first.lag, first.seed, first.filter_seed) == ("paper", 20, 0, 0)
+    assert (first.world, first.assumed, first.disturbance, first.params) == ((), (), (), ())
+
+
+def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
+    sweep = read(
+        tmp_path, 'localizers = ["deq-mcl", "mcl"]\ntrials = 1\n[[vary]]\nparams.beta = [1, 2, 1]'
+    )
+    assert sweep.combinations == 6
+    found = [(t.localizer, dict(t.params).get("beta")) for t in sweep.distinct()]
+    assert found == [("deq-mcl", 1), ("mcl", None), ("deq-mcl", 2)]
+
+
+def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
+    document = Path(__file__).parents[2] / "docs" / "sweeps.md"
+    (text,) = re.findall(r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE)
+    sweep = read(tmp_path, text)
+    assert sweep.combinations == 1440
+    assert f"= {sweep.combinations} trials" in document.read_text()
+    check(sweep)
+
+
+BAD = [  # a file, and what the sentence must name
+    ("", ["localizers", "missing"]),
+    ("localizers = []", ["no localizer", "no combinations"]),
+    ("[[vary]]\n", ["localizers"]),
+    ('localizers = ["mcl"]\ntrails = 3', ["'trails'", "did you mean 'trials'?"]),
+    ('localizers = ["mcl"]\ntrials = 3\ntrials = 4\n', ["no TOML", "overwrite", "line 3"]),
+    ('localizers = ["mcl"]\n[params]\nparticles = 1\n[params]\n', ["no TOML", "twice"]),
+    ('localizers = ["mcl"', ["no TOML", "Unclosed"]),
+    ('localizers = "mcl"', ["localizers", "'mcl'", "list"]),
+    ("localizers = [1]", ["localizers", "1", "name"]),
+    ("localizers = [{ nam = 'mcl' }]", ["'nam'", "did you mean 'name'?"]),
+    ("localizers = [{ params = {} }]", ["no name"]),
+    ("localizers = [{ name = 3 }]", ["name of a localizer", "3"]),
+    ('localizers = ["dec-mcl"]', ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
+    ('localizers = ["mcl"]\ntrials = 0', ["trials", "0"]),
+    ('localizers = ["mcl"]\ntrials = 1.5', ["trials", "1.5", "whole"]),
+    ('localizers = ["mcl"]\ntrials = "3"', ["trials", "'3'", "whole"]),
+    ('localizers = ["mcl"]\ntrials = true', ["trials", "True", "whole"]),
+    ('localizers = ["mcl"]\nfilter_seeds = 0', ["filter_seeds", "0"]),
+    ('localizers = ["mcl"]\nseed = -1', ["seed", "-1"]),
+    ('localizers = ["mcl"]\nlag = -1', ["lag", "-1"]),
+    ('localizers = ["mcl"]\npreset = "papr"', ["'papr'", "did you mean 'paper'?"]),
+    ('localizers = ["mcl"]\npreset = 3', ["preset", "3", "sharp"]),
+    ('localizers = ["mcl"]\ntitle = ""', ["title", "text"]),
+    ('localizers = ["mcl"]\nworld = 3', ["world", "3", "table"]),
+    ('localizers = ["mcl"]\nparams = []', ["params", "[]", "table"]),
+    ('localizers = ["mcl"]\n[params]\nparticels = 3', ["'particels'", "did you mean 'particles'?"]),
+    ('localizers = ["mcl"]\n[params]\nbeta = 3', ["'beta'", "particles"]),  # mcl has none
+    ('localizers = ["mcl"]\n[world]\nnoise.drive = 1\n"noise.drive" = 2', ["noise.drive", "twice"]),
+    ('localizers = ["mcl"]\n[world]\nnoise.drive = nan', ["world.noise.drive", "nan"]),
+    ('localizers = ["mcl"]\n[world]\nnoise.drive = 2020-01-01', ["world.noise.drive", "2020"]),
+    ('localizers = ["mcl"]\nvary = 3', ["vary", "[[vary]]"]),
+    ('localizers = ["mcl"]\n[vary]\nlag = [1]', ["vary", "[[vary]]"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = 3', ["lag", "3", "list"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
+    ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\npreset = ["paper"]', ["lag: 2", "preset: 1"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlog = [1]', ["'log'", "did you mean 'lag'?"]),
+    ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, -1]', ["lag", "-1"]),
+    ('localizers = ["mcl"]\n[[vary]]\npreset = ["papr"]', ["did you mean 'paper'?"]),
+    ('localizers = ["mcl"]\n[[vary]]\nparams.particels = [1]', ["did you mean 'particles'?"]),
+    ('localizers = ["mcl"]\ndisturbance = 3', ["disturbance", "3", "list"]),
+    ('localizers = ["mcl"]\ndisturbance = ["kidnap"]', ["'kidnap'", "{kind = "]),
+]
+
+
+@pytest.mark.parametrize(("text", "named"), BAD, ids=[text or "empty" for text, _ in BAD])
+def test_a_bad_file_is_refused_with_the_name_of_file_and_key(tmp_path, text, named):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text)
+    assert "my-sweep.toml" in str(caught.value)
+    for words in named:
+        assert words in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.toml cannot be read \(No such file"):
+        read_sweep(tmp_path / "gone.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_sweep(tmp_path)
+    (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
+    with pytest.raises(InputError, match="no TOML"):
+        read_sweep(tmp_path / "latin.toml")
+
+
+def test_a_misspelt_suite_is_refused_with_the_nearest_one():
+    with pytest.raises(InputError, match=r"'quik': did you mean 'quick'\?.*\.toml"):
+        sweep_named("quik")
+
+
+def test_combinations_are_counted_without_being_listed(tmp_path):
+    axes = "".join(
+        f"[[vary]]\nworld.noise.{name} = {list(range(400))}\n" for name in ("drive", "turn")
+    )
+    sweep = read(tmp_path, f'localizers = ["mcl"]\ntrials = 100000\n{axes}')
+    assert sweep.combinations == 100_000 * 400 * 400

@@ -1,0 +1,11 @@
+"""An executor by module:factory."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+
+def executor():
+    return ThreadPoolExecutor(1)
+
+
+def nothing():
+    return None

@@ -1,0 +1,42 @@
+"""Small sweeps by ``deqmcl sweep``."""
+
+import csv
+
+from deqmcl_command import exit_code
+
+SMALL = """
+title = "small"
+localizers = ["mcl", "dead-reckoning"]
+trials = {trials}
+lag = 4
+
+[params]
+particles = {particles}
+"""
+TABLES = ("results.csv", "trials.csv")
+
+
+def write_small(folder, trials=2, particles=15, more=""):
+    """Write a sweep file; return its path."""
+    path = folder / "small.toml"
+    path.write_text(SMALL.format(trials=trials, particles=particles) + more)
+    return path
+
+
+def sweep(file, out, *more):
+    """Run the command in this process, on one job unless told otherwise; return its exit code."""
+    return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
+
+
+def tables(out):
+    """What may depend on nothing but the sweep."""
+    return {name: (out / name).read_bytes() for name in TABLES}
+
+
+def trial_files(out):
+    return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
+
+
+def lines(out, name="trials.csv"):
+    with (out / name).open(newline="") as file:
+        return list(csv.DictReader(file))

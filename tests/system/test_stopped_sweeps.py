@@ -1,0 +1,167 @@
+"""A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import pytest
+from deqmcl_command import DEQMCL, files
+from sweep_command import lines, sweep, tables, trial_files, write_small
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+TROUBLED = Path(__file__).with_name("troubled.py")
+PATIENCE = 60.0  # seconds; never waited out if all is well
+
+
+class Running:
+    """A sweep in processes of its own group, which can be told from all others."""
+
+    def __init__(self, file, out, *more, script=None, flag=""):
+        self.out = out
+        self._mark = uuid.uuid4().hex
+        program = (DEQMCL,) if script is None else (sys.executable, script)
+        words = [*program, "sweep", file, "--out", out, "--jobs", "2", *more]
+        self.process = subprocess.Popen(
+            [str(word) for word in words],
+            env=os.environ | {"SWEEP_MARK": self._mark, "TROUBLED_FLAG": str(flag)},
+            start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def pids(self):
+        """Its processes that live."""
+        found = []
+        for folder in Path("/proc").iterdir():
+            try:
+                if folder.name.isdigit() and self._mark.encode() in (
+                    (folder / "environ").read_bytes()
+                ):
+                    found.append(int(folder.name))
+            except OSError:
+                continue
+        return found
+
+    def workers(self):
+        return [p for p in self.pids() if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+    def wait_for_trials(self, count):
+        until(lambda: len(list((self.out / "trials").glob("*.json"))) >= count, self.process)
+
+    def ended(self):
+        """Exit code and what was said; no process of it is left."""
+        out, err = self.process.communicate(timeout=PATIENCE)
+        until(lambda: not self.pids())
+        return self.process.returncode, out, err
+
+
+def until(condition, process=None):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "it takes too long"
+        assert process is None or process.poll() is None, process.communicate()
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_small(tmp_path_factory.mktemp("file"), trials=6)
+
+
+@pytest.fixture(scope="module")
+def sleepy(tmp_path_factory):
+    return write_small(tmp_path_factory.mktemp("sleepy"), trials=1)
+
+
+@pytest.fixture(scope="module")
+def finished(file, tmp_path_factory):
+    out = tmp_path_factory.mktemp("finished") / "out"
+    assert sweep(file, out) == 0
+    return out
+
+
+def kill_all(running):
+    os.killpg(running.process.pid, signal.SIGKILL)
+
+
+def kill_parent(running):
+    os.kill(running.process.pid, signal.SIGKILL)
+
+
+FEW_KILLS = ((2, kill_all), (5, kill_parent))
+MORE_KILLS = ((1, kill_parent), (2, kill_all), (4, kill_parent), (6, kill_all), (8, kill_parent))
+
+
+@pytest.mark.parametrize("kills", [FEW_KILLS, pytest.param(MORE_KILLS, marks=pytest.mark.slow)])
+def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(
+    file, finished, tmp_path, kills
+):
+    out = tmp_path / "out"
+    for count, kill in kills:
+        running = Running(file, out)
+        running.wait_for_trials(count)
+        kept = trial_files(out)
+        kill(running)
+        code, _, _ = running.ended()
+        assert code == -signal.SIGKILL
+        assert kept.items() <= trial_files(out).items()
+    assert sweep(file, out) == 0
+    assert tables(out) == tables(finished)
+    assert trial_files(out) == trial_files(finished)
+    assert not [name for name in files(out) if name.endswith(".tmp")]
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_costs_nothing_but_time(file, finished, tmp_path):
+    running = Running(file, tmp_path / "out")
+    running.wait_for_trials(2)
+    os.kill(running.workers()[0], signal.SIGKILL)
+    code, said, err = running.ended()
+    assert (code, err) == (0, "")
+    assert said.startswith("small: 12 of 12 trials finished.")
+    assert tables(running.out) == tables(finished)
+
+
+@pytest.mark.parametrize(
+    ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
+)
+def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, code):
+    running = Running(sleepy, tmp_path / "out", "--with", "sleep", script=TROUBLED)
+    running.wait_for_trials(2)  # what is left sleeps for a quarter of an hour
+    if how == signal.SIGINT:
+        os.killpg(running.process.pid, how)  # as a terminal does
+    else:
+        running.process.send_signal(how)
+    assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
+    assert len(trial_files(running.out)) == 2
+    assert not (running.out / ".lock").exists()
+
+
+def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(sleepy, tmp_path):
+    with_it = ("--with", "sleep,mcl-map", "--timeout", "2")
+    running = Running(sleepy, tmp_path / "out", *with_it, script=TROUBLED)
+    code, said, err = running.ended()
+    assert code == 3
+    assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
+    assert "first: sleep, trial 0: no result within 2 s: its worker (process " in err
+    assert "sleep" not in {line["method"] for line in lines(running.out)}
+
+
+def test_a_trial_whose_worker_dies_is_tried_again_and_fails_if_that_goes_on(tmp_path):
+    file, flag = write_small(tmp_path, trials=1), tmp_path / "flag"
+    flag.touch()
+    with_them = ("--with", "die-once,die")
+    running = Running(file, tmp_path / "out", *with_them, script=TROUBLED, flag=flag)
+    code, said, err = running.ended()
+    assert not flag.exists()
+    assert code == 3
+    assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
+    assert "die, trial 0: lost 3 times by its worker; last: WorkerDiedError: its worker" in err
+    assert "by signal 9" in err
+    assert "die-once" in {line["method"] for line in lines(running.out)}
