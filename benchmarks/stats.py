@@ -97,7 +97,7 @@ def _resamples(n: int, count: int) -> list[NDArray[np.int32]]:
 
 @lru_cache(maxsize=_EXACT)
 def _subsets_by_sum(n: int) -> list[int]:
-    """How many subsets of {1 … n} have the sum 0, 1, …"""
+    """How many subsets of {1 … n} have the sums 0, 1, … n (n + 1) / 2."""
     counts = [1]
     for rank in range(1, n + 1):
         longer = counts + [0] * rank

@@ -80,7 +80,7 @@ def trials_csv(records: Iterable[Record]) -> str:
             record["trial"]["trial"],
             record["trial"]["filter_seed"],
             score["offset"],
-            *(score[name] for name in SCORE_NAMES),
+            *(score.get(name) for name in SCORE_NAMES),
             record["steps_done"],
             record["scans_used"],
             *(record["events"].get(name) for name in counts),

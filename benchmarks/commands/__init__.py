@@ -8,6 +8,6 @@ that ``deqmcl --help`` stays fast.
 from collections.abc import Sequence
 from types import ModuleType
 
-from benchmarks.commands import paper, run
+from benchmarks.commands import paper, report, run
 
-COMMANDS: Sequence[ModuleType] = (paper, run)
+COMMANDS: Sequence[ModuleType] = (paper, report, run)
