@@ -114,11 +114,16 @@ def position_error(means: Floats, truth: Floats) -> Floats:
     return error
 
 
+def directions(means: Floats) -> Floats:
+    """Headings of the mean (cos θ, sin θ), rad in (-π, π], (k,)."""
+    out = np.empty(len(means))
+    kernels.directions(_doubles(means[:, 3]), _doubles(means[:, 2]), out)
+    return out
+
+
 def heading_error(means: Floats, truth: Floats) -> Floats:
     """Angle between the direction of the mean (cos θ, sin θ) and the true heading, rad, (k,)."""
-    estimated = np.empty(len(means))
-    kernels.directions(_doubles(means[:, 3]), _doubles(means[:, 2]), estimated)
-    error: Floats = np.abs((estimated - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
+    error: Floats = np.abs((directions(means) - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
     return error
 
 

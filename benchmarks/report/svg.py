@@ -116,7 +116,8 @@ def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) 
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font: \1px sans-serif", svg)
-    svg = re.sub(r'id="(figure_1|axes_\d+|[a-z]+_\d+|[a-zA-Z]+_\d+)"', "", svg)
+    used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # other ids would be on the page many times
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     width, height = (72 * inches for inches in figure.get_size_inches())
     opening = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
