@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import kernels
+from deqmcl_gym.numerics import arrays
 
 Floats = NDArray[np.float64]
 
@@ -41,12 +42,8 @@ class CloudScores(NamedTuple):
 
 def components(poses: NDArray[np.floating]) -> Floats:
     """(x, y, cos θ, sin θ) of poses (n, 3), (n, 4)."""
-    x, y, heading = _rows(poses)
-    out = np.empty((4, x.size))
-    out[0], out[1] = x, y
-    kernels.sines(heading, 1, out[2])
-    kernels.sines(heading, 0, out[3])
-    return out.T
+    x, y, heading = np.asarray(poses, dtype=np.float64).T
+    return np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
 
 
 def cloud_moments(poses: NDArray[np.floating], weights: Floats) -> tuple[Floats, Floats]:
@@ -116,9 +113,7 @@ def position_error(means: Floats, truth: Floats) -> Floats:
 
 def directions(means: Floats) -> Floats:
     """Headings of the mean (cos θ, sin θ), rad in (-π, π], (k,)."""
-    out = np.empty(len(means))
-    kernels.directions(_doubles(means[:, 3]), _doubles(means[:, 2]), out)
-    return out
+    return arrays.arctan2(means[:, 3], means[:, 2])
 
 
 def heading_error(means: Floats, truth: Floats) -> Floats:
@@ -133,7 +128,7 @@ def entropy(variances: Floats) -> Floats:
     The entropy of a Gaussian with these variances and no correlation. The paper gives no formula.
     """
     floored = np.maximum(variances, VARIANCE_FLOOR)  # NaN stays NaN
-    total: Floats = (0.5 * np.log(2 * math.pi * math.e * floored)).sum(axis=1)
+    total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
     return total
 
 

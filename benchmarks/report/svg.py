@@ -115,7 +115,7 @@ def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) 
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font: \1px sans-serif", svg)
+    svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "font-family: sans-serif; ")
     used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # other ids would be on the page many times
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     width, height = (72 * inches for inches in figure.get_size_inches())

@@ -1,11 +1,11 @@
-"""Energy score, rank of the truth, NEES and the trigonometry below them, against plain forms."""
+"""Energy score, rank of the truth and NEES, against plain forms."""
 
 import math
 
 import numpy as np
 import pytest
 
-from benchmarks import kernels, metrics
+from benchmarks import metrics
 
 
 def cloud(n, seed, weighted=True):
@@ -27,26 +27,6 @@ def plain_energy(poses, weights, truth):
 
 
 TRUTH = np.array([110.0, 50.0, -3.1])
-
-
-def test_sines_and_directions_are_those_of_numpy():
-    angles = np.random.default_rng(0).uniform(-1000, 1000, 20_000)
-    out = np.empty_like(angles)
-    kernels.sines(angles, 0, out)
-    assert out == pytest.approx(np.sin(angles), abs=3e-16)
-    kernels.sines(angles, 1, out)
-    assert out == pytest.approx(np.cos(angles), abs=3e-16)
-    y, x = np.random.default_rng(1).normal(size=(2, 20_000))
-    kernels.directions(y, x, out)
-    assert out == pytest.approx(np.arctan2(y, x), abs=1e-15)
-
-
-@pytest.mark.parametrize("y", [-1.0, 0.0, 1.0])
-@pytest.mark.parametrize("x", [-1.0, 0.0, 1.0])
-def test_directions_along_the_axes_are_those_of_numpy(y, x):
-    out = np.empty(1)
-    kernels.directions(np.array([y]), np.array([x]), out)
-    assert out[0] == pytest.approx(math.atan2(y, x), abs=1e-15)
 
 
 @pytest.mark.parametrize("n", [2, 3, 50, 1000])
