@@ -22,7 +22,7 @@ class Panel:
         setting: of the panel.
         labels: what each method is called, in the order of the results.
         rows: comparisons, all offsets.
-        records: finished trials.
+        records: finished trials by method.
     """
 
     number: int
@@ -30,7 +30,7 @@ class Panel:
     setting: Setting
     labels: dict[Method, str]
     rows: list[Comparison]
-    records: list[Record]
+    records: dict[Method, list[Record]]
 
     @property
     def present(self) -> list[Comparison]:
@@ -39,11 +39,15 @@ class Panel:
 
     def own(self, method: Method) -> list[Record]:
         """Finished trials of a method."""
-        return [record for record in self.records if method_of(record["trial"]) == method]
+        return self.records.get(method, [])
 
 
 def panels(rows: Sequence[Comparison], records: Sequence[Record]) -> list[Panel]:
     """Split the results into panels, in their order."""
+    finished: dict[tuple[Setting, Method], list[Record]] = {}
+    for record in records:
+        key = setting_of(record["trial"]), method_of(record["trial"])
+        finished.setdefault(key, []).append(record)
     settings = list(dict.fromkeys(row.setting for row in rows))
     named = _names(settings)
     found: list[Panel] = []
@@ -61,12 +65,7 @@ def panels(rows: Sequence[Comparison], records: Sequence[Record]) -> list[Panel]
                     setting=setting,
                     labels=labels,
                     rows=[row for row in own if row.method in labels],
-                    records=[
-                        record
-                        for record in records
-                        if setting_of(record["trial"]) == setting
-                        and method_of(record["trial"]) in labels
-                    ],
+                    records={method: finished.get((setting, method), []) for method in labels},
                 )
             )
     return found
