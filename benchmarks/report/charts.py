@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Looks = Mapping[Method, Look]
 
 _WIDE = 4.8  # inches
+_ROW = 30  # worlds whose marks fit side by side
 
 
 def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
@@ -47,11 +48,12 @@ def points_chart(panel: Panel, look: Looks) -> Picture:
     errors = [world_scores(panel.own(method), "error") for method in methods]
     worlds = sorted(set().union(*errors))
     places = range(len(methods))
+    height = {world: _spread(i, len(worlds)) for i, world in enumerate(worlds)}
     thin = min(0.35, 8 / max(len(worlds), 1))
     for world in worlds:
         axes.plot(
             [by_world.get(world, math.nan) for by_world in errors],
-            places,
+            [place + height[world] for place in places],
             color=INK,
             alpha=thin,
             linewidth=0.7,
@@ -60,16 +62,16 @@ def points_chart(panel: Panel, look: Looks) -> Picture:
         mark = look[row.method]
         axes.plot(
             list(by_world.values()),
-            [place] * len(by_world),
+            [place + height[world] for world in by_world],
             mark.mark,
             color=mark.color,
             alpha=0.75,
-            markersize=5,
+            markersize=5 if len(worlds) <= _ROW else 3.5,
             markeredgewidth=0,
         )
         axes.errorbar(
             row.error,
-            place - 0.28,
+            place - 0.3,
             xerr=_bars(row),
             fmt="|",
             color=INK,
@@ -87,7 +89,8 @@ def points_chart(panel: Panel, look: Looks) -> Picture:
         name=f"points-{panel.number}",
         title="Every world",
         caption="One mark per world and method; a thin line joins the same world. The bar "
-        "above each row is the mean with its 95 % bootstrap interval.",
+        "above each row is the mean with its 95 % bootstrap interval. Where there are many worlds "
+        "their marks are set apart in height, to be seen.",
         alt=f"Error of every world by method, {panel.title}: "
         + "; ".join(f"{panel.labels[r.method]} mean {r.error:.1f}" for r in panel.present),
     )
@@ -256,6 +259,11 @@ def milliseconds_per_step(records: Sequence[Record]) -> float:
         if record.get("seconds") and record["steps_done"]
     ]
     return float(np.median(times)) if times else math.nan
+
+
+def _spread(index: int, count: int) -> float:
+    """A height within a row for each of many worlds: golden steps, so that neighbours differ."""
+    return ((index * 0.618034) % 1 - 0.5) * 0.3 if count > _ROW else 0.0
 
 
 def _curves(records: Sequence[Record], offset: int) -> tuple[NDArray[np.intp], Floats]:

@@ -30,6 +30,7 @@ def html(story: Story) -> str:
         style=Markup(_variables() + (here / "page.css").read_text(encoding="utf-8")),
         results=results,
         sections=story.sections,
+        panels=[section.panel for section in story.sections],
         curves=story.curves,
         words=words,
         overview=words.overview(results, [section.panel for section in story.sections]),

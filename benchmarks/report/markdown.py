@@ -21,6 +21,9 @@ def markdown(story: Story, folder: str) -> str:
         f"**{words.progress(results)}** How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
+    panels = [section.panel for section in story.sections]
+    if len(panels) > 1:
+        parts += ["## At a glance", _table(words.glance_table(panels)), _plain(words.GLANCE)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:

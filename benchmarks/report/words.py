@@ -8,6 +8,10 @@ from benchmarks.report.panels import Panel, full_name
 from benchmarks.results import Results
 from benchmarks.tables import state_name
 
+GLANCE = (
+    "Error e of x[t]. ▼ smaller than the baseline's, ▲ larger (95 % interval without 0 and "
+    "Holm's p < 0.05), ○ cannot be told."
+)
 FEW = 20  # worlds below which an interval is called rough
 _ALPHA = 0.05
 
@@ -61,6 +65,20 @@ def verdict_table(panel: Panel) -> tuple[list[str], list[list[str]]]:
             ]
         )
     return header, lines
+
+
+def glance_table(panels: Sequence[Panel]) -> tuple[list[str], list[list[str]]]:
+    """Header and lines of the errors of all methods on all settings, with a mark by the finding."""
+    labels = list(dict.fromkeys(label for panel in panels for label in panel.labels.values()))
+    lines = []
+    for panel in panels:
+        by_label = {panel.labels[row.method]: row for row in panel.present}
+        cells = [
+            f"{fixed(by_label[k].error)}{_mark(by_label[k])}" if k in by_label else "–"
+            for k in labels
+        ]
+        lines.append([f"{panel.number}. {panel.title}", *cells])
+    return ["setting", *labels], lines
 
 
 def calibration_table(panel: Panel) -> tuple[list[str], list[list[str]]]:
@@ -146,6 +164,15 @@ def progress(results: Results) -> str:
     return words + "."
 
 
+def _mark(row: Comparison) -> str:
+    """▼ smaller than the baseline's, ▲ larger, ○ not to be told; nothing for the baseline."""
+    if math.isnan(row.diff):
+        return ""
+    if row.diff_low <= 0 <= row.diff_high or not row.p_holm < _ALPHA:
+        return " ○"
+    return " ▼" if row.diff < 0 else " ▲"
+
+
 def _finding(row: Comparison, panel: Panel) -> str:
     name, other = full_name(row.method.localizer), full_name(row.baseline.localizer)
     if row.method.localizer != panel.labels[row.method]:
@@ -183,9 +210,9 @@ def _blind(rows: Sequence[Comparison]) -> str:
     return (
         f"Dead reckoning on the plan, which looks at no scan, has a smaller error than every "
         f"other method here ({fixed(blind[0].error)}; the best of them "
-        f"{full_name(best.method.localizer)}: {fixed(best.error)}). The world moves with far less "
-        "noise than the filters assume: this setting compares how they bear wrong assumptions, "
-        "not whether localization is needed."
+        f"{full_name(best.method.localizer)}: {fixed(best.error)}). In this world the plan alone "
+        "tells the path better than the filters do: the comparison says how they bear what they "
+        "assume, not whether localization is needed."
     )
 
 

@@ -155,3 +155,14 @@ def test_a_plug_in_is_called_by_its_class_in_pictures(name, short):
 def test_plug_ins_of_the_same_class_name_are_called_in_full():
     records = [finished(name, 0, 1.0) for name in ("a.py:Mine", "b.py:Mine")]
     assert list(panel_of(records).labels.values()) == ["a.py:Mine", "b.py:Mine"]
+
+
+def test_at_a_glance_every_error_has_the_mark_of_its_finding():
+    records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
+    records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, preset="sharp")
+    header, lines = words.glance_table(panels(comparisons(records), records))
+    assert header == ["setting", "mcl", "a", "b"]
+    assert [line[0] for line in lines] == ["1. preset paper", "2. preset sharp"]
+    assert [cell[-1] for cell in lines[0][2:]] == ["▼", "▲"]
+    assert lines[0][1][-1].isdigit()  # the baseline
+    assert [cell[-1] for cell in lines[1][2:]] == ["○", "–"]
