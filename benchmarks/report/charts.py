@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.comparison import Comparison
-from benchmarks.pairing import Method, Record
+from benchmarks.pairing import Method
 from benchmarks.report.panels import Panel
+from benchmarks.report.samples import curves, milliseconds_per_step, per_world, world_scores
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, legend, picture
 from benchmarks.scoring import LEVELS
@@ -19,26 +20,6 @@ Looks = Mapping[Method, Look]
 
 _WIDE = 4.8  # inches
 _ROW = 30  # worlds whose marks fit side by side
-
-
-def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
-    """Means over the filter seeds of each world; NaN where one is not available."""
-    worlds: dict[int, list[float]] = {}
-    for (world, _), value in sorted(values.items()):
-        worlds.setdefault(world, []).append(math.nan if value is None else value)
-    return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
-
-
-def world_scores(records: Sequence[Record], name: str, offset: int = 0) -> dict[int, float]:
-    """A score at an offset by world."""
-    return per_world(
-        {
-            (record["trial"]["trial"], record["trial"]["filter_seed"]): score.get(name)
-            for record in records
-            for score in record["scores"]
-            if score["offset"] == offset
-        }
-    )
 
 
 def points_chart(panel: Panel, look: Looks) -> Picture:
@@ -98,21 +79,21 @@ def points_chart(panel: Panel, look: Looks) -> Picture:
 
 def time_charts(panel: Panel, look: Looks) -> list[Picture]:
     """Error over the lap, a chart per method, on one scale."""
-    curves = {row.method: _curves(panel.own(row.method), 0) for row in panel.present}
+    drawn = {row.method: curves(panel.own(row.method), 0) for row in panel.present}
     baseline = panel.present[0].baseline
-    top = max((float(np.nanquantile(c[1], 0.9, axis=0).max()) for c in curves.values()), default=1)
+    top = max((float(np.nanquantile(c[1], 0.9, axis=0).max()) for c in drawn.values()), default=1)
     charts: list[Picture] = []
     for row in panel.present:
         method, mark = row.method, look[row.method]
-        states, errors = curves[method]
+        states, errors = drawn[method]
         figure, axes = canvas(3.2, 2.3)
         low, high = np.nanquantile(errors, [0.1, 0.9], axis=0)
         axes.fill_between(states, low, high, color=mark.color, alpha=0.25, linewidth=0)
-        if baseline in curves and baseline != method:
-            theirs = curves[baseline]
+        if baseline in drawn and baseline != method:
+            theirs = drawn[baseline]
             axes.plot(theirs[0], theirs[1].mean(axis=0), "--", color=INK, linewidth=0.9)
         axes.plot(states, errors.mean(axis=0), color=mark.color)
-        past = _curves(panel.own(method), -panel.setting.lag) if panel.setting.lag else None
+        past = curves(panel.own(method), -panel.setting.lag) if panel.setting.lag else None
         if past is not None and past[0].size:
             axes.plot(past[0], past[1].mean(axis=0), ":", color=mark.color)
         axes.set(ylim=(0, 1.05 * top), xlim=(0, None), xlabel="step of the state", ylabel="error e")
@@ -251,30 +232,9 @@ def calibration_chart(panel: Panel, look: Looks) -> Picture | None:
     )
 
 
-def milliseconds_per_step(records: Sequence[Record]) -> float:
-    """Median over runs of the localizer's time per step, ms; NaN if none was timed."""
-    times = [
-        1000 * record["seconds"] / record["steps_done"]
-        for record in records
-        if record.get("seconds") and record["steps_done"]
-    ]
-    return float(np.median(times)) if times else math.nan
-
-
 def _spread(index: int, count: int) -> float:
     """A height within a row for each of many worlds: golden steps, so that neighbours differ."""
     return ((index * 0.618034) % 1 - 0.5) * 0.3 if count > _ROW else 0.0
-
-
-def _curves(records: Sequence[Record], offset: int) -> tuple[NDArray[np.intp], Floats]:
-    """States and errors (runs, states), as far as every run goes."""
-    curves = [c for record in records if (c := record["curves"].get(str(offset)))]
-    if not curves:
-        return np.empty(0, np.intp), np.empty((0, 0))
-    first = curves[0]["first_state"]
-    length = min(len(curve["error"]) for curve in curves)
-    states = np.arange(first, first + length)
-    return states, np.array([curve["error"][:length] for curve in curves])
 
 
 def _bars(row: Comparison) -> list[list[float]] | None:
