@@ -12,6 +12,7 @@ from benchmarks.provenance import environment
 from benchmarks.results import Failure, Results
 from benchmarks.spec import Trial, unworded
 from benchmarks.store import Store
+from benchmarks.suites import paper_suite
 from benchmarks.sweepfile import sweep_of
 from deqmcl_gym.validation import InputError
 
@@ -40,19 +41,17 @@ def collected(
 
 
 def results_in(folder: Path) -> Results:
-    """Return what the folder of a sweep holds, whatever code and machine have made it.
+    """Return what the folder of a sweep or of ``deqmcl paper`` holds, whatever code has made it.
 
     Raises:
-        InputError: the folder is not one of a sweep.
+        InputError: the folder is not one of results.
     """
     content = manifest.read(folder)
-    if "identity" not in content:
-        raise InputError(f"{folder / manifest.NAME} is not of a sweep: give the folder of one.")
-    sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
+    title, trials = _planned(folder, content)
     store = Store(folder)
     finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
     failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
-    planned = [trial.canonical() for trial in sweep.distinct()]
+    planned = [trial.canonical() for trial in trials]
     records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
     failures = [
         Failure(trial=trial, reason=failed[name]["reason"])
@@ -60,7 +59,7 @@ def results_in(folder: Path) -> Results:
         if (name := _name(trial)) in failed and name not in finished
     ]
     return Results(
-        title=sweep.title,
+        title=title,
         records=records,
         failures=failures,
         missing=len(planned) - len(records) - len(failures),
@@ -68,6 +67,21 @@ def results_in(folder: Path) -> Results:
         command=content["command"],
         environment=content["environment"],
     )
+
+
+def _planned(folder: Path, content: Mapping[str, Any]) -> tuple[str, Sequence[Trial]]:
+    """Return the title and the trials that a manifest speaks of."""
+    if "identity" in content:
+        sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
+        return sweep.title, list(sweep.distinct())
+    try:
+        configuration = content["configuration"]
+        title = f"The paper's experiment, preset {configuration['preset']}"
+        return title, paper_suite(**configuration)
+    except (KeyError, TypeError):
+        raise InputError(
+            f"{folder / manifest.NAME} does not say what was run: give a folder of results."
+        ) from None
 
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
@@ -81,7 +95,7 @@ def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) ->
     lines += _incomplete(sweep, results)
     if equal := sweep.combinations - results.planned:
         lines.append(f"{equal:,} combinations equal others and were run once.")
-    names = ", ".join(str(path.relative_to(out)) for path in files)
+    names = ", ".join(path.name for path in files if path.parent == out)
     return "\n".join([*lines, f"Written to {out}: {names}."])
 
 

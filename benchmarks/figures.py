@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from benchmarks.episode import Moment, room_of, trial_moments
 from benchmarks.frames import Camera, side_by_side, write_png, write_webp
 from benchmarks.metrics import cloud_moments, state_error
-from benchmarks.spec import Trial
+from benchmarks.spec import Params, Trial
 from deqmcl_gym.drawing import Image, View
 from localizers import Belief
 
@@ -21,9 +21,9 @@ _LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
 
 
-def camera_of(preset: str, lag: int, scale: float = 2.0) -> Camera:
-    """Return a camera for the room of a preset."""
-    room = room_of(preset)
+def camera_of(preset: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
+    """Return a camera for the room of a preset, changed as ``world`` says."""
+    room = room_of(preset, world)
     return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
 
 

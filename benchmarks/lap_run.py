@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.episode import check_params, room_of, trial_moments
+from benchmarks.export import npz, trajectories
 from benchmarks.figures import camera_of, lap_frames
 from benchmarks.frames import write_webp
 from benchmarks.metrics import state_error
@@ -55,7 +56,7 @@ class LapRun:
 
 
 def run_lap(lap: LapRun, out: Path) -> str:
-    """Run one lap; write lap.webp, error.png and error.csv; return what to print."""
+    """Run one lap; write its animation, error curve and trace; return what to print."""
     require_plots()
     trial = lap.trial
     check_params(trial)
@@ -73,6 +74,10 @@ def run_lap(lap: LapRun, out: Path) -> str:
         out / "error.png", error_plot(curves, f"{title}, preset {lap.preset}, seed {lap.seed}")
     )
     write_text(out / "error.csv", _curves_csv(trace))
+    write_bytes(out / "trace.npz", npz(trace))
+    tracks = trajectories(trace)
+    for name, text in tracks.items():
+        write_text(out / name, text)
     lines = [
         f"{state_name(row.offset):>8}: error {row.error:6.2f}, position RMSE "
         f"{row.position_rmse:6.2f} px, heading RMSE {np.degrees(row.heading_rmse):5.1f} deg"
@@ -82,7 +87,7 @@ def run_lap(lap: LapRun, out: Path) -> str:
         [
             f"{title}, preset {lap.preset}, seed {lap.seed}: {trace.steps} steps",
             *lines,
-            f"Written to {out}: lap.webp, error.png, error.csv.",
+            f"Written to {out}: lap.webp, error.png, error.csv, trace.npz, {', '.join(tracks)}.",
         ]
     )
 

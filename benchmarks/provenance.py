@@ -13,8 +13,8 @@ _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 _PACKAGES = ("deqmcl_gym", "localizers")
 # Of this package only what a trial runs: a new table or report makes no result out of date.
 HARNESS = (
-    *("__init__", "disturbances", "episode", "metrics", "plugins", "presets", "provenance"),
-    *("scoring", "spec", "trace", "execution/__init__", "execution/attempt"),
+    *("__init__", "disturbances", "episode", "kernels", "metrics", "plugins", "presets"),
+    *("provenance", "scoring", "spec", "trace", "execution/__init__", "execution/attempt"),
 )
 
 

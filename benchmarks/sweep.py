@@ -18,7 +18,7 @@ from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.lock import locked
 from benchmarks.plugins import key_of, loads
-from benchmarks.reporting import write_report
+from benchmarks.report import write_report
 from benchmarks.results import Results
 from benchmarks.spec import Trial
 from benchmarks.store import Store

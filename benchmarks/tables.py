@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from tabulate import tabulate
 
+from benchmarks.pairing import METHOD_COLUMNS, SETTING_COLUMNS, Record, identity
 from benchmarks.published import TABLE_1
 from benchmarks.scoring import SCORE_NAMES
 from benchmarks.stats import paired_bootstrap, sample_sd
 
-Record = dict[str, Any]
+_IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
 
 BASELINE = "mcl"
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-map-smoother": "map-based MCL with smoother",
     "dead-reckoning": "dead reckoning on the plan",
 }
-_NEITHER_MEANS_NOR_SPREADS = {"error_sd_steps"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,20 +67,20 @@ def table_rows(records: Sequence[Record]) -> list[Row]:
 
 def table_csv(rows: Iterable[Row]) -> str:
     """Return table.csv."""
-    return _csv([field.name for field in fields(Row)], map(astuple, rows))
+    return csv_text([field.name for field in fields(Row)], map(astuple, rows))
 
 
 def trials_csv(records: Iterable[Record]) -> str:
     """Return trials.csv: one line per trial, method and offset."""
     counts = ("weight_collapses", "replanned_steps", "skipped_beams", "blind_scans")
-    header = ["method", "trial", "filter_seed", "offset", *SCORE_NAMES, "steps_done", "scans_used"]
+    header = [*_IDENTITY, "offset", *SCORE_NAMES, "steps_done", "scans_used"]
     lines = [
         [
-            record["trial"]["localizer"],
+            *identity(record["trial"]),
             record["trial"]["trial"],
             record["trial"]["filter_seed"],
             score["offset"],
-            *(score[name] for name in SCORE_NAMES),
+            *(score.get(name) for name in SCORE_NAMES),
             record["steps_done"],
             record["scans_used"],
             *(record["events"].get(name) for name in counts),
@@ -88,14 +88,14 @@ def trials_csv(records: Iterable[Record]) -> str:
         for record in records
         for score in record["scores"]
     ]
-    return _csv([*header, *counts], lines)
+    return csv_text([*header, *counts], lines)
 
 
 def timings_csv(records: Iterable[Record]) -> str:
     """Return timings.csv: the localizer's own time, reset left out."""
     lines = [
         [
-            record["trial"]["localizer"],
+            *identity(record["trial"]),
             record["trial"]["trial"],
             record["trial"]["filter_seed"],
             record["seconds"],
@@ -103,7 +103,7 @@ def timings_csv(records: Iterable[Record]) -> str:
         ]
         for record in records
     ]
-    return _csv(["method", "trial", "filter_seed", "seconds", "ms_per_step"], lines)
+    return csv_text([*_IDENTITY, "seconds", "ms_per_step"], lines)
 
 
 def table_1(rows: Sequence[Row], style: str) -> str:
@@ -182,7 +182,7 @@ def _row(
             [math.nan if score[name] is None else score[name] for score in scored.values()]
         )
         for name in SCORE_NAMES
-        if name not in _NEITHER_MEANS_NOR_SPREADS
+        if name in Row.__annotations__
     }
     shared = [world for world in scored if world in baseline]
     differences = np.array([scored[world]["error"] - baseline[world] for world in shared])
@@ -203,7 +203,8 @@ def _world(record: Record) -> tuple[int, int]:
     return record["trial"]["trial"], record["trial"]["filter_seed"]
 
 
-def _csv(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
+def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
+    """Return a table as CSV; None and NaN are empty cells."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)

@@ -1,4 +1,4 @@
-"""What is kept of an episode: per offset and state, the first two moments of the belief."""
+"""What is kept of an episode: per offset and state, what was believed and how it fits the truth."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.episode import Moment
-from benchmarks.metrics import cloud_moments
+from benchmarks.metrics import CloudScores, cloud_moments, cloud_scores
 from deqmcl_gym.env import RoomEnv
 from localizers import Belief
 
 Floats = NDArray[np.float64]
+Points = tuple[NDArray[np.floating], Floats]
+
+PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
+_PROFILE_OFFSETS = 4  # on either side of the present
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OffsetTrace:
     """What was believed of each state s at t = s - offset.
 
@@ -25,12 +29,16 @@ class OffsetTrace:
         means: of x, y, cos θ, sin θ, (k, 4).
         variances: of the same, (k, 4); NaN for a belief of one point.
         wall_share: weight on poses where the robot does not fit, (k,).
+        energy, rank, nees: see ``metrics.CloudScores``, (k,); NaN where not available.
     """
 
     states: NDArray[np.intp]
     means: Floats
     variances: Floats
     wall_share: Floats
+    energy: Floats
+    rank: Floats
+    nees: Floats
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,8 @@ class Trace:
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
         events: the localizer's counts of trouble, if it keeps any.
+        profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
+            (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
 
     truth: Floats
@@ -50,6 +60,7 @@ class Trace:
     scans_used: int
     seconds: float
     events: dict[str, int] = field(default_factory=dict)
+    profile: dict[int, tuple[NDArray[np.intp], Floats]] = field(default_factory=dict)
 
     @property
     def steps(self) -> int:
@@ -58,11 +69,17 @@ class Trace:
 
 
 def trace_of(episode: Iterable[Moment], offsets: Iterable[int], room: RoomEnv) -> Trace:
-    """Run an episode in a room to its end and keep its trace at these offsets."""
+    """Run an episode in a room to its end and keep its trace at these offsets.
+
+    A belief about a future state waits for the truth of that state.
+    """
     fits = partial(room.floor_plan.free, radius=room.world.robot.radius)
     max_range = room.lidar.max_range
-    rows: dict[int, list[tuple[int, Floats, Floats, float]]] = {k: [] for k in offsets}
-    truth, scans_used, seconds = [], 0, 0.0
+    rows: dict[int, list[tuple[int, CloudScores, float]]] = {k: [] for k in offsets}
+    profile: dict[int, list[tuple[int, Floats]]] = {k: [] for k in _between(rows)}
+    waiting: dict[int, list[tuple[int, Points]]] = {}
+    truth: list[Floats] = []
+    scans_used, seconds = 0, 0.0
     belief: Belief | None = None
     for moment in episode:
         belief = moment.belief
@@ -71,29 +88,50 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], room: RoomEnv) -
             seconds += moment.seconds
             with np.errstate(invalid="ignore"):
                 scans_used += bool(((moment.ranges >= 0) & (moment.ranges <= max_range)).any())
-        for offset, kept in rows.items():
-            points = belief.points(offset)
-            if points is not None and moment.step + offset >= 0:
-                poses, weights = points
-                mean, variance = cloud_moments(poses, weights)
-                inside = ~fits(poses)
-                kept.append((moment.step + offset, mean, variance, float(weights[inside].sum())))
+        for offset in rows:
+            state = moment.step + offset
+            if state >= 0 and (points := belief.points(offset)) is not None:
+                waiting.setdefault(max(state, moment.step), []).append((offset, points))
+        for offset, (poses, weights) in waiting.pop(moment.step, ()):
+            state = moment.step + min(offset, 0)
+            in_wall = float(weights[~fits(poses)].sum())
+            rows[offset].append((state, cloud_scores(poses, weights, truth[state]), in_wall))
+        for offset, kept in profile.items():
+            state = moment.step + offset
+            if state >= 0 and state % PROFILE_STRIDE == 0 and (points := belief.points(offset)):
+                kept.append((state, cloud_moments(*points)[0]))
     return Trace(
         truth=np.array(truth),
-        offsets={
-            offset: _stacked(scorable)
-            for offset, kept in rows.items()
-            if (scorable := [row for row in kept if row[0] < len(truth)])
-        },
+        offsets={offset: _stacked(kept) for offset, kept in rows.items() if kept},
         scans_used=scans_used,
         seconds=seconds,
         events=_events(belief),
+        profile={
+            offset: (np.array([state for state, _ in known]), np.array([m for _, m in known]))
+            for offset, kept in profile.items()
+            if (known := [row for row in kept if row[0] < len(truth)])
+        },
     )
 
 
-def _stacked(rows: list[tuple[int, Floats, Floats, float]]) -> OffsetTrace:
-    states, means, variances, wall_share = zip(*rows, strict=True)
-    return OffsetTrace(np.array(states), np.array(means), np.array(variances), np.array(wall_share))
+def _between(offsets: Iterable[int]) -> list[int]:
+    """Offsets at equal steps as far as the outermost of those scored, these left out."""
+    scored = set(offsets)
+    lag = max(map(abs, scored), default=0)
+    step = max(1, lag // _PROFILE_OFFSETS)
+    return [k for k in range(-lag, lag + 1) if k % step == 0 and k not in scored]
+
+
+def _stacked(rows: list[tuple[int, CloudScores, float]]) -> OffsetTrace:
+    return OffsetTrace(
+        states=np.array([state for state, _, _ in rows]),
+        means=np.array([scores.mean for _, scores, _ in rows]),
+        variances=np.array([scores.variance for _, scores, _ in rows]),
+        wall_share=np.array([in_wall for _, _, in_wall in rows]),
+        energy=np.array([scores.energy for _, scores, _ in rows]),
+        rank=np.array([scores.rank for _, scores, _ in rows]),
+        nees=np.array([scores.nees for _, scores, _ in rows]),
+    )
 
 
 def _events(belief: Any) -> dict[str, int]:

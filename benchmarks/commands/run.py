@@ -7,8 +7,11 @@ from pathlib import Path
 from benchmarks.commands.shared import add_setting
 
 NAME = "run"
-HELP = "run one lap: animation and error curve"
-DESCRIPTION = "Run one lap of one localizer: its animation and its error curve."
+HELP = "run one lap: animation, error curve, trace"
+DESCRIPTION = (
+    "Run one lap of one localizer: its animation, its error curve, and its trace as npz and as TUM "
+    "trajectory files (for evo)."
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

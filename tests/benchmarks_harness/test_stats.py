@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats as scipy_stats
 
 from benchmarks import stats
 
@@ -69,3 +70,77 @@ def test_the_interval_covers_the_true_mean_in_about_95_percent_of_experiments(mo
         low, high = stats.paired_bootstrap(rng.normal(2.0, 3.0, 40))
         covered += low <= 2.0 <= high
     assert 356 <= covered <= 391
+
+
+def test_the_interval_is_that_of_resampling_one_after_the_other():
+    differences = np.array([1.0, 5.0, -2.0, 0.5, 8.0, 3.5, -7.0])
+    rng = np.random.default_rng(0)
+    means = [differences[rng.integers(7, size=7)].mean() for _ in range(10_000)]
+    expected = tuple(np.quantile(means, [0.025, 0.975]))
+    assert stats.paired_bootstrap(differences) == pytest.approx(expected, rel=1e-12)
+
+
+def test_an_unknown_difference_makes_every_statistic_unknown():
+    unknown = np.array([1.0, math.nan])
+    assert all(math.isnan(end) for end in stats.paired_bootstrap(unknown))
+    assert math.isnan(stats.win_rate(unknown))
+    assert math.isnan(stats.wilcoxon(unknown))
+
+
+def test_a_win_is_a_smaller_error_and_a_tie_half_a_win():
+    assert stats.win_rate(np.array([-1.0, -2.0, 3.0, 0.0])) == (2 + 0.5) / 4
+    assert math.isnan(stats.win_rate(np.empty(0)))
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 12, 50])
+def test_wilcoxon_is_scipys_exact_test_where_there_are_no_ties(n):
+    for seed in range(5):
+        differences = np.random.default_rng([n, seed]).normal(0.3, 1, n)
+        expected = scipy_stats.wilcoxon(differences, method="exact").pvalue
+        assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [51, 200])
+def test_wilcoxon_is_scipys_approximation_of_many(n):
+    differences = np.random.default_rng(n).normal(0.1, 1, n)
+    expected = scipy_stats.wilcoxon(differences, correction=False, method="approx").pvalue
+    assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+
+
+def test_wilcoxon_is_scipys_approximation_where_there_are_ties_and_zeros():
+    differences = np.random.default_rng(1).integers(-4, 6, 30).astype(float)
+    assert (differences == 0).any()
+    expected = scipy_stats.wilcoxon(differences, correction=False, method="approx").pvalue
+    assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+
+
+def test_wilcoxon_of_no_difference_at_all_is_1_and_of_nothing_unknown():
+    assert stats.wilcoxon(np.zeros(5)) == 1.0
+    assert math.isnan(stats.wilcoxon(np.empty(0)))
+
+
+def test_the_smallest_p_of_wilcoxon_counts_sign_patterns():
+    assert stats.wilcoxon(np.arange(1.0, 11.0)) == 2 / 2**10
+
+
+def test_holm_is_the_example_by_hand():
+    # sorted 0.01, 0.02, 0.03, 0.04 times 4, 3, 2, 1, made monotone
+    assert stats.holm([0.04, 0.01, 0.03, 0.02]) == pytest.approx([0.06, 0.04, 0.06, 0.06])
+
+
+def test_holm_bounds_at_1_and_leaves_out_what_was_not_tested():
+    adjusted = stats.holm([0.9, math.nan, 0.4])
+    assert adjusted[0] == 0.9
+    assert math.isnan(adjusted[1])
+    assert adjusted[2] == 0.8
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 10), (3, 10), (10, 10), (0, 200), (17, 200)])
+def test_the_wilson_interval_is_scipys(k, n):
+    expected = scipy_stats.binomtest(k, n).proportion_ci(method="wilson")
+    # at 0 and n of n scipy's end is exactly 0 or 1, ours up to rounding
+    assert stats.wilson(k / n, n) == pytest.approx(tuple(expected), rel=1e-9, abs=1e-15)
+
+
+def test_the_wilson_interval_of_nothing_is_unknown():
+    assert all(math.isnan(end) for end in stats.wilson(0.0, 0))

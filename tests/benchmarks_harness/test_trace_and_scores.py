@@ -8,7 +8,7 @@ import pytest
 from fake_episode import FREE, IN_WALL, ROOM, USABLE, FakeBelief, mean_error, traced, truth_of
 
 from benchmarks.episode import Moment
-from benchmarks.scoring import SCORE_NAMES, record, scores
+from benchmarks.scoring import SCORE_NAMES, profile, record, scores
 from benchmarks.trace import trace_of
 
 T, L = 10, 3
@@ -111,6 +111,48 @@ def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
         return np.array([FREE, IN_WALL]), np.array(shares)
 
     assert scored(traced(T, (0,), points=partly))[0].wall_share == pytest.approx(0.3, **CLOSE)
+
+
+@pytest.mark.parametrize(("astray", "lost"), [(13, 1.0), (12, 0.0)])
+def test_a_trial_is_lost_if_its_last_20_states_are_on_average_more_than_50_px_off(astray, lost):
+    def off(state, offset):  # 80 px in the last states: 13 · 80 / 20 = 52, 12 · 80 / 20 = 48
+        return truth_of(state)[None] + [80.0 * (state > 40 - astray), 0, 0], np.ones(1)
+
+    assert scored(traced(40, (0,), points=off))[0].lost == lost
+
+
+def test_coverage_is_the_share_of_states_whose_truth_is_ranked_inside():
+    # five points at -2 … 2 px; the truth stands between them and is nearer than k of five
+    def around(state, offset):
+        k = state % 5 if state else 4
+        xs = np.arange(-2.0, 3.0) - (0.0, 0.5, 0.5, 1.5, 2.5)[k]
+        return truth_of(state) + np.column_stack([xs, np.zeros((5, 2))]), np.full(5, 0.2)
+
+    row = scored(traced(10, (0,), points=around))[0]
+    ranks = [(0.0, 0.2, 0.2, 0.6, 1.0)[s % 5] for s in range(1, 11)]
+    for level in (50, 80, 95):
+        expected = sum(rank <= level / 100 for rank in ranks) / 10
+        assert getattr(row, f"coverage_{level}") == pytest.approx(expected, **CLOSE)
+
+
+def test_the_energy_score_of_one_point_is_the_mean_distance_and_calibration_is_unknown():
+    row = scored(traced(T, (0,)))[0]
+    assert row.energy_score == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+    assert all(math.isnan(value) for value in (row.coverage_50, row.coverage_95, row.nees))
+
+
+def test_the_profile_has_every_offset_over_the_same_states():
+    steps, lag = 40, 8
+    held = range(-lag, lag + 1)
+    trace = traced(steps, held, (0, -lag, lag))
+    assert profile(trace, lag) == {
+        k: pytest.approx(mean_error((10, 15, 20, 25, 30), k), **CLOSE) for k in range(-8, 9, 2)
+    }
+
+
+def test_the_profile_holds_only_the_offsets_that_a_method_holds():
+    trace = traced(40, (0, -2, -8), (0, -8, 8))
+    assert set(profile(trace, 8)) == {0, -2, -8}
 
 
 def test_scans_used_counts_those_after_the_start_with_at_least_one_usable_beam():

@@ -40,7 +40,7 @@ def test_every_folder_of_a_package_is_a_package(package):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_package_says_that_it_is_typed_and_ships_the_mark(package):
     assert (ROOT / package / "py.typed").read_bytes() == b""
-    assert PROJECT["tool"]["setuptools"]["package-data"] == {"*": ["py.typed"]}
+    assert PROJECT["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]
 
 
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
@@ -71,7 +71,7 @@ def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
         path.relative_to(ROOT)
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix == ".py" or path.name == "py.typed"
+        if path.suffix in (".py", ".css", ".jinja") or path.name == "py.typed"
     }
     assert built == expected
 
@@ -95,7 +95,9 @@ def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
             ast.parse(path.read_text(), feature_version=(3, 11))
 
 
-def test_plots_are_an_extra_and_not_required():
+def test_plots_and_reports_are_extras_and_not_required():
     required = PROJECT["project"]["dependencies"]
-    assert not any(line.startswith("matplotlib") for line in required)
+    assert not any(line.startswith(("matplotlib", "jinja2", "scipy")) for line in required)
+    report = PROJECT["project"]["optional-dependencies"]["report"]
+    assert report == ["jinja2>=3.1", "matplotlib>=3.8"]
     assert PROJECT["project"]["optional-dependencies"]["plots"] == ["matplotlib>=3.8"]

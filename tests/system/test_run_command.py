@@ -5,10 +5,12 @@ import math
 import re
 
 import cv2
+import numpy as np
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 
 from benchmarks.execution.attempt import trial_trace
+from benchmarks.metrics import state_error
 from benchmarks.scoring import scores
 from benchmarks.suites import paper_suite
 
@@ -25,16 +27,49 @@ def curve(folder):
     return by_offset
 
 
+def xy(rows, *names):
+    return np.array([[row[name] for name in names] for row in rows])
+
+
 @pytest.fixture(scope="module")
 def lap(tmp_path_factory):
     out = tmp_path_factory.mktemp("run") / "new" / "folder"
     return process(DEQMCL, "run", "--localizer", "mcl", *FEW, "--out", out), out
 
 
-def test_a_lap_leaves_its_animation_its_curve_and_nothing_else(lap):
+def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     done, out = lap
     assert (done.returncode, done.stderr) == (0, "")
-    assert set(files(out)) == {"lap.webp", "error.png", "error.csv"}
+    trace = {"trace.npz", "trajectory_truth.tum", "trajectory_t.tum"}
+    assert set(files(out)) == {"lap.webp", "error.png", "error.csv", *trace}
+    assert all(name in done.stdout for name in files(out))
+
+
+def test_the_trajectories_are_tum_files_of_the_true_and_estimated_poses(tmp_path):
+    arguments = ("--localizer", "deq-mcl", *FEW, "--lag", "30")
+    assert exit_code("run", *arguments, "--out", tmp_path) == 0
+    lines = curve(tmp_path)
+    for name, offset in (("t", 0), ("t-30", -30), ("t+30", 30)):
+        rows = np.loadtxt(tmp_path / f"trajectory_{name}.tum")
+        assert rows[:, 0].tolist() == [row["state"] for row in lines[offset]]
+        # nine digits
+        assert rows[:, 1:3] == pytest.approx(xy(lines[offset], "x", "y"), rel=1e-8)
+        assert (rows[:, 3:6] == 0).all()
+    truth = np.loadtxt(tmp_path / "trajectory_truth.tum")
+    heading = 2 * np.arctan2(truth[:, 6], truth[:, 7])
+    apart = heading - [row["true_heading"] for row in lines[0]]
+    assert (apart + math.pi) % (2 * math.pi) - math.pi == pytest.approx(0, abs=1e-9)
+    assert truth[:, 1:3] == pytest.approx(xy(lines[0], "true_x", "true_y"), rel=1e-8)
+
+
+def test_the_trace_is_an_npz_without_pickles_that_holds_what_was_scored(lap):
+    _, out = lap
+    with np.load(out / "trace.npz", allow_pickle=False) as trace:
+        arrays = dict(trace)
+    assert arrays["truth"].shape == (205, 3)
+    assert arrays["t/means"].shape == arrays["t/variances"].shape == (205, 4)
+    error = state_error(arrays["t/means"], arrays["truth"][arrays["t/states"]])
+    assert error == pytest.approx([row["error"] for row in curve(out)[0]], rel=1e-12)
 
 
 def test_the_animation_has_a_frame_for_every_second_step(lap):

@@ -1,0 +1,55 @@
+"""report.html: one page without network and scripts, escaped by jinja2."""
+
+import json
+import shlex
+from base64 import b64encode
+from importlib.resources import files
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from benchmarks.report import words
+from benchmarks.report.markdown import describe
+from benchmarks.report.story import PICTURED, Story
+from benchmarks.report.style import DARK, LIGHT
+from benchmarks.report.svg import Picture
+from benchmarks.scoring import LOST_DISTANCE, LOST_STEPS
+
+
+def html(story: Story) -> str:
+    """Return report.html."""
+    here = files("benchmarks.report")
+    engine = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    engine.filters["inline"] = _inline
+    engine.filters["base64"] = lambda content: b64encode(content).decode()
+    template = engine.from_string((here / "page.html.jinja").read_text(encoding="utf-8"))
+    results = story.results
+    return template.render(
+        style=Markup(_variables() + (here / "page.css").read_text(encoding="utf-8")),
+        results=results,
+        sections=story.sections,
+        panels=[section.panel for section in story.sections],
+        curves=story.curves,
+        words=words,
+        overview=words.overview(results, [section.panel for section in story.sections]),
+        progress=words.progress(results),
+        failures=[(describe(failure.trial), failure.reason) for failure in results.failures],
+        command=shlex.join(results.command),
+        environment=json.dumps(results.environment, indent=2),
+        pictured=PICTURED,
+        lost_steps=LOST_STEPS,
+        lost_distance=LOST_DISTANCE,
+    )
+
+
+def _inline(picture: Picture) -> Markup:
+    """An SVG as it is: matplotlib has escaped its words."""
+    return Markup(picture.inline)
+
+
+def _variables() -> str:
+    light = "".join(f"--{name}: {color}; " for name, color in LIGHT.items())
+    dark = "".join(f"--{name}: {color}; " for name, color in DARK.items())
+    return f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}\n"

@@ -1,0 +1,126 @@
+"""Best, median and worst trial as animations: trials run again, which gives the same again."""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from benchmarks.comparison import Comparison
+from benchmarks.episode import trial_moments
+from benchmarks.figures import camera_of
+from benchmarks.frames import side_by_side, write_webp
+from benchmarks.report.panels import Panel
+from benchmarks.report.samples import world_scores
+from benchmarks.spec import Trial, frozen, unworded
+from deqmcl_gym.drawing import Image
+
+_STRIDE = 4  # steps per frame
+_MILLISECONDS = 160
+_SCALE = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lap:
+    """An animation of one world.
+
+    Attributes:
+        name: file name without ending.
+        title: heading.
+        caption: what is to be seen.
+        animation: WebP.
+        still: PNG, for those who want no motion.
+    """
+
+    name: str
+    title: str
+    caption: str
+    animation: bytes
+    still: bytes
+
+
+def laps(panel: Panel) -> list[Lap]:
+    """Draw the best, median and worst world of the panel's focus, beside its baseline."""
+    focus = _focus(panel.present)
+    if focus is None:
+        return []
+    errors = world_scores(panel.own(focus.method), "error")
+    ranked = sorted((e, world) for world, e in errors.items() if not math.isnan(e))
+    chosen = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
+    shown = dict.fromkeys((focus.baseline, focus.method))
+    drawn = []
+    for place, (error, world) in chosen.items():
+        records = [
+            record
+            for method in shown
+            for record in panel.own(method)
+            if record["trial"]["trial"] == world
+        ]
+        first = {record["trial"]["localizer"]: record["trial"] for record in reversed(records)}
+        trials = [trial_of(first[m.localizer]) for m in shown if m.localizer in first]
+        names = " and ".join(panel.labels[method] for method in shown)
+        drawn.append(
+            Lap(
+                name=f"lap-{panel.number}-{place.lower()}",
+                title=f"{place} of {len(ranked)} worlds",
+                caption=f"World {world}, {names}: error of {panel.labels[focus.method]} "
+                f"{error:.1f}. Every {_STRIDE}th step; orange: present, pink: past, "
+                "light blue: future.",
+                **_encoded(trials),
+            )
+        )
+        if len(ranked) == 1:
+            break
+    return drawn
+
+
+def trial_of(canonical: dict[str, Any]) -> Trial:
+    """Return the trial that a record names."""
+    given = {f.name: unworded(canonical[f.name]) for f in fields(Trial) if f.name in canonical}
+    for name in ("world", "assumed", "params"):
+        given[name] = frozen(given.get(name, {}))
+    given["disturbance"] = tuple(frozen(one) for one in given.get("disturbance", ()))
+    return Trial(**given)
+
+
+def _focus(rows: Sequence[Comparison]) -> Comparison | None:
+    """DEQ-MCL if it was run; else what differs most from its baseline; else the baseline."""
+    named = [row for row in rows if row.method.localizer == "deq-mcl"]
+    others = [row for row in rows if row.method != row.baseline and not math.isnan(row.diff)]
+    ranked = sorted(others, key=lambda row: -abs(row.diff))
+    candidates = [*named, *ranked, *rows]
+    return candidates[0] if candidates else None
+
+
+def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
+    rows = [_frames(trial) for trial in trials]
+    blanks = [row[-1] for row in rows]  # who ends first waits
+    frames = [
+        side_by_side(
+            [
+                image if image is not None else last
+                for image, last in zip(images, blanks, strict=True)
+            ]
+        )
+        for images in zip_longest(*rows)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "lap.webp"
+        write_webp(path, frames, _MILLISECONDS)
+        animation = path.read_bytes()
+    done, still = cv2.imencode(".png", frames[len(frames) // 2][:, :, ::-1])
+    assert done, "OpenCV encodes any RGB image as PNG"
+    return {"animation": animation, "still": still.tobytes()}
+
+
+def _frames(trial: Trial) -> list[Image]:
+    camera = camera_of(trial.preset, trial.lag, _SCALE, trial.world)
+    return [
+        camera.frame(moment, trial.localizer)
+        for moment in trial_moments(trial)
+        if moment.step % _STRIDE == 0
+    ]

@@ -1,0 +1,100 @@
+"""results.md: the same as the page, for a repository."""
+
+import json
+import shlex
+
+from tabulate import tabulate
+
+from benchmarks.report import words
+from benchmarks.report.story import Section, Story
+from benchmarks.report.svg import Picture
+
+_MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
+
+
+def markdown(story: Story, folder: str) -> str:
+    """Return results.md, with its images in ``folder``."""
+    results = story.results
+    parts = [
+        f"# {_plain(results.title)}",
+        _plain(words.overview(results, [section.panel for section in story.sections])),
+        f"**{words.progress(results)}** How to read it: "
+        "docs/reports.md of deqmcl-gym has every number's definition.",
+    ]
+    panels = [section.panel for section in story.sections]
+    if len(panels) > 1:
+        parts += ["## At a glance", _table(words.glance_table(panels)), _plain(words.GLANCE)]
+    for section in story.sections:
+        parts += _section(section, folder)
+    if story.curves:
+        parts += ["## Over what was swept", *(_image(one, folder) for one in story.curves)]
+    if results.failures:
+        parts += ["## Failed trials", _failures(story)]
+    parts += [
+        "## To get the same",
+        f"```\n{shlex.join(results.command)}\n```",
+        f"```json\n{json.dumps(results.environment, indent=2)}\n```",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _section(section: Section, folder: str) -> list[str]:
+    panel = section.panel
+    parts = [f"## {panel.number}. {_plain(panel.title)}", _table(words.verdict_table(panel))]
+    parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
+    parts += [_image(chart, folder) for chart in section.charts]
+    if section.over_time:
+        parts.append(
+            "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time)
+        )
+    parts += [_table(words.calibration_table(panel)), _table(words.offsets_table(panel))]
+    for lap in section.laps:
+        parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
+    if section.no_laps:
+        parts.append(f"No animation: {_plain(section.no_laps)}")
+    return [part for part in parts if part]
+
+
+def _image(picture: Picture, folder: str) -> str:
+    heading = f"**{_plain(picture.title)}.** {_plain(picture.caption)}"
+    return f"![{_plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
+
+
+def _table(table: tuple[list[str], list[list[str]]]) -> str:
+    header, lines = table
+    return tabulate(
+        [[_plain(cell) for cell in line] for line in lines],
+        header,
+        tablefmt="github",
+        disable_numparse=True,
+        colalign=("left", *["right"] * (len(header) - 1)),
+    )
+
+
+def _failures(story: Story) -> str:
+    return "\n".join(
+        f"- {_plain(describe(failure.trial))}: {_plain(failure.reason)}"
+        for failure in story.results.failures
+    )
+
+
+def images(story: Story) -> dict[str, bytes]:
+    """Return the files that results.md shows, by name."""
+    pictures = [*story.curves]
+    for section in story.sections:
+        pictures += [*section.charts, *section.over_time]
+    drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in pictures}
+    laps = [lap for section in story.sections for lap in section.laps]
+    return drawn | {f"{lap.name}.webp": lap.animation for lap in laps}
+
+
+def describe(trial: dict[str, object]) -> str:
+    """Which trial it was, in words."""
+    return (
+        f"{trial.get('localizer')} on {trial.get('preset')}, world {trial.get('trial')}, "
+        f"filter seed {trial.get('filter_seed')}"
+    )
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.split()).translate(_MARKS)

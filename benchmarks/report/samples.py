@@ -1,0 +1,52 @@
+"""Numbers of trials, gathered for charts."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.pairing import Record
+
+Floats = NDArray[np.float64]
+
+
+def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
+    """Means over the filter seeds of each world; NaN where one is not available."""
+    worlds: dict[int, list[float]] = {}
+    for (world, _), value in sorted(values.items()):
+        worlds.setdefault(world, []).append(math.nan if value is None else value)
+    return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
+
+
+def world_scores(records: Sequence[Record], name: str, offset: int = 0) -> dict[int, float]:
+    """A score at an offset by world."""
+    return per_world(
+        {
+            (record["trial"]["trial"], record["trial"]["filter_seed"]): score.get(name)
+            for record in records
+            for score in record["scores"]
+            if score["offset"] == offset
+        }
+    )
+
+
+def milliseconds_per_step(records: Sequence[Record]) -> float:
+    """Median over runs of the localizer's time per step, ms; NaN if none was timed."""
+    times = [
+        1000 * record["seconds"] / record["steps_done"]
+        for record in records
+        if record.get("seconds") and record["steps_done"]
+    ]
+    return float(np.median(times)) if times else math.nan
+
+
+def curves(records: Sequence[Record], offset: int) -> tuple[NDArray[np.intp], Floats]:
+    """States and errors (runs, states), as far as every run goes."""
+    curves = [c for record in records if (c := record["curves"].get(str(offset)))]
+    if not curves:
+        return np.empty(0, np.intp), np.empty((0, 0))
+    first = curves[0]["first_state"]
+    length = min(len(curve["error"]) for curve in curves)
+    states = np.arange(first, first + length)
+    return states, np.array([curve["error"][:length] for curve in curves])

@@ -1,0 +1,128 @@
+"""Matplotlib figures as SVG that takes its colours from the page it stands in."""
+
+import io
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape, quoteattr
+
+from benchmarks.report.style import FAINT, INK, LIGHT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_RC: Any = {
+    "text.parse_math": False,  # a name with a $ is a name
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.labelsize": 10,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.6,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.6,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A drawing with its words.
+
+    Attributes:
+        name: file name without ending.
+        title: heading.
+        caption: what is to be seen.
+        alt: for those who do not see it.
+        source: the SVG, in stand-in colours.
+    """
+
+    name: str
+    title: str
+    caption: str
+    alt: str
+    source: str
+
+    @property
+    def inline(self) -> str:
+        """SVG to stand in the page: colours by CSS variables, so that it can be dark."""
+        svg = self.source.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
+        for name, color in LIGHT.items():
+            svg = svg.replace(color, f"var(--{name})")
+        return svg
+
+    @property
+    def standalone(self) -> str:
+        """SVG as a file of its own, on white."""
+        card = '<rect width="100%" height="100%" fill="#ffffff"/>'
+        svg = self.source.replace(INK, "#1f2328").replace(FAINT, "#dddddd")
+        svg = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + card, svg, count=1)
+        return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Let matplotlib draw in our style, for as long as charts are made."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_RC):
+        yield
+
+
+def canvas(width: float, height: float) -> tuple["Figure", "Axes"]:
+    """Return an empty figure, inches, and its axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots()
+
+
+def legend(figure: "Figure", axes: "Axes", order: Iterable[str]) -> None:
+    """Put the names of what is drawn below the axes, in this order."""
+    handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    labels = [label for label in order if label in handles]
+    figure.legend(
+        [handles[label] for label in labels],
+        labels,
+        loc="outside lower center",
+        ncols=2 if len(labels) in (2, 4) else 3,
+        handlelength=1.8,
+        frameon=False,
+        columnspacing=1.2,
+    )
+
+
+def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) -> Picture:
+    """Return a figure as a picture."""
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    svg = buffer.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "font-family: sans-serif; ")
+    used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # other ids would be on the page many times
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    width, height = (72 * inches for inches in figure.get_size_inches())
+    opening = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+        f'viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" role="img" '
+        f"aria-label={quoteattr(alt)}><title>{escape(title)}</title>"
+    )
+    svg = re.sub(r"<svg[^>]*>", lambda _: opening, svg, count=1)
+    return Picture(name=name, title=title, caption=caption, alt=alt, source=svg)

@@ -1,0 +1,57 @@
+"""Write report.html, the tables, results.md and the pictures that the Markdown needs."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from benchmarks.comparison import comparisons, results_csv
+from benchmarks.results import Results
+from benchmarks.store import writable_folder, write_bytes
+from benchmarks.tables import timings_csv, trials_csv
+from deqmcl_gym.validation import InputError
+
+IMAGES = "images"
+
+
+def require_report() -> None:
+    """Refuse to go on without what a report is made with.
+
+    Raises:
+        InputError: naming the pip command.
+    """
+    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
+    if missing:
+        raise InputError(
+            f"a report needs {' and '.join(missing)}, which is not installed: "
+            "pip install 'deqmcl-gym[report]'."
+        )
+
+
+def write_report(out: Path, results: Results) -> list[Path]:
+    """Write the tables, report.html, results.md and images/ into a folder; return the files.
+
+    results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
+    results.md also tell times and versions. The tables are written first and need no extra.
+
+    Raises:
+        InputError: ``out`` cannot be written to, or the extra ``report`` is not installed.
+    """
+    writable_folder(out)
+    rows = comparisons(results.records)
+    contents = {
+        "results.csv": results_csv(rows).encode(),
+        "trials.csv": trials_csv(results.records).encode(),
+        "timings.csv": timings_csv(results.records).encode(),
+    }
+    for name, content in contents.items():
+        write_bytes(out / name, content)
+    require_report()
+    from benchmarks.report.html import html
+    from benchmarks.report.markdown import images, markdown
+    from benchmarks.report.story import story_of
+
+    story = story_of(rows, results)
+    told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
+    told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
+    for name, content in told.items():
+        write_bytes(out / name, content)
+    return [out / name for name in [*contents, *told]]

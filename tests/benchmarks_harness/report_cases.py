@@ -1,0 +1,73 @@
+"""Made-up results with all that a report shows, animations apart."""
+
+import numpy as np
+
+from benchmarks.results import Failure, Results
+from benchmarks.scoring import SCORE_NAMES
+
+STEPS = 60
+
+
+def trial_of(localizer, number, *, filter_seed=0, params=None, **setting):
+    """A canonical trial."""
+    return {
+        "preset": "paper",
+        "world": {},
+        "assumed": {},
+        "disturbance": [],
+        "localizer": localizer,
+        "params": params or {},
+        "lag": 20,
+        "seed": 0,
+        "trial": number,
+        "filter_seed": filter_seed,
+    } | setting
+
+
+def finished(localizer, number, error, *, offsets=(0,), scores=None, **setting):
+    """A finished trial whose error is the same at every state and offset."""
+    values = dict.fromkeys(SCORE_NAMES, 0.5) | {"error": error, "lost": 0.0} | (scores or {})
+    return {
+        "trial": trial_of(localizer, number, **setting),
+        "scores": [{"offset": offset} | values for offset in offsets],
+        "curves": {
+            str(k): {"first_state": max(k, 0), "error": [error] * (STEPS + 1 - abs(k))}
+            for k in offsets
+        },
+        "profile": {str(k): error for k in range(min(offsets), max(offsets) + 1, 5)},
+        "steps_done": STEPS,
+        "scans_used": STEPS,
+        "events": {},
+        "seconds": 0.06 * len(localizer),
+    }
+
+
+def results(records, *, failures=(), missing=0, title="A sweep"):
+    """Results of these records."""
+    return Results(
+        title=title,
+        records=list(records),
+        failures=[Failure(trial=trial, reason=reason) for trial, reason in failures],
+        missing=missing,
+        planned=len(records) + len(failures) + missing,
+        command=["deqmcl", "sweep", "a b.toml", "--out", "there"],
+        environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
+    )
+
+
+def paired(methods, worlds=12, **setting):
+    """Trials of methods by name: (mean error, offsets), world by world with the same luck."""
+    luck = np.random.default_rng(0).normal(0, 1, worlds)
+    own = np.random.default_rng(1).normal(0, 0.1, (len(methods), worlds))
+    return [
+        finished(name, i, float(error + luck[i] + own[m, i]), offsets=offsets, **setting)
+        for m, (name, (error, offsets)) in enumerate(methods.items())
+        for i in range(worlds)
+    ]
+
+
+THREE = {
+    "mcl": (20.0, (0,)),
+    "deq-mcl": (16.0, (0, -20, 20)),
+    "./my file.py:<b>&Mine$x$": (24.0, (0,)),
+}

@@ -1,0 +1,120 @@
+"""``deqmcl report`` of a small run, looked at in a real browser."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import cv2
+import pytest
+from deqmcl_command import METHODS, exit_code, files
+
+TABLES = {"results.csv", "trials.csv", "timings.csv"}
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+LOOK = """<script>addEventListener("load", () => {
+  const area = e => e.getBoundingClientRect().width * e.getBoundingClientRect().height;
+  const lit = color => { const [r, g, b] = color.match(/[\\d.]+/g).map(Number);
+    return (0.2126 * r + 0.7152 * g + 0.0722 * b) / 255; };
+  parent.document.body.dataset.seen = JSON.stringify({
+    inner: innerWidth,
+    scroll: document.documentElement.scrollWidth,
+    tables: [...document.querySelectorAll("table")].map(t => [t.rows.length, area(t)]),
+    drawings: [...document.querySelectorAll("svg")].map(area),
+    images: [...document.images].map(i => [i.naturalWidth, area(i), i.alt]),
+    page: lit(getComputedStyle(document.body).backgroundColor),
+    words: [...document.querySelectorAll("p, td, th, li, figcaption, svg text, dd")]
+      .map(e => e.tagName === "text" ? getComputedStyle(e).fill : getComputedStyle(e).color)
+      .map(lit),
+  });
+})</script>"""
+
+
+@pytest.fixture(scope="module")
+def reported(small_run, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reported") / "results"
+    shutil.copytree(small_run[1], folder)
+    assert exit_code("report", folder) == 0
+    return folder
+
+
+def test_a_report_is_written_beside_the_results(reported, small_run):
+    before, after = files(small_run[1]), files(reported)
+    new = {name for name in set(after) - set(before) if not name.startswith("images/")}
+    assert new == {"results.csv", "results.md", "report.html"}
+    assert all(after[name] == before[name] for name in before if name.startswith("trials/"))
+
+
+def test_the_report_can_be_written_elsewhere_and_is_the_same(reported, tmp_path, capsys):
+    assert exit_code("report", reported, "--out", tmp_path) == 0
+    there, here = files(tmp_path), files(reported)
+    assert TABLES | {"results.md", "report.html"} <= set(there)
+    assert all(there[name] == here[name] for name in there)
+    assert capsys.readouterr().out.startswith("12 of 12 trials finished.\n")
+
+
+def test_a_page_is_a_few_megabytes_at_most(reported):
+    assert (reported / "report.html").stat().st_size < 4e6
+
+
+def test_best_and_worst_world_are_animations_of_the_whole_lap(reported):
+    for name in ("best", "median", "worst"):
+        read, animation = cv2.imreadanimation(str(reported / "images" / f"lap-1-{name}.webp"))
+        assert read
+        assert len(animation.frames) == 204 // 4 + 1
+
+
+def test_missing_trials_are_counted(reported, tmp_path, capsys):
+    folder = tmp_path / "partial"
+    shutil.copytree(reported, folder)
+    for path in sorted((folder / "trials").iterdir())[:3]:
+        path.unlink()
+    assert exit_code("report", folder) == 0
+    expected = "9 of 12 trials finished, 3 not run yet: this report is partial."
+    assert capsys.readouterr().out.startswith(expected)
+    assert expected in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("content", [None, "{", "[]", "{}"])
+def test_a_folder_that_holds_no_results_is_refused_in_one_sentence(tmp_path, capsys, content):
+    if content is not None:
+        (tmp_path / "manifest.json").write_text(content)
+    assert exit_code("report", tmp_path) == 2
+    said = capsys.readouterr().err
+    assert "manifest.json" in said
+    assert said.count("\n") == 1
+    assert set(files(tmp_path)) <= {"manifest.json"}
+
+
+def seen(page, folder, width, dark):
+    """What the browser finds on the page, in a frame: a window is never narrower than 500 px."""
+    text = page.read_text(encoding="utf-8").replace("</body>", LOOK + "</body>")
+    frame = f'<iframe width="{width}" height="2000" srcdoc="{html.escape(text)}"></iframe>'
+    looked = folder / "looked.html"
+    looked.write_text(f'<body style="color-scheme: light dark">{frame}', encoding="utf-8")
+    command = [BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
+    command += [f"--user-data-dir={folder / 'profile'}", f"--window-size={width + 100},2200"]
+    command += [f"--blink-settings=preferredColorScheme={0 if dark else 1}"]
+    command += ["--virtual-time-budget=5000", "--dump-dom", looked.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    (found,) = re.findall(r'data-seen="([^"]*)"', done.stdout)
+    return json.loads(html.unescape(found))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_browser_finds_the_tables_and_pictures_and_can_read_them(reported, tmp_path, width, dark):
+    found = seen(reported / "report.html", tmp_path, width, dark)
+    assert found["inner"] == width
+    assert found["scroll"] <= width  # tables scroll by themselves, the page does not
+    rows = [rows for rows, _ in found["tables"]]
+    assert rows == [1 + len(METHODS), 1 + 12, 1 + 12]
+    assert all(area > 10_000 for _, area in found["tables"][:2])  # the third is folded
+    assert len(found["drawings"]) == 4 + len(METHODS)
+    assert all(area > 20_000 for area in found["drawings"])
+    assert len(found["images"]) == 3
+    assert all(wide > 300 and area > 20_000 and alt for wide, area, alt in found["images"])
+    assert (found["page"] < 0.2) == dark
+    # light words on dark, dark words on light
+    assert all((word > 0.4) if dark else (word < 0.45) for word in found["words"])
