@@ -20,6 +20,7 @@ from localizers.models.scan import OUTSIDE
 
 Singles = NDArray[np.float32]
 Floats = NDArray[np.float64]
+Numbers = NDArray[np.floating]
 RAYS_PER_BLOCK = 16_384  # 64 KiB per temporary array; the fastest of 1,024 to 65,536
 
 
@@ -63,7 +64,7 @@ class NumpyModels:
 
     robot: RobotModel
 
-    def moved(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
+    def moved(self, states: Singles, action: Numbers, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n)."""
         motion = self.robot.motion
         assert isinstance(motion, OdometryMotion)
@@ -79,7 +80,7 @@ class NumpyModels:
         out[2] = heading
         return out
 
-    def log_likelihood(self, states: Singles, scan: NDArray[np.floating]) -> Floats:
+    def log_likelihood(self, states: Singles, scan: Numbers) -> Floats:
         """Σ_b log p(o_b | ô_b) of a scan (B,) px at each pose (3, n), (n,)."""
         beam = self.robot.scan
         assert isinstance(beam, GaussianUniform)
@@ -108,10 +109,10 @@ class NumpyModels:
 class Cloud:
     """A ``Belief`` about the present: poses (n, 3) and weights (n,)."""
 
-    poses: NDArray[np.floating]
+    poses: Numbers
     weights: Floats
 
-    def points(self, offset: int = 0) -> tuple[NDArray[np.floating], Floats] | None:
+    def points(self, offset: int = 0) -> tuple[Numbers, Floats] | None:
         """Return poses and weights; None for another offset than 0."""
         return None if offset else (self.poses.copy(), self.weights.copy())
 
@@ -124,7 +125,7 @@ class NumpyMCL:
         self._models = NumpyModels(robot)
         self._particles = particles
 
-    def reset(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> Cloud:
+    def reset(self, prior: Prior, plan: Numbers, rng: np.random.Generator) -> Cloud:
         """Start anew."""
         del plan
         self._rng = rng
@@ -132,7 +133,7 @@ class NumpyMCL:
         self._weights = np.full(self._particles, 1 / self._particles)
         return Cloud(self._states.T, self._weights)
 
-    def update(self, ranges: NDArray[np.floating], action: Floats, plan: Floats) -> Cloud:
+    def update(self, ranges: Numbers, action: Numbers, plan: Numbers) -> Cloud:
         """Go one step on."""
         del plan
         survivors = self._states[:, systematic(self._weights, self._rng)]
@@ -148,7 +149,7 @@ def _cast(poses: Singles, bearings: Singles, boxes: Singles) -> Singles:
     x, y, heading = poses
     sine, cosine = np.sin(heading), np.cos(heading)
     beam_sine, beam_cosine = np.sin(bearings)[:, None], np.cos(bearings)[:, None]
-    nearest = np.float32(np.inf)
+    nearest = np.full((bearings.size, x.size), np.inf, np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_dx = 1 / (cosine * beam_cosine - sine * beam_sine)
         per_dy = 1 / (sine * beam_cosine + cosine * beam_sine)
@@ -159,7 +160,7 @@ def _cast(poses: Singles, bearings: Singles, boxes: Singles) -> Singles:
             leave = np.minimum(np.maximum(to_left, to_right), np.maximum(to_low, to_high))
             t = np.where(enter >= 0, enter, leave)
             t[(leave < enter) | (t < 0)] = np.inf
-            nearest = np.minimum(nearest, t)
+            np.minimum(nearest, t, out=nearest)
     return nearest
 
 

@@ -25,22 +25,15 @@ def ratios_plot(rows: Sequence[Measured]) -> bytes:
         if row.figure.target is not None:
             aim = row.figure.target
             axes.plot([aim, aim], [place - 0.42, place + 0.42], color=_AIM, linewidth=1.8)
-        beyond = max(row.ratio, 1.0)
-        axes.annotate(
-            ratio(row.ratio),
-            (beyond, place),
-            xytext=(5, 0),
-            textcoords="offset points",
-            va="center",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
-        )
+        words = f"{ratio(row.ratio)}  ({row.figure.aim})" if row.figure.aim else ratio(row.ratio)
+        axes.text(1.01, place, words, transform=axes.get_yaxis_transform(), va="center")
     axes.axvline(1, color="gray", linewidth=1)
     axes.set_xscale("log")
-    known = [1.0, *(row.ratio for row in rows)]
-    axes.set_xlim(min(known) / 1.5, max(known) * 3)
+    known = [1.0, *(row.ratio for row in rows), *(row.figure.target or 1.0 for row in rows)]
+    axes.set_xlim(min(known) / 1.5, max(known) * 1.5)
     axes.set_yticks(range(len(rows)), [row.figure.name for row in rows])
     axes.invert_yaxis()
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_major_formatter(_plain)
     axes.grid(axis="x", alpha=0.3)
     axes.set_axisbelow(True)
     axes.set(xlabel="ours / other's", title="Speed of one core against others in the same run")
@@ -58,7 +51,7 @@ def ratios_plot(rows: Sequence[Measured]) -> bytes:
 
 
 def scaling_plot(measurements: Sequence[Measurement]) -> bytes:
-    """Return one picture per task, on logarithmic axes, as PNG."""
+    """Return one picture per task, as PNG; axes are logarithmic where values span a decade."""
     from matplotlib.figure import Figure
 
     tasks = list(dict.fromkeys(m.curve.task for m in measurements))
@@ -70,18 +63,31 @@ def scaling_plot(measurements: Sequence[Measurement]) -> bytes:
         for measurement in same:
             curve = measurement.curve
             axes.plot(curve.values, measurement.results, "o-", label=curve.who)
-        first = same[0].curve
-        if min(first.values) > 0:
-            axes.set_xscale("log")
-            axes.set_yscale("log")
-        else:
-            axes.set_ylim(0, 1.25 * max(max(m.results) for m in same))
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:,g}")
-        axes.set(xlabel=first.varied, ylabel=first.unit, title=task)
-        axes.title.set_size("medium")
-        axes.grid(alpha=0.3)
-        axes.legend()
+        _draw_axes(axes, same)
     return _png(figure)
+
+
+def _draw_axes(axes: Any, measurements: Sequence[Measurement]) -> None:
+    curve = measurements[0].curve
+    results = [result for measurement in measurements for result in measurement.results]
+    if min(curve.values) > 0:
+        axes.set_xscale("log")
+        axes.xaxis.minorticks_off()
+    if max(results) > 10 * min(results):
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0, 1.15 * max(results))
+    axes.set_xticks(curve.values, [f"{value:,}" for value in curve.values])
+    axes.yaxis.set_major_formatter(_plain)
+    axes.set(xlabel=curve.varied, ylabel=curve.unit)
+    axes.set_title(curve.task, fontsize="medium")
+    axes.grid(alpha=0.3)
+    axes.legend()
+
+
+def _plain(value: float, place: object = None) -> str:
+    del place
+    return f"{value / 1e6:,g} M" if value >= 1e6 else f"{value:,g}"
 
 
 def _png(figure: Any) -> bytes:

@@ -1,5 +1,7 @@
 """A localizer's step through its public ``update``, on a recorded lap."""
 
+from functools import partial
+
 from benchmarks.speed.figure import MICROSECONDS, Figure, Sides, require
 from benchmarks.speed.lap import BEAMS, recorded_lap
 from benchmarks.speed.numpy_baseline import NumpyMCL
@@ -81,7 +83,7 @@ FIGURES = (
             other=f"{title}, given the NumPy models",
             unit="steps/s",
             target=10,
-            sides=lambda name=name: peer_sides(name),
+            sides=partial(peer_sides, name),
             peer=name,
         )
         for name, title in (

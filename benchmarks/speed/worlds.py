@@ -16,7 +16,7 @@ from benchmarks.speed.lap import BEAMS
 from benchmarks.speed.timing import Job
 
 CARTPOLE = "CartPole-v1"
-ROOM = {"lidar": {"beams": BEAMS}}
+ROOM: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 FEW, MANY = 64, 1_024
 
 Actions = NDArray[Any]

@@ -29,7 +29,8 @@ class PfilterMCL:
 
         def weight(particles: Floats, scan: Floats, **_: Any) -> Floats:
             log_likelihood = models.log_likelihood(particles.T, scan[0])
-            return np.exp(log_likelihood - log_likelihood.max())
+            relative: Floats = np.exp(log_likelihood - log_likelihood.max())
+            return relative
 
         self._filter = ParticleFilter(
             prior_fn=lambda n: prior.sample(n, rng).astype(np.float32),
