@@ -25,12 +25,12 @@ Actions = NDArray[Any]
 def driving(env: gym.Env[Any, Any], actions: Actions) -> Job:
     """Return the job of one env; one step a call."""
     table = list(actions)
-    at = len(table)
+    at = -1
     env.reset(seed=0)
 
     def step() -> None:
         nonlocal at
-        at = at + 1 if at + 1 < len(table) else 0
+        at = (at + 1) % len(table)
         *_, terminated, truncated, _ = env.step(table[at])
         if terminated or truncated:
             env.reset()
@@ -48,7 +48,7 @@ def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> 
         nonlocal at
         at = (at + 1) % len(actions)
         *_, terminated, truncated, _ = envs.step(actions[at])
-        at[terminated | truncated] = -1  # the next action only resets
+        at[terminated | truncated] = -2  # the next action only resets
 
     return Job(call=step, amount=envs.num_envs)
 

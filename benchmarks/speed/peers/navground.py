@@ -17,7 +17,7 @@ class NavgroundCaster:
         """Build the walls once."""
         self._walls = [LineSegment(wall[:2], wall[2:]) for wall in floor_plan.walls]
         self._computation = CollisionComputation()
-        self._beams = beams
+        self._steps = beams - 1
         self._length = 2 * math.pi * (1 - 1 / beams)
 
     def ranges(self, pose: Sequence[float]) -> list[float]:
@@ -25,6 +25,6 @@ class NavgroundCaster:
         x, y, heading = pose
         self._computation.setup(Pose2((x, y), heading), 0.0, self._walls)
         ranges: list[float] = self._computation.get_free_distance_for_sector(
-            heading - math.pi, self._length, self._beams, _FAR, False
+            heading - math.pi, self._length, self._steps, _FAR, False
         )
         return ranges
