@@ -28,6 +28,9 @@ T = TypeVar("T")
 
 FIGURES = (*rays.FIGURES, *steps.FIGURES, *worlds.FIGURES)
 
+RATIOS, CURVES = "speed.png", "scaling.png"
+_SHOWS = {RATIOS: "The ratios as bars, with their targets", CURVES: "The tables as curves"}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
@@ -61,16 +64,15 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     rows, reasons = _measure(FIGURES, extent.figures, peers=peers)
     write_text(out / "speed.csv", speed_csv(rows))
     chosen = curves(largest=extent.largest)
-    curves_seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
-    write_text(out / "scaling.csv", scaling_csv(curves_seen))
-    write_text(out / "speed.md", _markdown(rows, reasons, curves_seen, command))
-    written = ["speed.csv", "scaling.csv", "speed.md"]
-    if find_spec("matplotlib") is not None:
-        write_bytes(out / "speed.png", ratios_plot(rows))
-        write_bytes(out / "scaling.png", scaling_plot(curves_seen))
-        written += ["speed.png", "scaling.png"]
-    else:
-        reasons = [*reasons, "No pictures: pip install 'deqmcl-gym[plots]' brings what they need."]
+    seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
+    write_text(out / "scaling.csv", scaling_csv(seen))
+    pictures = _pictures(rows, seen)
+    for name, picture in pictures.items():
+        write_bytes(out / name, picture)
+    if not pictures:
+        reasons += ["No pictures: pip install 'deqmcl-gym[plots]' brings what they need."]
+    write_text(out / "speed.md", _markdown(rows, reasons, seen, pictures, command))
+    written = ["speed.csv", "scaling.csv", *pictures, "speed.md"]
     return "\n\n".join(
         part
         for part in (
@@ -103,23 +105,34 @@ def _markdown(
     rows: Sequence[Measured],
     reasons: Sequence[str],
     scaling: Sequence[Measurement],
+    pictures: Iterable[str],
     command: Sequence[str],
 ) -> str:
-    seen = environment()
-    libraries = seen["libraries"]
+    machine = environment()
+    libraries = machine["libraries"]
     assert isinstance(libraries, dict)
-    versions = [f"Python {seen['python']}", *(f"{k} {v}" for k, v in libraries.items())]
+    versions = [f"Python {machine['python']}", *(f"{k} {v}" for k, v in libraries.items())]
+    shown = {name: f"![{_SHOWS[name]}]({name})" for name in pictures}
     parts = [
         "# Speed",
         f"`{' '.join(command)}`",
         speed_table(rows, "github"),
         HOW,
         *reasons,
-        f"{', '.join(versions)}; {seen['platform']}.",
+        f"{', '.join(versions)}; {machine['platform']}.",
+        shown.get(RATIOS, ""),
         "## Scaling",
         scaling_tables(scaling),
+        shown.get(CURVES, ""),
     ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _pictures(rows: Sequence[Measured], scaling: Sequence[Measurement]) -> dict[str, bytes]:
+    """Return the pictures by name; none without matplotlib."""
+    if find_spec("matplotlib") is None:
+        return {}
+    return {RATIOS: ratios_plot(rows), CURVES: scaling_plot(scaling)}
 
 
 def _progress(items: Iterable[T], total: int, what: str) -> Iterable[T]:

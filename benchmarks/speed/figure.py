@@ -89,6 +89,4 @@ def require(package: str) -> None:
         UnavailableError: naming the pip command.
     """
     if find_spec(package) is None:
-        raise UnavailableError(
-            f"{package} is not installed (pip install 'deqmcl-gym[peers]' brings it)"
-        )
+        raise UnavailableError("not installed (pip install 'deqmcl-gym[peers]' brings all peers)")
