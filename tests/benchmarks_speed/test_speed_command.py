@@ -135,6 +135,27 @@ def test_without_matplotlib_there_are_no_pictures_but_all_else(monkeypatch, tmp_
     assert "deqmcl-gym[plots]" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [(["--quik"], "did you mean --quick?"), (["now"], "'now'"), (["--out"], "--out")],
+)
+def test_an_unknown_argument_is_refused_in_one_sentence(capsys, arguments, named):
+    with pytest.raises(SystemExit) as end:
+        main(["speed", *arguments])
+    err = capsys.readouterr().err
+    assert end.value.code == 2
+    assert named in err
+    assert err.count("\n") == 1
+
+
+def test_help_names_every_flag(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["speed", "--help"])
+    assert end.value.code == 0
+    said = capsys.readouterr().out
+    assert all(flag in said for flag in ("--quick", "--peers", "--out", "--debug"))
+
+
 def test_an_output_folder_that_is_a_file_is_refused_before_anything_is_measured(
     monkeypatch, tmp_path, capsys
 ):
