@@ -82,7 +82,8 @@ def _draw_axes(axes: Any, measurements: Sequence[Measurement]) -> None:
     axes.set(xlabel=curve.varied, ylabel=curve.unit)
     axes.set_title(curve.task, fontsize="medium")
     axes.grid(alpha=0.3)
-    axes.legend()
+    if len(measurements) > 1:
+        axes.legend()
 
 
 def _plain(value: float, place: object = None) -> str:
