@@ -1,0 +1,122 @@
+"""The NumPy baseline computes what the kernels do, so that the ratio compares like with like."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.speed import numpy_baseline
+from benchmarks.speed.lap import fan, free_poses, recorded_lap
+from benchmarks.speed.numpy_baseline import NumpyMCL, NumpyModels, boxes_of
+from deqmcl_gym.floorplan import FloorPlan, reference
+from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.validation import InputError
+from localizers import GaussianPrior, make, mean_pose
+from localizers.inference.resampling import systematic
+from localizers.models.scan import LidarScan
+
+BEARINGS = fan(16).bearings.astype(np.float32)
+TURN = 2e-6  # rad: θ + b, sine and cosine in float32, |θ + b| ≤ 2π, are off by less
+
+
+def baseline_ranges(poses):
+    columns = np.ascontiguousarray(poses.T)
+    return numpy_baseline.ranges(columns, BEARINGS, boxes_of(PAPER_ROOM)).T
+
+
+def test_ranges_are_those_of_the_reference_within_a_turn_that_float32_cannot_resolve():
+    poses = free_poses(PAPER_ROOM, 3_000)
+    exact = reference.ranges(PAPER_ROOM.walls, poses, BEARINGS)
+    turned = [reference.ranges(PAPER_ROOM.walls, poses, BEARINGS + s * TURN) for s in (-1, 1)]
+    low = np.minimum.reduce([exact, *turned])
+    high = np.maximum.reduce([exact, *turned])
+    slack = 1e-6 * exact + 1e-4  # a product, a quotient and differences of coordinates to 350
+    seen = baseline_ranges(poses)
+    assert ((seen >= low - slack) & (seen <= high + slack)).all()
+    assert np.median(high - low) < 1e-2  # the bracket is narrow: the test can fail
+
+
+def test_the_size_of_the_blocks_changes_no_bit(monkeypatch):
+    poses = free_poses(PAPER_ROOM, 1_000)
+    whole = baseline_ranges(poses)
+    monkeypatch.setattr(numpy_baseline, "RAYS_PER_BLOCK", 16 * 37)
+    assert (baseline_ranges(poses) == whole).all()
+
+
+def test_log_likelihoods_differ_by_no_more_than_the_ranges_do():
+    lap = recorded_lap()
+    robot, beam = lap.robot, lap.robot.scan
+    poses = free_poses(PAPER_ROOM, 3_000)
+    poses[:200, 0] -= 400  # outside
+    states = np.ascontiguousarray(poses.T)
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=beam)
+    ours = scan.log_likelihood(states, lap.scans[7].astype(float))
+    seen = NumpyModels(robot).log_likelihood(states, lap.scans[7])
+    # slope of log(p exp(-z²/2) + f) in ô: z/σ p exp(-z²/2) / (p exp(-z²/2) + f), at most
+    z = np.linspace(0, 10, 10_001)
+    hit = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi)) * np.exp(-(z**2) / 2)
+    slope = (z / beam.sigma * hit / (hit + beam.uniform / 400)).max()
+    apart = np.abs(PAPER_ROOM.ranges(poses, BEARINGS) - baseline_ranges(poses)).sum(axis=1)
+    apart[:200] = 0.0
+    rounding = 16 * 1e-5  # z²/2 ≤ 10 where the hit counts at all, in float32
+    assert (np.abs(ours - seen) <= slope * apart + rounding).all()
+    assert np.median(apart) < 1e-2
+    assert ours.std() > 1
+
+
+def test_steps_are_those_of_the_motion_model_from_the_same_random_numbers():
+    robot = recorded_lap().robot
+    states = np.ascontiguousarray(free_poses(PAPER_ROOM, 1_000).T)
+    for action in ((5.0, 0.0), (0.0, 0.26), (-3.0, 3.0)):
+        ours = robot.motion.sample(states, np.array(action), np.random.default_rng(3))
+        seen = NumpyModels(robot).moved(states, np.array(action), np.random.default_rng(3))
+        apart = ours - seen
+        apart[2] -= 2 * np.pi * np.rint(apart[2] / (2 * np.pi))
+        assert np.abs(apart).max() < 2e-4  # float32 of coordinates up to 350 and of angles up to 6
+
+
+@pytest.mark.parametrize("n", [1, 7, 1000])
+def test_systematic_resampling_takes_the_same_ancestors(n):
+    weights = np.random.default_rng(n).exponential(size=n) ** 6
+    weights /= weights.sum()
+    for seed in range(20):
+        ours = systematic(weights, np.random.default_rng(seed))
+        seen = numpy_baseline.systematic(weights, np.random.default_rng(seed))
+        assert (ours == seen).all()
+
+
+def test_following_the_lap_gives_the_estimates_of_our_mcl():
+    lap, runs, steps = recorded_lap(), 12, 30
+
+    def estimates(localizer):
+        ends = []
+        for seed in range(runs):
+            localizer.reset(lap.prior, lap.plan, np.random.default_rng(seed))
+            for t in range(steps):
+                belief = localizer.update(lap.scans[t], lap.plan[t], lap.plan[t + 1 :])
+            ends.append(mean_pose(*belief.points()))
+        return np.array(ends)
+
+    ours = estimates(make("mcl", lap.robot, particles=500))
+    seen = estimates(NumpyMCL(lap.robot, particles=500))
+    error = np.sqrt((ours.var(axis=0, ddof=1) + seen.var(axis=0, ddof=1)) / runs)
+    # Welch's t with about 22 degrees of freedom; |t| > 5 in 3 components: 2 in 10,000
+    assert (np.abs(ours.mean(axis=0) - seen.mean(axis=0)) < 5 * error).all()
+
+
+def test_a_map_of_other_walls_is_refused():
+    with pytest.raises(InputError, match="axis-aligned rectangles"):
+        boxes_of(FloorPlan(outer=[(0, 0), (100, 0), (50, 80)]))
+
+
+def test_the_recorded_lap_ends_where_it_starts():
+    lap = recorded_lap()
+    x, y, heading = lap.prior.mean
+    for distance, turn in lap.plan:
+        heading += turn
+        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
+    heading -= lap.prior.mean[2]
+    assert math.hypot(x - lap.prior.mean[0], y - lap.prior.mean[1]) < 1e-2
+    assert abs(heading - 2 * math.pi) < 1e-4
+    assert isinstance(lap.prior, GaussianPrior)
+    assert lap.scans.shape == (len(lap.plan), 16)

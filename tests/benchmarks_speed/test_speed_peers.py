@@ -1,0 +1,77 @@
+"""Peers do the same work: rays end where ours do, filters estimate what ours estimates."""
+
+import numpy as np
+import pytest
+
+from benchmarks.speed.lap import fan, free_poses, recorded_lap
+from benchmarks.speed.steps import peer_mcl
+from deqmcl_gym.floorplan import reference
+from deqmcl_gym.room import PAPER_ROOM
+from localizers import make
+
+PARTICLES, RUNS, STEPS = 500, 12, 30
+
+
+def estimates(localizer):
+    """Mean (x, y, cos θ, sin θ) at the end of each of some runs along the lap."""
+    lap, ends = recorded_lap(), []
+    for seed in range(RUNS):
+        np.random.seed(seed)  # noqa: NPY002 (peers draw from the global generator)
+        localizer.reset(lap.prior, lap.plan, np.random.default_rng(seed))
+        for t in range(STEPS):
+            belief = localizer.update(lap.scans[t], lap.plan[t], lap.plan[t + 1 :])
+        poses, weights = belief.points()
+        x, y, heading = np.asarray(poses, dtype=float).T
+        ends.append(np.average([x, y, np.cos(heading), np.sin(heading)], axis=1, weights=weights))
+    return np.array(ends)
+
+
+@pytest.fixture(scope="module")
+def ours():
+    return estimates(make("mcl", recorded_lap().robot, particles=PARTICLES))
+
+
+@pytest.mark.parametrize("name", ["particles", "pfilter", "stonesoup"])
+def test_a_peers_estimates_are_ours_within_their_scatter(name, ours):
+    pytest.importorskip(name)
+    theirs = estimates(peer_mcl(name, recorded_lap().robot, PARTICLES))
+    error = np.sqrt((ours.var(axis=0, ddof=1) + theirs.var(axis=0, ddof=1)) / RUNS)
+    # Welch's t with some 15 to 22 degrees of freedom; |t| > 5 in 4 components: below 1 in 1,000
+    assert (np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) < 5 * error).all()
+    assert error[:2].max() < 2.0  # px: agreement means something
+
+
+@pytest.mark.parametrize("beams", [16, 360])
+def test_navground_sees_the_exact_ranges(beams):
+    pytest.importorskip("navground")
+    from benchmarks.speed.peers.navground import NavgroundCaster
+
+    caster = NavgroundCaster(PAPER_ROOM, beams)
+    poses, bearings = free_poses(PAPER_ROOM, 100), fan(beams).bearings
+    seen = np.array([caster.ranges(pose) for pose in poses.tolist()])
+    # it adds up the step between beams in float32: each sum below 2π is off by 2.4e-7 rad at most
+    turn = 2e-6 + 2.4e-7 * beams
+    around = [reference.ranges(PAPER_ROOM.walls, poses, bearings + s * turn) for s in (-1, 0, 1)]
+    slack = 1e-3  # px, of coordinates in float32
+    assert (seen >= np.min(around, axis=0) - slack).all()
+    assert (seen <= np.max(around, axis=0) + slack).all()
+
+
+def test_raycast2d_hits_pixels_that_the_same_beams_meet():
+    pytest.importorskip("raycast2D")
+    from benchmarks.speed.peers.raycast2d import GridCaster
+
+    caster = GridCaster(PAPER_ROOM, 16)
+    poses, bearings = free_poses(PAPER_ROOM, 200), fan(16).bearings
+    poses = poses[PAPER_ROOM.free(poses, radius=2.0)]
+    poses[:, :2] = np.floor(poses[:, :2]) + 0.5  # pixels' centres: where it starts from
+    for pose in poses:
+        hits = caster.hits(pose.tolist()) + 0.5
+        # a wall within 1.5 px (a pixel's diagonal) of every hit
+        points = np.column_stack([hits, np.zeros(len(hits))])
+        assert (reference.clearance(PAPER_ROOM.walls, points, points) <= 1.5).all()
+        # and it lies on the beam: ends rounded by half a pixel at 500 px, lines by half a pixel
+        to_hit = hits - pose[:2]
+        directions = pose[2] + bearings
+        across = to_hit[:, 1] * np.cos(directions) - to_hit[:, 0] * np.sin(directions)
+        assert (np.abs(across) <= 1.5).all()
