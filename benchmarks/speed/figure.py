@@ -82,11 +82,18 @@ def in_unit(rate: float, unit: str) -> float:
     return 1e6 / rate if unit == MICROSECONDS else rate
 
 
+def _is_there(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ModuleNotFoundError:  # not even the package that it is part of
+        return False
+
+
 def require(package: str) -> None:
     """Refuse to go on without an optional package.
 
     Raises:
         UnavailableError: naming the pip command.
     """
-    if find_spec(package) is None:
+    if not _is_there(package):
         raise UnavailableError("not installed (pip install 'deqmcl-gym[peers]' brings all peers)")

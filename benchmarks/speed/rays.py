@@ -1,6 +1,6 @@
 """Ray casting, against others in the paper's room."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pymunk
@@ -10,6 +10,7 @@ from benchmarks.speed import numpy_baseline
 from benchmarks.speed.figure import Figure, Sides, require
 from benchmarks.speed.lap import BEAMS, fan, free_poses
 from benchmarks.speed.timing import Job
+from deqmcl_gym.floorplan import FloorPlan
 from deqmcl_gym.room import PAPER_ROOM
 
 POSES = 20_000
@@ -33,12 +34,12 @@ def our_job(poses: int = POSES, beams: int = BEAMS) -> Job:
     return Job(call=lambda: PAPER_ROOM.ranges(cloud, bearings), amount=poses * beams)
 
 
-def numpy_job() -> Job:
-    """Return the job of the NumPy baseline."""
+def numpy_job(caster: Callable[[FloorPlan], numpy_baseline.Caster]) -> Job:
+    """Return the job of a NumPy baseline: ``segments`` or ``slabs``."""
     cloud = np.ascontiguousarray(free_poses(PAPER_ROOM, POSES).T)
-    bearings, boxes = bearings_of(BEAMS), numpy_baseline.boxes_of(PAPER_ROOM)
+    bearings, cast = bearings_of(BEAMS), caster(PAPER_ROOM)
     return Job(
-        call=lambda: numpy_baseline.ranges(cloud, bearings, boxes),
+        call=lambda: numpy_baseline.ranges(cloud, bearings, cast),
         amount=POSES * BEAMS,
     )
 
@@ -76,7 +77,7 @@ def pymunk_job() -> Job:
 
 def navground_sides(beams: int) -> Sides:
     """Return our job and navground's, with ``beams`` a call."""
-    require("navground")
+    require("navground.core")
     from benchmarks.speed.peers.navground import NavgroundCaster
 
     caster = NavgroundCaster(PAPER_ROOM, beams)
@@ -113,10 +114,18 @@ FIGURES = (
         name="rays_vs_numpy",
         task=_ROOM,
         ours="FloorPlan.ranges",
-        other="NumPy, slab method, float32 in blocks",
+        other="NumPy, all walls, float32 in blocks",
         unit="rays/s",
         target=8,
-        sides=lambda: (our_job(), numpy_job()),
+        sides=lambda: (our_job(), numpy_job(numpy_baseline.segments)),
+    ),
+    Figure(
+        name="rays_vs_numpy_slabs",
+        task=_ROOM,
+        ours="FloorPlan.ranges",
+        other="NumPy, slab method, float32 in blocks",
+        unit="rays/s",
+        sides=lambda: (our_job(), numpy_job(numpy_baseline.slabs)),
     ),
     Figure(
         name="rays_vs_pymunk",

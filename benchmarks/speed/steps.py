@@ -1,11 +1,13 @@
 """A localizer's step through its public ``update``, on a recorded lap."""
 
+from collections.abc import Callable
 from functools import partial
 
 from benchmarks.speed.figure import MICROSECONDS, Figure, Sides, require
 from benchmarks.speed.lap import BEAMS, recorded_lap
-from benchmarks.speed.numpy_baseline import NumpyMCL
+from benchmarks.speed.numpy_baseline import Caster, NumpyMCL, segments, slabs
 from benchmarks.speed.timing import Job
+from deqmcl_gym.floorplan import FloorPlan
 from localizers import Localizer, RobotModel, make
 
 FEW, MANY = 1_000, 10_000
@@ -18,10 +20,10 @@ def our_job(name: str, particles: int, *, beams: int = BEAMS, **params: int) -> 
     return lap.following(localizer, warm_up=params.get("lag", 0))
 
 
-def numpy_sides(particles: int) -> Sides:
+def numpy_sides(particles: int, caster: Callable[[FloorPlan], Caster]) -> Sides:
     """Return our MCL and the same in NumPy."""
     lap = recorded_lap()
-    baseline = NumpyMCL(lap.robot, particles=particles)
+    baseline = NumpyMCL(lap.robot, particles=particles, caster=caster)
     return our_job("mcl", particles), lap.following(baseline)
 
 
@@ -57,23 +59,18 @@ def _mcl(particles: int) -> str:
 
 
 FIGURES = (
-    Figure(
-        name="step1k_vs_numpy",
-        task=_mcl(FEW),
-        ours="mcl",
-        other="NumPy, float32 in blocks",
-        unit="steps/s",
-        target=10,
-        sides=lambda: numpy_sides(FEW),
-    ),
-    Figure(
-        name="step10k_vs_numpy",
-        task=_mcl(MANY),
-        ours="mcl",
-        other="NumPy, float32 in blocks",
-        unit="steps/s",
-        target=5,
-        sides=lambda: numpy_sides(MANY),
+    *(
+        Figure(
+            name=f"{name}_vs_numpy{suffix}",
+            task=_mcl(particles),
+            ours="mcl",
+            other=f"NumPy, {method}, float32 in blocks",
+            unit="steps/s",
+            target=None if suffix else target,
+            sides=partial(numpy_sides, particles, caster),
+        )
+        for name, particles, target in (("step1k", FEW, 10), ("step10k", MANY, 5))
+        for suffix, method, caster in (("", "all walls", segments), ("_slabs", "slabs", slabs))
     ),
     *(
         Figure(

@@ -19,31 +19,38 @@ BEARINGS = fan(16).bearings.astype(np.float32)
 TURN = 2e-6  # rad: θ + b, sine and cosine in float32, |θ + b| ≤ 2π, are off by less
 
 
-def baseline_ranges(poses):
+CASTERS = [numpy_baseline.segments, numpy_baseline.slabs]
+both_casters = pytest.mark.parametrize("caster", CASTERS, ids=lambda maker: maker.__name__)
+
+
+def baseline_ranges(poses, caster):
     columns = np.ascontiguousarray(poses.T)
-    return numpy_baseline.ranges(columns, BEARINGS, boxes_of(PAPER_ROOM)).T
+    return numpy_baseline.ranges(columns, BEARINGS, caster(PAPER_ROOM)).T
 
 
-def test_ranges_are_those_of_the_reference_within_a_turn_that_float32_cannot_resolve():
+@both_casters
+def test_ranges_are_those_of_the_reference_within_a_turn_that_float32_cannot_resolve(caster):
     poses = free_poses(PAPER_ROOM, 3_000)
     exact = reference.ranges(PAPER_ROOM.walls, poses, BEARINGS)
     turned = [reference.ranges(PAPER_ROOM.walls, poses, BEARINGS + s * TURN) for s in (-1, 1)]
     low = np.minimum.reduce([exact, *turned])
     high = np.maximum.reduce([exact, *turned])
     slack = 1e-6 * exact + 1e-4  # a product, a quotient and differences of coordinates to 350
-    seen = baseline_ranges(poses)
+    seen = baseline_ranges(poses, caster)
     assert ((seen >= low - slack) & (seen <= high + slack)).all()
     assert np.median(high - low) < 1e-2  # the bracket is narrow: the test can fail
 
 
-def test_the_size_of_the_blocks_changes_no_bit(monkeypatch):
+@both_casters
+def test_the_size_of_the_blocks_changes_no_bit(monkeypatch, caster):
     poses = free_poses(PAPER_ROOM, 1_000)
-    whole = baseline_ranges(poses)
+    whole = baseline_ranges(poses, caster)
     monkeypatch.setattr(numpy_baseline, "RAYS_PER_BLOCK", 16 * 37)
-    assert (baseline_ranges(poses) == whole).all()
+    assert (baseline_ranges(poses, caster) == whole).all()
 
 
-def test_log_likelihoods_differ_by_no_more_than_the_ranges_do():
+@both_casters
+def test_log_likelihoods_differ_by_no_more_than_the_ranges_do(caster):
     lap = recorded_lap()
     robot, beam = lap.robot, lap.robot.scan
     poses = free_poses(PAPER_ROOM, 3_000)
@@ -51,12 +58,12 @@ def test_log_likelihoods_differ_by_no_more_than_the_ranges_do():
     states = np.ascontiguousarray(poses.T)
     scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=beam)
     ours = scan.log_likelihood(states, lap.scans[7].astype(float))
-    seen = NumpyModels(robot).log_likelihood(states, lap.scans[7])
+    seen = NumpyModels(robot, caster).log_likelihood(states, lap.scans[7])
     # slope of log(p exp(-z²/2) + f) in ô: z/σ p exp(-z²/2) / (p exp(-z²/2) + f), at most
     z = np.linspace(0, 10, 10_001)
     hit = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi)) * np.exp(-(z**2) / 2)
     slope = (z / beam.sigma * hit / (hit + beam.uniform / 400)).max()
-    apart = np.abs(PAPER_ROOM.ranges(poses, BEARINGS) - baseline_ranges(poses)).sum(axis=1)
+    apart = np.abs(PAPER_ROOM.ranges(poses, BEARINGS) - baseline_ranges(poses, caster)).sum(axis=1)
     apart[:200] = 0.0
     rounding = 16 * 1e-5  # z²/2 ≤ 10 where the hit counts at all, in float32
     assert (np.abs(ours - seen) <= slope * apart + rounding).all()

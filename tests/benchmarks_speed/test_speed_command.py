@@ -123,7 +123,7 @@ def test_a_peer_that_is_not_installed_has_no_row(monkeypatch, tmp_path, capsys):
     first, second = command.FIGURES
     monkeypatch.setattr(command, "FIGURES", (first, replace(second, peer="p", sides=missing)))
     assert main(["speed", "--quick", "--peers", "--out", str(tmp_path)]) == 0
-    assert "No row: rays_vs_pymunk: it is not installed." in capsys.readouterr().out
+    assert "No row: rays_vs_numpy_slabs: it is not installed." in capsys.readouterr().out
     assert [row["figure"] for row in rows_of(tmp_path / "speed.csv")] == ["rays_vs_numpy"]
 
 

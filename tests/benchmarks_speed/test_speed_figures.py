@@ -14,12 +14,15 @@ from deqmcl_gym.room import PAPER_ROOM
 
 PROMISED = {  # and their targets
     "rays_vs_numpy": 8,
+    "rays_vs_numpy_slabs": None,
     "rays_vs_pymunk": 1000,
     "rays_vs_navground": 10,
     "rays_vs_navground_16": None,
     "rays_vs_raycast2d": None,
     "step1k_vs_numpy": 10,
+    "step1k_vs_numpy_slabs": None,
     "step10k_vs_numpy": 5,
+    "step10k_vs_numpy_slabs": None,
     "step1k_vs_particles": 10,
     "step1k_vs_pfilter": 10,
     "step1k_vs_stonesoup": 10,

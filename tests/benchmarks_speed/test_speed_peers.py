@@ -43,7 +43,7 @@ def test_a_peers_estimates_are_ours_within_their_scatter(name, ours):
 
 @pytest.mark.parametrize("beams", [16, 360])
 def test_navground_sees_the_exact_ranges(beams):
-    pytest.importorskip("navground")
+    pytest.importorskip("navground.core")
     from benchmarks.speed.peers.navground import NavgroundCaster
 
     caster = NavgroundCaster(PAPER_ROOM, beams)
