@@ -86,10 +86,7 @@ def write_webp(path: Path, frames: Sequence[Image], milliseconds: int) -> None:
     animation.loop_count = 0
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "animation.webp"
-        quality = [
-            cv2.IMWRITE_WEBP_QUALITY,
-            101,
-        ]  # above 100: lossless; lossy leaves ghosts of dots
+        quality = [cv2.IMWRITE_WEBP_QUALITY, 101]  # above 100: lossless; lossy leaves ghosts
         if not cv2.imwriteanimation(str(made), animation, quality):
             raise RuntimeError(f"OpenCV could not encode the animation {path}.")
         write_bytes(path, made.read_bytes())
