@@ -17,8 +17,8 @@ FIG_4_METHODS = ("deq-mcl", "mcl")
 FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
-_LAP_STRIDE = 3  # steps per frame
-_FRAME_MILLISECONDS = 120
+_LAP_STRIDE = 2  # steps per frame
+_FRAME_MILLISECONDS = 80
 
 
 def camera_of(preset: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
