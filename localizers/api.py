@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import array, number
+from deqmcl_gym.validation import InputError, array, number
 from localizers.models.motion import OdometryMotion
 from localizers.models.scan import BeamDensity, GaussianUniform
 
@@ -114,6 +114,21 @@ def checked_plan(plan: ArrayLike) -> Floats:
     except ValueError:  # a ragged list; ``array`` names it
         empty = False
     return np.empty((0, 2)) if empty else array("the plan", plan, (None, 2))
+
+
+def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
+    """Return a scan as (B,) numbers, whatever they are; refuse one of another lidar."""
+    try:
+        scan = np.asarray(ranges, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the scan is {ranges!r}, but must be ranges in px.") from None
+    if scan.shape != (lidar.beams,):
+        raise InputError(
+            f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
+            f"{lidar.beams} beams: give ({lidar.beams},) ranges, "
+            "or make a localizer for this lidar."
+        )
+    return scan
 
 
 def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:

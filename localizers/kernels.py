@@ -32,6 +32,23 @@ def normalize(log_weights: Floats, out: Floats) -> float:
 
 
 @compiled
+def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
+    """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh nothing."""
+    stride = max(1, log_weights.size // most)
+    top, top_both = -np.inf, -np.inf
+    for i in range(0, log_weights.size, stride):
+        top = max(top, log_weights[i])
+        top_both = max(top_both, log_weights[i] + log_likelihoods[i])
+    if not (top > -np.inf and top_both > -np.inf):
+        return top_both - top  # -inf, or NaN
+    weights, both = 0.0, 0.0
+    for i in range(0, log_weights.size, stride):
+        weights += exp64(log_weights[i] - top)
+        both += exp64(log_weights[i] + log_likelihoods[i] - top_both)
+    return float(top_both - top + log64(both / weights))
+
+
+@compiled
 def square_sum(weights: Floats) -> float:
     """Σ w²."""
     total = 0.0
