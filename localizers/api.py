@@ -34,7 +34,10 @@ class Prior(Protocol):
 
 
 class Belief(Protocol):
-    """What a localizer holds true: weighted poses of the present, and of other steps if kept."""
+    """What a localizer holds true: weighted poses of the present, and of other steps if kept.
+
+    It may have an attribute ``quality``, P(not lost) in [0, 1]: see ``quality_of``.
+    """
 
     def points(self, offset: int = 0) -> Points | None:
         """Return poses (n, 3) px, px, rad and weights (n,) of x_{t+offset}, as fresh arrays.
@@ -105,6 +108,12 @@ class RobotModel:
 
     def __post_init__(self) -> None:
         number("radius", self.radius, low=0)
+
+
+def quality_of(belief: Belief) -> float | None:
+    """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if its localizer gives none."""
+    quality = getattr(belief, "quality", None)
+    return None if quality is None else number("the belief's quality", quality, low=0, high=1)
 
 
 def checked_plan(plan: ArrayLike) -> Floats:

@@ -33,8 +33,8 @@ def normalize(log_weights: Floats, out: Floats) -> float:
 
 @compiled
 def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
-    """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh nothing."""
-    stride = max(1, log_weights.size // most)
+    """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh 0."""
+    stride = (log_weights.size - 1) // most + 1
     top, top_both = -np.inf, -np.inf
     for i in range(0, log_weights.size, stride):
         top = max(top, log_weights[i])

@@ -25,14 +25,16 @@ def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
     kernels.cholesky(covariance, root)
     x, y, z = _standard_points()
     offsets = [row[0] * x + row[1] * y + row[2] * z for row in root]
-    return mean + np.stack(offsets, axis=1)
+    poses: Floats = mean + np.stack(offsets, axis=1)
+    return poses
 
 
 def sigma_points(mean: Floats, covariance: Floats) -> Floats:
     """Return the six poses μ ± √3 L_i, equally weighted, of this mean and covariance, (3, 6)."""
     root = np.zeros((3, 3))
     kernels.cholesky(covariance, root)
-    return mean[:, None] + math.sqrt(3) * np.hstack([root, -root])
+    poses: Floats = mean[:, None] + math.sqrt(3) * np.hstack([root, -root])
+    return poses
 
 
 @lru_cache(maxsize=1)

@@ -81,7 +81,7 @@ class AdaptiveLocalizer:
         resampling: ResamplingTime,
         max_beams: int,
     ) -> None:
-        """Make a localizer for ``robot`` out of its parts; ``max_beams``: of a scan, even spread."""
+        """Make a localizer for ``robot`` out of its parts; of a scan, ``max_beams`` are used."""
         self.robot = robot
         self._scan, self._kld, self._recovery = scan, kld, recovery
         self._resampling = resampling

@@ -34,7 +34,7 @@ STEPS = np.array([1.0, 1.0, 0.01])
 class HitMoments(Protocol):
     """A beam model that knows mean and variance of a beam that hits what it should."""
 
-    def hit(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²), (n, B) each."""
         ...
 
@@ -115,7 +115,8 @@ class KalmanLocalizer:
         command = array("the action", action, (2,))
         checked_plan(plan)
         mean, covariance = before.mean.copy(), before.covariance.copy()
-        kernels.predict(mean, covariance, *command.tolist(), *self._motion.spread(command))
+        distance, turn = command.tolist()
+        kernels.predict(mean, covariance, distance, turn, *self._motion.spread(command))
         events = before.events.of_scan(scan, self.robot.lidar.max_range)
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
         likelihoods = self._scan.log_likelihood(predicted, scan)
@@ -134,7 +135,9 @@ class KalmanLocalizer:
         shifts = np.vstack([np.zeros(3), np.diag(STEPS), -np.diag(STEPS)])
         seen = self.robot.floor_plan.ranges(mean + shifts, lidar.bearings[usable])
         predicted = np.isfinite(seen).all(axis=0)
-        expected, variances = self._beam.hit(seen[:, predicted].astype(np.float64), lidar.max_range)
+        expected, variances = self._beam.hit_moments(
+            seen[:, predicted].astype(np.float64), lidar.max_range
+        )
         slopes = (expected[1:4] - expected[4:7]) / (2 * STEPS[:, None])
         gated = kernels.correct(
             mean,
@@ -155,15 +158,15 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> KalmanLocalizer:
     beams that measure anything at all is left to the gate.
 
     Args:
-        robot: its motion must be an ``OdometryMotion``, its scan model have ``hit``.
+        robot: its motion must be an ``OdometryMotion``, its scan model have ``hit_moments``.
         gate: share of beams that pass if all is as assumed, by the χ² of their innovation; 1 lets
             every beam pass.
     """
     number("gate", gate, low=0, high=1, above=True)
     if not isinstance(robot.scan, HitMoments):
         raise InputError(
-            f"the scan model is {robot.scan!r}, but the localizer 'ekf' needs the mean and variance "
-            "of a beam: give one with a method hit(expected, max_range)."
+            f"the scan model is {robot.scan!r}, but the localizer 'ekf' needs the mean and the "
+            "variance of a beam: give one with a method hit_moments(expected, max_range)."
         )
     bound = NormalDist().inv_cdf((1 + gate) / 2) ** 2 if gate < 1 else np.inf
     return KalmanLocalizer(robot, odometry(robot.motion, "ekf"), robot.scan, bound)

@@ -26,6 +26,7 @@ from localizers.models.scan import LidarScan, ScanTable
 Floats = NDArray[np.float64]
 LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
+_UNSEEN = -20.0  # log of the prior's mass on the grid, below which nothing of it was seen
 _WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is integrated with
 
 
@@ -136,8 +137,8 @@ def grid(robot: RobotModel, *, cell: float = 5.0, headings: int = 72) -> GridLoc
 def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     """Return the prior's probability of each cell, by 2 x 2 x 2 points per cell, (H, Y, X).
 
-    A prior that no point sees, because it is far narrower than a cell or a single pose, goes into
-    the cell of its mean.
+    A prior of which the points see next to nothing, because it is far narrower than a cell or a
+    single pose, goes into the cell of its mean.
     """
     centres = grid.centres().T.astype(np.float64)
     half = np.array([grid.cell, grid.cell, grid.heading_step]) / 4
@@ -145,7 +146,9 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     logs = np.stack([prior.log_density(centres + half * corner) for corner in corners])
     top = logs.max()
     mass = arrays.exp(logs - top).sum(axis=0) if np.isfinite(top) else np.zeros(len(centres))
-    if not mass.sum() > 0:
+    volume = grid.cell**2 * grid.heading_step / len(corners)
+    if not top + float(arrays.log(max(mass.sum() * volume, 1e-300))) > _UNSEEN:
+        mass[:] = 0.0
         at = grid.cell_of(prior.mean)
         if at is None:
             raise InputError(
@@ -153,4 +156,5 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
                 f"which spans {grid.bounds} px."
             )
         mass[at] = 1.0
-    return (mass / mass.sum()).reshape(grid.shape)
+    shares: Floats = mass / mass.sum()
+    return shares.reshape(grid.shape)

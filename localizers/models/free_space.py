@@ -36,5 +36,5 @@ def _free(floor_plan: FloorPlan, shares: NDArray[np.float64]) -> NDArray[np.floa
     """Those of the poses at ``shares`` of the bounds and of a turn that are free, (k, 3)."""
     x0, y0, x1, y1 = floor_plan.bounds
     low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
-    poses = low + (high - low) * shares
+    poses: NDArray[np.float64] = low + (high - low) * shares
     return poses[floor_plan.free(poses)]

@@ -14,6 +14,7 @@ from localizers.models.scan import OUTSIDE, usable_beams
 
 Floats = NDArray[np.float64]
 _MAX_CELLS = 20_000_000
+_AXES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class LikelihoodField:
         sigma: σ > 0, px.
         hit: h, share of the beams that end at a wall.
         farthest: largest distance told apart, px.
-        cell: edge of the table's cells, px; d is right to ± 0.71 cells.
+        cell: edge of the table's cells, px; d is right to one cell.
     """
 
     floor_plan: FloorPlan
@@ -80,21 +81,25 @@ class LikelihoodField:
     def distances(self) -> NDArray[np.float32]:
         """Distance of each cell's centre to the nearest wall, (Y, X) px.
 
-        A wall cell is one whose circumcircle touches a wall, and that is free or next to a free
-        one: walls border free space.
+        Wall cells are those in which a ray from a free cell's centre along an axis meets a wall
+        within 1½ cells: walls border free space, so every wall is met.
         """
         xs, ys = self._axes
         points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-        shape = self._shape
-        free = self.floor_plan.free(points).reshape(shape)
-        touching = ~self.floor_plan.free(points, self.cell * math.sqrt(0.5)).reshape(shape)
-        near = np.pad(free, 1)
-        beside_free = np.zeros_like(free)
-        for down in range(3):
-            for right in range(3):
-                beside_free |= near[down : down + shape[0], right : right + shape[1]]
-        out = np.empty(shape, np.float32)
-        field_kernels.distances(touching & beside_free, self.cell, out)
+        free = points[self.floor_plan.free(points)]
+        poses = np.column_stack([free, np.zeros(len(free))])
+        seen = self.floor_plan.ranges(poses, np.arange(4) * (np.pi / 2))
+        walls = np.zeros(self._shape, np.bool_)
+        for (right, up), range_ in zip(_AXES, seen.T.astype(np.float64), strict=True):
+            near = range_ <= 1.5 * self.cell
+            column = (free[near, 0] + right * range_[near] - xs[0]) / self.cell
+            row = (free[near, 1] + up * range_[near] - ys[0]) / self.cell
+            walls[
+                np.clip(np.rint(row).astype(np.intp), 0, ys.size - 1),
+                np.clip(np.rint(column).astype(np.intp), 0, xs.size - 1),
+            ] = True
+        out = np.empty(self._shape, np.float32)
+        field_kernels.distances(walls, self.cell, out)
         return out
 
     @cached_property
@@ -111,4 +116,4 @@ class LikelihoodField:
         """Centres of the cells along x and y; the first ones on the bounds."""
         x0, y0, _, _ = self.floor_plan.bounds
         rows, columns = self._shape
-        return x0 + self.cell * np.arange(columns), y0 + self.cell * np.arange(rows)
+        return x0 + self.cell * np.arange(float(columns)), y0 + self.cell * np.arange(float(rows))

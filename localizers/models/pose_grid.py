@@ -63,9 +63,9 @@ class PoseGrid:
         x0, y0, x1, y1 = self.bounds
         _, rows, columns = self.shape
         return (
-            -math.pi + self.heading_step * np.arange(self.headings),
-            (y0 + y1) / 2 + self.cell * (np.arange(rows) - (rows - 1) / 2),
-            (x0 + x1) / 2 + self.cell * (np.arange(columns) - (columns - 1) / 2),
+            -math.pi + self.heading_step * np.arange(float(self.headings)),
+            (y0 + y1) / 2 + self.cell * (np.arange(float(rows)) - (rows - 1) / 2),
+            (x0 + x1) / 2 + self.cell * (np.arange(float(columns)) - (columns - 1) / 2),
         )
 
     def centres(self, cells: NDArray[np.intp] | None = None) -> NDArray[np.float32]:

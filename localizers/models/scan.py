@@ -72,7 +72,7 @@ class GaussianUniform:
             return _log_product(self, ranges, expected, max_range)
         return _log_mixture(self, ranges, expected, floor)
 
-    def hit(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
         return expected, np.full_like(expected, self.sigma**2)
 
@@ -118,9 +118,10 @@ class CensoredGaussianUniform:
         inside = _log_mixture(self, ranges[~clipped], expected[:, ~clipped], floor)
         return inside + _log_product(self, ranges[clipped], expected[:, clipped], max_range)
 
-    def hit(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²) of a beam that hits what it should, clipped to
-        [0, max_range], (n, B) each.
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+
+        Of a normal variable clipped to [0, max_range].
         """
         low, high = -expected / self.sigma, (max_range - expected) / self.sigma
         inside = normal_cdf(high) - normal_cdf(low)
@@ -185,9 +186,10 @@ class BeamModel:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         return _log_product(self, ranges, expected, max_range)
 
-    def hit(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²) of a beam that hits what it should, a normal cut to
-        [0, max_range], (n, B) each.
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+
+        Of a normal variable cut to [0, max_range].
         """
         seen = np.minimum(expected, max_range)
         low, high = -seen / self.sigma, (max_range - seen) / self.sigma
