@@ -1,7 +1,6 @@
 """A robot kidnapped in the world: its belief's quality falls, and random poses find it again."""
 
 import numpy as np
-import pytest
 
 import localizers
 from benchmarks.episode import moments, room_of
@@ -11,8 +10,12 @@ from deqmcl_gym.wrappers import Kidnap
 STEP, CARRIED_TO = 40, (300.0, 260.0, 2.5)
 
 
+def turn_about(belief, plan) -> np.ndarray:
+    return np.array([0.0, 0.1], np.float32)
+
+
 def episode(**params) -> tuple[np.ndarray, np.ndarray]:
-    """Position errors and qualities of ``amcl`` in ``sharp``.
+    """Position errors and qualities of ``amcl`` in ``sharp``, on a robot that turns on the spot.
 
     The room looks the same after half a turn: the error is that to the nearer of the two poses.
     """
@@ -21,7 +24,8 @@ def episode(**params) -> tuple[np.ndarray, np.ndarray]:
     localizer = localizers.make("amcl", assumed.robot_model(room), **params)
     env = Kidnap(room, STEP, CARRIED_TO)
     errors, qualities = [], []
-    for moment in moments(env, localizer, assumed.prior(room), np.random.default_rng(0), seed=1):
+    rng = np.random.default_rng(0)
+    for moment in moments(env, localizer, assumed.prior(room), rng, seed=1, driver=turn_about):
         x, y, _ = localizers.mean_pose(*moment.belief.points())
         twin = np.array([350.0, 300.0]) - moment.truth[:2]
         errors.append(min(np.hypot(*(p - [x, y])) for p in (moment.truth[:2], twin)))
@@ -40,8 +44,10 @@ def test_the_quality_tells_of_the_kidnap_at_once_and_recovery_ends_it():
     assert quality[-20:].min() > 0.9
 
 
-def test_without_random_poses_the_quality_stays_low_while_the_robot_is_lost():
+def test_without_random_poses_the_robot_stays_lost_and_its_quality_is_lower_than_before():
     errors, quality = episode()
-    lost = errors[STEP:] > 50
-    assert lost.mean() > 0.5
-    assert quality[STEP:][lost].mean() == pytest.approx(0.0, abs=0.1)
+    lost = errors > 50
+    assert lost[STEP:].all()
+    assert not lost[:STEP].any()
+    # now and then the wrong pose explains the scans: a fan of 90° in a room of right angles
+    assert (quality[lost][:, None] < quality[~lost]).mean() > 0.9
