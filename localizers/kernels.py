@@ -49,6 +49,27 @@ def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> flo
 
 
 @compiled
+def two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
+    """Probability of the first of two states after observations, by the forward recursion.
+
+    Args:
+        start: its probability before them.
+        stay, enter: probabilities to stay in it, and to come to it, before each observation.
+        log_ratios: log p(o | second) - log p(o | first); NaN tells nothing.
+    """
+    first = start
+    for i in range(log_ratios.size):
+        first = first * stay + (1.0 - first) * enter
+        ratio = log_ratios[i]
+        if ratio > 0.0:
+            likely = first * exp64(-ratio)
+            first = likely / (likely + (1.0 - first))
+        elif ratio <= 0.0:
+            first = first / (first + (1.0 - first) * exp64(ratio))
+    return first
+
+
+@compiled
 def square_sum(weights: Floats) -> float:
     """Σ w²."""
     total = 0.0

@@ -39,7 +39,7 @@ class Events:
 
     def of_scan(self, ranges: NDArray[np.float64], max_range: float) -> Self:
         """Return these events and those of a scan (B,) px: beams that say nothing."""
-        usable = int(((ranges >= 0) & (ranges <= max_range)).sum())
+        usable = int(np.count_nonzero((ranges >= 0) & (ranges <= max_range)))
         if usable == ranges.size:
             return self
         return self.plus(skipped_beams=ranges.size - usable, blind_scans=int(usable == 0))

@@ -9,7 +9,7 @@ from following import follow, small
 
 import localizers
 from deqmcl_gym.floorplan import FloorPlan, Lidar
-from localizers.inference.trust import FOUND, LOST, Trust
+from localizers.inference.trust import FOUND, LOST, MEMORY, Trust
 from localizers.kernels import log_evidence
 from localizers.models.free_space import even_poses, random_poses
 
@@ -48,8 +48,14 @@ def test_the_quality_is_that_of_all_paths_through_the_two_states():
 
 
 def test_asking_changes_nothing():
-    evidence = np.random.default_rng(0).uniform(-4, 0, 100).tolist()
-    assert trusted(evidence) == pytest.approx(trusted(evidence, ask_always=True), rel=1e-12)
+    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
+    assert trusted(evidence) == trusted(evidence, ask_always=True)
+
+
+def test_of_scans_beyond_the_memory_only_time_remains():
+    evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
+    forgotten = [math.nan] * MEMORY + evidence[MEMORY:]
+    assert trusted(evidence) == pytest.approx(trusted(forgotten), rel=1e-12)
 
 
 def test_impossible_and_unknown_evidence_leaves_a_number():
