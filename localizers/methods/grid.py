@@ -157,4 +157,5 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
             )
         mass[at] = 1.0
     shares: Floats = mass / mass.sum()
+    shares[shares < grid_kernels.NOTHING] = 0.0
     return shares.reshape(grid.shape)
