@@ -5,7 +5,7 @@ world. Plug-ins inherit nothing: see ``Localizer``; ``resolve`` says by which na
 ``localizers.checks`` whether they keep the laws.
 """
 
-from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose
+from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of
 from localizers.beliefs import PointsBelief, PoseBelief
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
@@ -30,6 +30,7 @@ __all__ = [
     "mean_pose",
     "names",
     "parameters",
+    "quality_of",
     "register",
     "resolve",
     "source_digest",

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import array, number
+from deqmcl_gym.validation import InputError, array, number
 from localizers.models.motion import OdometryMotion
 from localizers.models.scan import BeamDensity, GaussianUniform
 
@@ -34,7 +34,10 @@ class Prior(Protocol):
 
 
 class Belief(Protocol):
-    """What a localizer holds true: weighted poses of the present, and of other steps if kept."""
+    """What a localizer holds true: weighted poses of the present, and of other steps if kept.
+
+    It may have an attribute ``quality``, P(not lost) in [0, 1]: see ``quality_of``.
+    """
 
     def points(self, offset: int = 0) -> Points | None:
         """Return poses (n, 3) px, px, rad and weights (n,) of x_{t+offset}, as fresh arrays.
@@ -107,6 +110,12 @@ class RobotModel:
         number("radius", self.radius, low=0)
 
 
+def quality_of(belief: Belief) -> float | None:
+    """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if its localizer gives none."""
+    quality = getattr(belief, "quality", None)
+    return None if quality is None else number("the belief's quality", quality, low=0, high=1)
+
+
 def checked_plan(plan: ArrayLike) -> Floats:
     """Return a plan as (h, 2) finite actions, (0, 2) for an empty one in any shape; else refuse."""
     try:
@@ -114,6 +123,21 @@ def checked_plan(plan: ArrayLike) -> Floats:
     except ValueError:  # a ragged list; ``array`` names it
         empty = False
     return np.empty((0, 2)) if empty else array("the plan", plan, (None, 2))
+
+
+def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
+    """Return a scan as (B,) numbers, whatever they are; refuse one of another lidar."""
+    try:
+        scan = np.asarray(ranges, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the scan is {ranges!r}, but must be ranges in px.") from None
+    if scan.shape != (lidar.beams,):
+        raise InputError(
+            f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
+            f"{lidar.beams} beams: give ({lidar.beams},) ranges, "
+            "or make a localizer for this lidar."
+        )
+    return scan
 
 
 def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:

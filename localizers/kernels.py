@@ -32,6 +32,44 @@ def normalize(log_weights: Floats, out: Floats) -> float:
 
 
 @compiled
+def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
+    """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh 0."""
+    stride = (log_weights.size - 1) // most + 1
+    top, top_both = -np.inf, -np.inf
+    for i in range(0, log_weights.size, stride):
+        top = max(top, log_weights[i])
+        top_both = max(top_both, log_weights[i] + log_likelihoods[i])
+    if not (top > -np.inf and top_both > -np.inf):
+        return top_both - top  # -inf, or NaN
+    weights, both = 0.0, 0.0
+    for i in range(0, log_weights.size, stride):
+        weights += exp64(log_weights[i] - top)
+        both += exp64(log_weights[i] + log_likelihoods[i] - top_both)
+    return float(top_both - top + log64(both / weights))
+
+
+@compiled
+def two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
+    """Probability of the first of two states after observations, by the forward recursion.
+
+    Args:
+        start: its probability before them.
+        stay, enter: probabilities to stay in it, and to come to it, before each observation.
+        log_ratios: log p(o | second) - log p(o | first); NaN tells nothing.
+    """
+    first = start
+    for i in range(log_ratios.size):
+        first = first * stay + (1.0 - first) * enter
+        ratio = log_ratios[i]
+        if ratio > 0.0:
+            likely = first * exp64(-ratio)
+            first = likely / (likely + (1.0 - first))
+        elif ratio <= 0.0:
+            first = first / (first + (1.0 - first) * exp64(ratio))
+    return first
+
+
+@compiled
 def square_sum(weights: Floats) -> float:
     """Σ w²."""
     total = 0.0

@@ -1,18 +1,21 @@
 """The stateful shell around a particle filter: what users hold in their hands."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.validation import InputError, array, integer
-from localizers.api import Prior, RobotModel, checked_plan
+from localizers.api import Prior, RobotModel, checked_plan, checked_scan
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import resampling
+from localizers.inference.trust import ANYWHERE, Trust
 from localizers.models.feasibility import Unconstrained
-from localizers.models.scan import LidarScan, usable_beams
+from localizers.models.free_space import even_poses
+from localizers.models.scan import LidarScan
 
 MAX_PARTICLES = 10_000_000
 _BYTES_PER_PARTICLE = 3 * 4 + 8  # one queued pose and its link
@@ -52,6 +55,8 @@ class ParticleLocalizer:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start anew; see ``Localizer.reset``."""
         belief = self.filter.initial(_Cloud(prior), checked_plan(plan), rng)
+        trust = Trust(self.filter.scan, self._anywhere)
+        belief = belief._replace(trust=trust)
         self._running = (belief, rng)
         return belief
 
@@ -62,30 +67,20 @@ class ParticleLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         belief, rng = self._running
-        scan = self._checked_scan(ranges)
+        scan = checked_scan(ranges, self.robot.lidar)
         command = array("the action", action, (2,))
-        belief = self.filter.step(belief, scan, command, checked_plan(plan), rng)
-        usable = int(np.count_nonzero(usable_beams(scan, self.robot.lidar.max_range)))
-        if usable < scan.size:
-            events = belief.events.plus(
-                skipped_beams=scan.size - usable, blind_scans=int(usable == 0)
-            )
-            belief = belief._replace(events=events)
+        after = self.filter.step(belief, scan, command, checked_plan(plan), rng)
+        assert belief.trust is not None, "reset starts it"
+        belief = after._replace(
+            events=after.events.of_scan(scan, self.robot.lidar.max_range),
+            trust=belief.trust.after(scan, after.scan_log_evidence),
+        )
         self._running = (belief, rng)
         return belief
 
-    def _checked_scan(self, ranges: ArrayLike) -> NDArray[np.float64]:
-        try:
-            scan = np.asarray(ranges, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"the scan is {ranges!r}, but must be ranges in px.") from None
-        if scan.shape != (self.robot.lidar.beams,):
-            raise InputError(
-                f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
-                f"{self.robot.lidar.beams} beams: give ({self.robot.lidar.beams},) ranges, "
-                "or make a localizer for this lidar."
-            )
-        return scan
+    @cached_property
+    def _anywhere(self) -> NDArray[np.float32]:
+        return even_poses(self.robot.floor_plan, ANYWHERE)
 
 
 @dataclass(frozen=True)

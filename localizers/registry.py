@@ -9,8 +9,11 @@ from typing import Any
 from deqmcl_gym.validation import InputError, one_of
 from localizers import plugins
 from localizers.api import Localizer, RobotModel
+from localizers.methods.amcl import amcl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import deq_mcl
+from localizers.methods.ekf import ekf
+from localizers.methods.grid import grid
 from localizers.methods.map_motion import mcl_map
 from localizers.methods.mcl import mcl
 from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
@@ -24,6 +27,9 @@ _FACTORIES: dict[str, Factory] = {
     "mcl-map-smoother": mcl_map_smoother,
     "deq-mcl": deq_mcl,
     "dead-reckoning": dead_reckoning,
+    "grid": grid,
+    "amcl": amcl,
+    "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from localizers import kernels
 from localizers.inference.parts import Actions, Indices, LogWeights, States
 from localizers.inference.queue import Queue
+from localizers.inference.trust import Trust
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+
+_EVIDENCE_PARTICLES = 256
 
 
 @dataclass(frozen=True)
@@ -30,9 +33,16 @@ class Events:
     skipped_beams: int = 0
     blind_scans: int = 0
 
-    def plus(self, **counts: int) -> "Events":
+    def plus(self, **counts: int) -> Self:
         """Return these events and some more."""
         return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
+
+    def of_scan(self, ranges: NDArray[np.float64], max_range: float) -> Self:
+        """Return these events and those of a scan (B,) px: beams that say nothing."""
+        usable = int(np.count_nonzero((ranges >= 0) & (ranges <= max_range)))
+        if usable == ranges.size:
+            return self
+        return self.plus(skipped_beams=ranges.size - usable, blind_scans=int(usable == 0))
 
 
 class ParticleBelief(NamedTuple):
@@ -45,6 +55,8 @@ class ParticleBelief(NamedTuple):
         log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
         events: counted trouble since reset.
         redraw_ess: effective sample size after the latest redraw of the future, NaN before.
+        scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
+        trust: evidence for and against this belief, if it is kept.
     """
 
     queue: Queue
@@ -53,6 +65,13 @@ class ParticleBelief(NamedTuple):
     log_normalizer: float = 0.0
     events: Events = Events()
     redraw_ess: float = math.nan
+    scan_log_evidence: float = math.nan
+    trust: Trust | None = None
+
+    @property
+    def quality(self) -> float | None:
+        """P(not lost | o_{1:t}), in [0, 1]; None if nobody keeps the evidence."""
+        return None if self.trust is None else self.trust.quality
 
     @property
     def present(self) -> States:
@@ -115,6 +134,16 @@ class ParticleBelief(NamedTuple):
         if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
             return self._with(self.queue, total, self.drawn)
         return self._replace(events=self.events.plus(weight_collapses=1))
+
+    def scanned(
+        self, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
+    ) -> "ParticleBelief":
+        """Take in a scan of log-likelihoods (n,), and how well this belief predicted it.
+
+        The latter from at most ``most`` evenly spaced particles.
+        """
+        evidence = kernels.log_evidence(self.log_weights, log_likelihood, most)
+        return self.reweighted(log_likelihood)._replace(scan_log_evidence=evidence)
 
     def _with(
         self,

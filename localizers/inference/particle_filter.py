@@ -80,7 +80,7 @@ class ParticleFilter:
         for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
             belief = self._advanced(belief, newest, rng)
         belief = belief.stepped(self.past)
-        return belief.reweighted(self.scan.log_likelihood(belief.present, ranges))
+        return belief.scanned(self.scan.log_likelihood(belief.present, ranges))
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import driven
-from deqmcl_gym.validation import number
+from deqmcl_gym.validation import InputError, number
 from localizers import kernels
 
 
@@ -32,6 +32,11 @@ class OdometryMotion:
         for name in ("drive", "turn", "drift"):
             number(f"motion.{name}", getattr(self, name), low=0)
 
+    def spread(self, action: NDArray[np.float64]) -> tuple[float, float]:
+        """Standard deviations of ε_d (px) and ε_φ (rad) for an action (d px, φ rad)."""
+        distance, turn = abs(float(action[0])), abs(float(action[1]))
+        return self.drive * distance, self.turn * turn + self.drift * distance
+
     def sample(
         self, states: NDArray[np.float32], action: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float32]:
@@ -46,10 +51,19 @@ class OdometryMotion:
             (3, n), θ in [-π, π].
         """
         distance, turn = float(action[0]), float(action[1])
-        sd_distance = self.drive * abs(distance)
-        sd_turn = self.turn * abs(turn) + self.drift * abs(distance)
+        sd_distance, sd_turn = self.spread(action)
         noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
         distances, turns = noise
         kernels.scaled(distances, np.float32(sd_distance), np.float32(distance))
         kernels.scaled(turns, np.float32(sd_turn), np.float32(turn))
         return driven(states, distances, turns)
+
+
+def odometry(motion: object, method: str) -> OdometryMotion:
+    """Return a motion model if its noise is known in closed form, else refuse it for a method."""
+    if not isinstance(motion, OdometryMotion):
+        raise InputError(
+            f"the motion is {motion!r}, but the localizer {method!r} needs the spread of its "
+            "noise, not only draws: give an OdometryMotion."
+        )
+    return motion

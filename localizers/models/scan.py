@@ -16,6 +16,7 @@ from localizers.models.normal import normal_cdf, normal_pdf
 
 Floats = NDArray[np.float64]
 OUTSIDE = -30.0  # log-likelihood of a whole scan at a pose outside the outer walls
+_BLOCK = 1 << 16  # poses looked at in one go
 ATOM = 1.0  # px: the ends of the range count as one pixel each in the uniform share
 
 
@@ -71,6 +72,10 @@ class GaussianUniform:
             return _log_product(self, ranges, expected, max_range)
         return _log_mixture(self, ranges, expected, floor)
 
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
+        return expected, np.full_like(expected, self.sigma**2)
+
 
 @dataclass(frozen=True, kw_only=True)
 class CensoredGaussianUniform:
@@ -112,6 +117,22 @@ class CensoredGaussianUniform:
             return _log_mixture(self, ranges, expected, floor)
         inside = _log_mixture(self, ranges[~clipped], expected[:, ~clipped], floor)
         return inside + _log_product(self, ranges[clipped], expected[:, clipped], max_range)
+
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+
+        Of a normal variable clipped to [0, max_range].
+        """
+        low, high = -expected / self.sigma, (max_range - expected) / self.sigma
+        inside = normal_cdf(high) - normal_cdf(low)
+        at_max, slope = 1 - normal_cdf(high), normal_pdf(low) - normal_pdf(high)
+        mean = expected * inside + self.sigma * slope + max_range * at_max
+        square = (
+            (expected**2 + self.sigma**2) * inside
+            + self.sigma * (expected * slope - max_range * normal_pdf(high))
+            + max_range**2 * at_max
+        )
+        return mean, square - mean**2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +186,18 @@ class BeamModel:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         return _log_product(self, ranges, expected, max_range)
 
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+
+        Of a normal variable cut to [0, max_range].
+        """
+        seen = np.minimum(expected, max_range)
+        low, high = -seen / self.sigma, (max_range - seen) / self.sigma
+        inside = normal_cdf(high) - normal_cdf(low)
+        shift = (normal_pdf(low) - normal_pdf(high)) / inside
+        spread = 1 + (low * normal_pdf(low) - high * normal_pdf(high)) / inside - shift**2
+        return seen + self.sigma * shift, self.sigma**2 * spread
+
 
 @dataclass(frozen=True, kw_only=True)
 class LidarScan:
@@ -195,6 +228,32 @@ class LidarScan:
     @cached_property
     def _bearings(self) -> NDArray[np.float32]:
         return self.lidar.bearings.astype(np.float32)
+
+
+class ScanTable:
+    """``LidarScan`` at fixed poses, its ray casts made once."""
+
+    def __init__(self, scan: LidarScan, states: NDArray[np.float32]) -> None:
+        """Cast the rays of poses (3, n)."""
+        self._scan = scan
+        self._expected = scan.floor_plan.ranges(states.T, scan.lidar.bearings).T  # (B, n)
+        self._outside = np.isnan(self._expected[0])
+
+    def log_likelihood(self, ranges: Floats) -> Floats:
+        """Log-likelihood of the scan (B,) px at each pose, (n,)."""
+        max_range = self._scan.lidar.max_range
+        usable = usable_beams(ranges, max_range)
+        log_likelihood = np.zeros(self._outside.size)
+        if not usable.any():
+            return log_likelihood
+        for start in range(0, log_likelihood.size, _BLOCK):  # bounds the memory of a model's steps
+            block = slice(start, start + _BLOCK)
+            expected = np.ascontiguousarray(self._expected[usable, block])
+            log_likelihood[block] = self._scan.beam.log_likelihood(
+                ranges[usable], expected.T, max_range
+            )
+        log_likelihood[self._outside] = OUTSIDE
+        return log_likelihood
 
 
 def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:

@@ -6,7 +6,19 @@ import numpy as np
 
 import localizers
 
+FAMILY = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl")  # of ``particles``
+UNDRAWN = ("dead-reckoning", "grid")  # no randomness
+
 Drive = tuple[np.ndarray, np.ndarray]
+
+
+def small(name: str, particles: int) -> dict[str, float]:
+    """Parameters that make a method quick: this many particles, a coarse grid."""
+    if name in FAMILY:
+        return {"particles": particles}
+    if name == "amcl":
+        return {"min_particles": particles, "max_particles": particles, "field_cell": 10.0}
+    return {"cell": 35.0, "headings": 12} if name == "grid" else {}
 
 
 def follow(

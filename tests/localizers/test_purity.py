@@ -5,15 +5,15 @@ import random
 
 import numpy as np
 import pytest
-from following import follow, same
+from following import FAMILY, follow, same, small
 
 import localizers
 
 NAMES = localizers.names()
 
 
-def make(name: str, robot, **params):
-    return localizers.make(name, robot, **({} if name == "dead-reckoning" else params))
+def make(name: str, robot, particles: int):
+    return localizers.make(name, robot, **small(name, particles))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -83,9 +83,11 @@ def test_the_global_random_states_are_left_alone(robot, prior, drive, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_points_have_poses_in_rows_and_weights_of_sum_one(robot, prior, drive, name):
-    n = 1 if name == "dead-reckoning" else 30
+    counts = {"dead-reckoning": {1}, "ekf": {512}, "grid": range(1, 9 * 10 * 12 + 1)}
     for belief in follow(make(name, robot, particles=30), prior, drive):
         poses, weights = belief.points()
+        n = len(poses)
+        assert n in counts.get(name, {30})
         assert poses.shape == (n, 3)
         assert weights.shape == (n,)
         assert weights.dtype == np.float64
@@ -94,7 +96,7 @@ def test_points_have_poses_in_rows_and_weights_of_sum_one(robot, prior, drive, n
 
 
 @pytest.mark.parametrize("resampler", ["systematic", "stratified", "multinomial"])
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "dead-reckoning"])
+@pytest.mark.parametrize("name", FAMILY)
 def test_one_particle_works(robot, prior, drive, name, resampler):
     actions, scans = drive
     plans = [actions[t:] + np.array([0.0, 0.01 * (t > 3)]) for t in range(len(actions) + 1)]

@@ -8,7 +8,17 @@ import localizers
 from deqmcl_gym.validation import InputError
 from localizers import registry
 
-BUILT_IN = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
+BUILT_IN = (
+    "mcl",
+    "mcl-smoother",
+    "mcl-map",
+    "mcl-map-smoother",
+    "deq-mcl",
+    "dead-reckoning",
+    "grid",
+    "amcl",
+    "ekf",
+)
 
 
 @pytest.fixture(autouse=True)
@@ -47,6 +57,8 @@ def test_every_built_in_localizer_can_be_made_with_its_defaults_and_is_a_localiz
         ("mcl-map-smoother", {"particles", "lag", "beta", "resampler", "ess_threshold"}),
         ("deq-mcl", {"particles", "lag", "beta", "pilots", "resampler", "ess_threshold"}),
         ("dead-reckoning", set()),
+        ("grid", {"cell", "headings"}),
+        ("ekf", {"gate"}),
     ],
 )
 def test_parameters_are_those_of_the_method(name, expected):

@@ -13,7 +13,7 @@ DIGEST = """
 import hashlib, json
 from benchmarks.scoring import record
 from benchmarks.suites import paper_suite
-from benchmarks.sweep import trial_trace
+from benchmarks.execution.attempt import trial_trace
 from localizers import names
 
 digests = {}

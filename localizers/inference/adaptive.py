@@ -1,0 +1,118 @@
+"""How many particles to draw, and how many of them anywhere: KLD-sampling and augmented MCL."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.validation import InputError, integer, number
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KldSampling:
+    """Draw until n ≥ (k - 1) / (2 ε) · (1 - 2 / (9 (k - 1)) + z √(2 / (9 (k - 1))))³ (Fox 2003).
+
+    k is the number of bins that the draws have fallen into. The Kullback-Leibler divergence between
+    the draws and what they are drawn from, over the bins, is then below ε with the probability of
+    which z is the quantile of the standard normal distribution.
+
+    Attributes:
+        least, most: particles.
+        error: ε > 0.
+        quantile: z.
+        bin_size: of x, y and θ: px, px, rad.
+    """
+
+    least: int = 500
+    most: int = 2000
+    error: float = 0.05
+    quantile: float = 0.99
+    bin_size: tuple[float, float, float] = (20.0, 20.0, math.pi / 18)
+
+    def __post_init__(self) -> None:
+        integer("min_particles", self.least, low=1)
+        integer("max_particles", self.most, low=1)
+        if self.least > self.most:
+            raise InputError(
+                f"min_particles is {self.least}, but must be at most max_particles, {self.most}."
+            )
+        number("pf_err", self.error, low=0, above=True)
+        number("pf_z", self.quantile)
+
+    def bound(self, bins: NDArray[np.integer]) -> Floats:
+        """Particles needed for draws in so many bins, not rounded; 1 for one bin."""
+        k = np.maximum(np.asarray(bins, dtype=np.float64) - 1, 1e-300)
+        b = 2 / (9 * k)
+        root = np.where(k < 1, 0.0, 1 - b + self.quantile * np.sqrt(np.where(k < 1, 0.0, b)))
+        return np.where(k < 1, 1.0, k / (2 * self.error) * root * root * root)
+
+    def enough(self, states: NDArray[np.float32]) -> int:
+        """How many of these draws (3, ``most``), taken in their order, are enough."""
+        first = np.zeros(states.shape[1], np.intp)
+        first[self._first_in_bin(states)] = 1
+        drawn = np.arange(1, first.size + 1)
+        satisfied = (drawn >= self.bound(np.cumsum(first))) & (drawn >= self.least)
+        return int(satisfied.argmax()) + 1 if satisfied.any() else first.size
+
+    def _first_in_bin(self, states: NDArray[np.float32]) -> NDArray[np.intp]:
+        size = np.array(self.bin_size)[:, None]
+        cells = np.floor(states.astype(np.float64) / size).astype(np.int64)
+        cells -= cells.min(axis=1, keepdims=True)
+        width = cells.max(axis=1) + 1
+        index = (cells[0] * width[1] + cells[1]) * width[2] + cells[2]
+        return np.unique(index, return_index=True)[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """max(0, 1 - w_fast / w_slow) of the draws come from anywhere (Thrun et al. 2005, table 8.3).
+
+    w_slow and w_fast are exponential averages of how likely the scans were. Both rates 0: never.
+
+    Attributes:
+        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
+        slow, fast: w_slow and w_fast; 0 before the first scan.
+    """
+
+    alpha_slow: float = 0.0
+    alpha_fast: float = 0.0
+    slow: float = 0.0
+    fast: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
+        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
+        if self.alpha_fast < self.alpha_slow:
+            raise InputError(
+                f"recovery_alpha_fast is {self.alpha_fast:g}, but must be at least "
+                f"recovery_alpha_slow, {self.alpha_slow:g}."
+            )
+
+    @property
+    def share(self) -> float:
+        """Probability that a draw comes from anywhere."""
+        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+    def after(self, log_evidence: float, beams: int) -> "Recovery":
+        """Return the averages after a scan of log p(o | belief) from so many usable beams.
+
+        The likelihood averaged is that of one beam (the geometric mean over the scan's), so that
+        scans with lost beams compare. The first one starts both averages.
+        """
+        if beams == 0 or math.isnan(log_evidence):
+            return self
+        # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
+        log_beam = log_evidence / beams
+        size = float(arrays.exp(-abs(log_beam)))
+        likelihood = size if log_beam <= 0 else 1.0 / size
+        if self.slow == 0.0:
+            return replace(self, slow=likelihood, fast=likelihood)
+        return replace(
+            self,
+            slow=self.slow + self.alpha_slow * (likelihood - self.slow),
+            fast=self.fast + self.alpha_fast * (likelihood - self.fast),
+        )

@@ -1,0 +1,111 @@
+"""The compiled arithmetic of a Gaussian belief over poses: no BLAS, so the same bits everywhere."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
+
+Floats = NDArray[np.float64]
+
+
+@compiled
+def predict(
+    mean: Floats,
+    covariance: Floats,
+    distance: float,
+    turn: float,
+    sd_distance: float,
+    sd_turn: float,
+) -> None:
+    """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive.
+
+    F = ∂f/∂x and V = ∂f/∂ε at the mean; Q = diag(sd_distance², sd_turn²).
+    """
+    heading = mean[2] + turn
+    sine, cosine = sin64(heading), cos64(heading)
+    mean[0] += distance * cosine
+    mean[1] += distance * sine
+    mean[2] = heading
+    lever_x, lever_y = -distance * sine, distance * cosine
+    for j in range(3):  # F P
+        covariance[0, j] += lever_x * covariance[2, j]
+        covariance[1, j] += lever_y * covariance[2, j]
+    for i in range(3):  # (F P) Fᵀ
+        covariance[i, 0] += lever_x * covariance[i, 2]
+        covariance[i, 1] += lever_y * covariance[i, 2]
+    drive, swing = (cosine, sine, 0.0), (lever_x, lever_y, 1.0)
+    for i in range(3):
+        for j in range(3):
+            covariance[i, j] += sd_distance * drive[i] * (sd_distance * drive[j])
+            covariance[i, j] += sd_turn * swing[i] * (sd_turn * swing[j])
+
+
+@compiled
+def correct(
+    mean: Floats,
+    covariance: Floats,
+    innovations: Floats,
+    slopes: Floats,
+    variances: Floats,
+    gate: float,
+) -> int:
+    """Take in independent measurements one after another, in place; return how many were gated.
+
+    Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised
+    at the mean before the first. P in Joseph's form, which stays symmetric and positive.
+
+    Args:
+        innovations: o - h at the mean before the first, (B,).
+        slopes: H, (B, 3).
+        variances: R > 0, (B,).
+    """
+    moved = np.zeros(3)  # of the mean since the linearisation
+    projected, gain = np.empty(3), np.empty(3)
+    kept = np.empty((3, 3))
+    gated = 0
+    for b in range(innovations.size):
+        slope = slopes[b]
+        innovation, spread = innovations[b], variances[b]
+        for i in range(3):
+            projected[i] = 0.0
+            for j in range(3):
+                projected[i] += covariance[i, j] * slope[j]
+        for i in range(3):
+            innovation -= slope[i] * moved[i]
+            spread += slope[i] * projected[i]
+        if innovation * innovation > gate * spread:
+            gated += 1
+            continue
+        for i in range(3):
+            gain[i] = projected[i] / spread
+            moved[i] += gain[i] * innovation
+        for i in range(3):  # (I - K H) P
+            for j in range(3):
+                kept[i, j] = covariance[i, j] - gain[i] * projected[j]
+        for i in range(3):
+            along = 0.0
+            for j in range(3):
+                along += kept[i, j] * slope[j]
+            for j in range(3):  # ((I - K H) P)(I - K H)ᵀ + K R Kᵀ
+                covariance[i, j] = kept[i, j] - along * gain[j] + gain[i] * variances[b] * gain[j]
+    for i in range(3):
+        mean[i] += moved[i]
+    return gated
+
+
+@compiled
+def cholesky(covariance: Floats, out: Floats) -> None:
+    """Fill in the lower L with L Lᵀ = covariance, (d, d); a direction without variance gets 0."""
+    d = covariance.shape[0]
+    for j in range(d):
+        for i in range(d):
+            out[i, j] = 0.0
+        for i in range(j, d):
+            rest = covariance[i, j]
+            for k in range(j):
+                rest -= out[i, k] * out[j, k]
+            if i == j:
+                out[j, j] = np.sqrt(max(rest, 0.0))
+            elif out[j, j] > 0.0:
+                out[i, j] = rest / out[j, j]

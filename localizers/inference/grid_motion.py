@@ -1,0 +1,100 @@
+"""p(x_t | x_{t-1}, a_t) from cell to cell of a pose grid: turn, then drive along the new heading.
+
+Mass moves by the noise's density, shared out linearly between the cells around where it lands.
+That keeps its mean exactly. It adds up to a quarter of a cell² of variance per axis and step, the
+numerical diffusion of the grid: halve the cell to see how much it is.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics import arrays
+from localizers.inference import grid_kernels
+from localizers.models.motion import OdometryMotion
+from localizers.models.normal import normal_pdf
+from localizers.models.pose_grid import PoseGrid
+
+Floats = NDArray[np.float64]
+_TAIL = 5.0  # standard deviations that the noise is followed to
+
+
+@dataclass(frozen=True)
+class GridMotion:
+    """The motion model on a grid."""
+
+    grid: PoseGrid
+    motion: OdometryMotion
+
+    def predicted(self, mass: Floats, action: Floats) -> Floats:
+        """Return Σ_x' p(x | x', a) mass(x'), (H, Y, X); what leaves the grid is lost."""
+        sd_distance, sd_turn = self.motion.spread(action)
+        turned, driven = np.empty_like(mass), np.empty_like(mass)
+        grid_kernels.turn(mass, self._turns(float(action[1]), sd_turn), turned)
+        stencils, low_row, low_column = self._stencils(float(action[0]), sd_distance)
+        grid_kernels.shift(turned, stencils, low_row, low_column, driven)
+        return driven
+
+    def _turns(self, turn: float, sd: float) -> Floats:
+        """Probability of each number of heading cells to turn by, (H,)."""
+        headings, step = self.grid.headings, self.grid.heading_step
+        # beyond a few turns the noise is spread evenly over the headings
+        nodes, shares = _nodes(turn % (2 * math.pi), sd, step, _TAIL * math.pi * 2)
+        cells = nodes / step
+        below = np.floor(cells)
+        above = shares * (cells - below)
+        low = below.astype(np.intp) % headings
+        moved: Floats = np.zeros(headings)
+        moved += np.bincount(low, shares - above, headings)
+        moved += np.bincount((low + 1) % headings, above, headings)
+        return moved
+
+    def _stencils(self, distance: float, sd: float) -> tuple[Floats, int, int]:
+        """Shares by which mass of each heading moves by (rows, columns), (H, J, I), and the first.
+
+        Moves that leave the grid from anywhere are left out.
+        """
+        headings, rows, columns = self.grid.shape
+        nodes, shares = _nodes(
+            distance, sd, self.grid.cell, self.grid.cell * math.hypot(rows + 1, columns + 1)
+        )
+        if nodes.size == 0:
+            return np.zeros((headings, 1, 1)), 0, 0
+        angles = self.grid.axes[0][:, None]
+        down = arrays.sin(angles) * (nodes / self.grid.cell)  # (H, nodes)
+        right = arrays.cos(angles) * (nodes / self.grid.cell)
+        row, column = np.floor(down), np.floor(right)
+        low_row, low_column = int(row.min()), int(column.min())
+        shape = (headings, int(row.max()) - low_row + 2, int(column.max()) - low_column + 2)
+        j, i = row.astype(np.intp) - low_row, column.astype(np.intp) - low_column
+        h = np.broadcast_to(np.arange(headings)[:, None], j.shape)
+        above, beyond = down - row, right - column
+        stencils = np.zeros(math.prod(shape))
+        for dj, di, share in (
+            (0, 0, (1 - above) * (1 - beyond)),
+            (0, 1, (1 - above) * beyond),
+            (1, 0, above * (1 - beyond)),
+            (1, 1, above * beyond),
+        ):
+            index = np.ravel_multi_index((h, j + dj, i + di), shape).ravel()
+            stencils += np.bincount(index, (shares * share).ravel(), stencils.size)
+        return stencils.reshape(shape), low_row, low_column
+
+
+def _nodes(mean: float, sd: float, cell: float, reach: float) -> tuple[Floats, Floats]:
+    """Points at most ``reach`` from 0 and the shares of N(mean, sd²) that they stand for, (k,).
+
+    At most an eighth of a standard deviation and of a cell apart, for the kinks of the linear
+    shares: each of these is then right to 1e-3. One point if there is no noise.
+    """
+    if sd == 0:
+        return (np.array([mean]), np.ones(1)) if abs(mean) <= reach else (np.empty(0), np.empty(0))
+    apart = min(sd, cell) / 8
+    first = math.ceil(max(-_TAIL * sd, -reach - mean) / apart)
+    last = math.floor(min(_TAIL * sd, reach - mean) / apart)
+    steps: Floats = np.arange(float(first), max(last, first - 1) + 1.0) * apart
+    shares = normal_pdf(steps / sd) * (apart / sd)
+    inside = _TAIL * sd <= min(reach - mean, reach + mean)  # then nothing is cut but the tail
+    return mean + steps, shares / shares.sum() if inside else shares

@@ -1,0 +1,83 @@
+"""P(not lost | recent scans), the quality of a belief: is the robot where the belief says it is?
+
+A hidden Markov model of two states. While the belief is right, a scan has the density that the
+belief predicts; while the robot is lost, that of a robot somewhere in free space. Both come from
+the localizer's own scan model, so what is wrong with that model cancels to first order.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from localizers import kernels
+from localizers.inference.parts import Scan, States
+from localizers.inference.weights import log_sum_exp
+
+LOST = 0.01  # probability of getting lost, per step
+FOUND = 0.01  # probability of being found again, per step
+MEMORY = 50  # scans looked back at: 1 / (LOST + FOUND)
+ANYWHERE = 128  # poses that stand for "somewhere in free space"
+
+
+@dataclass(eq=False)
+class Evidence:
+    """A scan, and how well the belief before it predicted it.
+
+    Attributes:
+        scan, anywhere: as in ``Trust``.
+        ranges: the scan, (B,) px.
+        log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
+    """
+
+    scan: Scan
+    anywhere: States
+    ranges: NDArray[np.float64]
+    log_right: float
+
+    @cached_property
+    def log_ratio(self) -> float:
+        """Log p(o | lost) - log p(o | belief); NaN if nothing is known or both deny the scan."""
+        likelihoods = self.scan.log_likelihood(self.anywhere, self.ranges)
+        return log_sum_exp(likelihoods) - math.log(likelihoods.size) - self.log_right
+
+
+class Trust(NamedTuple):
+    """The evidence for and against a belief; looked at only when somebody asks, and then once.
+
+    Attributes:
+        scan: p(o | x, m), the localizer's own.
+        anywhere: poses spread evenly over free space, (3, M).
+        start: probability of not being lost before the scans remembered.
+        remembered: the latest scans, at most ``MEMORY``.
+    """
+
+    scan: Scan
+    anywhere: States
+    start: float = 1.0 - LOST
+    remembered: tuple[Evidence, ...] = ()
+
+    def after(self, ranges: NDArray[np.float64], log_right: float) -> "Trust":
+        """Return the trust after one more step; of a scan that is forgotten, only time remains.
+
+        Args:
+            ranges: its scan, (B,) px.
+            log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
+        """
+        newest = Evidence(self.scan, self.anywhere, ranges.copy(), log_right)
+        if len(self.remembered) < MEMORY:
+            return Trust(self.scan, self.anywhere, self.start, (*self.remembered, newest))
+        start = self.start * (1.0 - LOST) + (1.0 - self.start) * FOUND
+        return Trust(self.scan, self.anywhere, start, (*self.remembered[1:], newest))
+
+    @property
+    def quality(self) -> float:
+        """Probability of not being lost, in [0, 1].
+
+        q⁻ = q (1 - LOST) + (1 - q) FOUND; then q ∝ q⁻ p(o | belief), 1 - q ∝ (1 - q⁻) p(o | lost).
+        """
+        log_ratios = np.array([evidence.log_ratio for evidence in self.remembered])
+        return kernels.two_states(self.start, 1.0 - LOST, FOUND, log_ratios)

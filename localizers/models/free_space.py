@@ -1,0 +1,40 @@
+"""Poses in free space: evenly spread, or drawn."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan
+
+_BLOCK = 1024
+# Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
+# discrepancy in three dimensions (Roberts 2018).
+_STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
+
+
+def even_poses(floor_plan: FloorPlan, count: int) -> NDArray[np.float32]:
+    """Return poses spread evenly over free space and headings, always the same, (3, count)."""
+    found: list[NDArray[np.float64]] = []
+    start = 0
+    while sum(map(len, found)) < count:  # a floor plan has free space
+        shares = (0.5 + np.arange(start, start + _BLOCK)[:, None] * _STEPS) % 1.0
+        found.append(_free(floor_plan, shares))
+        start += _BLOCK
+    return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
+
+
+def random_poses(
+    floor_plan: FloorPlan, count: int, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Draw poses uniformly over free space and headings, (3, count)."""
+    found = [np.empty((0, 3))]
+    while sum(map(len, found)) < count:
+        found.append(_free(floor_plan, rng.random((max(2 * count, 16), 3))))
+    return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
+
+
+def _free(floor_plan: FloorPlan, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of the poses at ``shares`` of the bounds and of a turn that are free, (k, 3)."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
+    poses: NDArray[np.float64] = low + (high - low) * shares
+    return poses[floor_plan.free(poses)]

@@ -1,0 +1,119 @@
+"""p(o_t | x_t, m) by how far the ends of the beams lie from the nearest wall, without ray casts."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import InputError, number
+from localizers import field_kernels
+from localizers.models.scan import OUTSIDE, usable_beams
+
+Floats = NDArray[np.float64]
+_MAX_CELLS = 20_000_000
+_AXES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LikelihoodField:
+    """Σ over beams of log(h N(d; 0, σ²) + (1 - h) / max_range); Thrun et al. 2005, table 6.3.
+
+    d is the distance from a beam's end to the nearest wall, read from a table of the floor plan.
+    Walls are lines seen from both sides: a beam that ends inside an obstacle is as far from it as
+    its end is from the obstacle's outline. A beam at max_range says nothing; a pose outside the
+    outer wall gets ``OUTSIDE`` for the whole scan.
+
+    Attributes:
+        sigma: σ > 0, px.
+        hit: h, share of the beams that end at a wall.
+        farthest: largest distance told apart, px.
+        cell: edge of the table's cells, px; d is right to one cell.
+    """
+
+    floor_plan: FloorPlan
+    lidar: Lidar
+    sigma: float
+    hit: float = 0.5
+    farthest: float = math.inf
+    cell: float = 1.0
+
+    def __post_init__(self) -> None:
+        number("sigma_hit", self.sigma, low=0, above=True)
+        number("hit", self.hit, low=0, high=1)
+        number("laser_likelihood_max_dist", self.farthest, low=0, above=True, finite=False)
+        number("field_cell", self.cell, low=0, above=True)
+        rows, columns = self._shape
+        if rows * columns > _MAX_CELLS:
+            raise InputError(
+                f"field_cell is {self.cell:g} px, which makes a table of {rows * columns:,} cells; "
+                f"allowed are {_MAX_CELLS:,}: give larger cells."
+            )
+
+    def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+        """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
+        max_range = self.lidar.max_range
+        usable = usable_beams(ranges, max_range) & (ranges < max_range)
+        out = np.zeros(states.shape[1])
+        if not usable.any():
+            return out
+        xs, ys = self._axes
+        field_kernels.field_log_likelihood(
+            np.ascontiguousarray(states, dtype=np.float32),
+            np.ascontiguousarray(ranges[usable]),
+            self._bearings[usable],
+            self.distances,
+            float(xs[0]),
+            float(ys[0]),
+            self.cell,
+            self.farthest,
+            self.sigma,
+            self.hit / (self.sigma * math.sqrt(2 * math.pi)),
+            (1 - self.hit) / max_range,
+            out,
+        )
+        out[np.isnan(self.floor_plan.ranges(states.T, np.zeros(1))[:, 0])] = OUTSIDE
+        return out
+
+    @cached_property
+    def distances(self) -> NDArray[np.float32]:
+        """Distance of each cell's centre to the nearest wall, (Y, X) px.
+
+        Wall cells are those in which a ray from a free cell's centre along an axis meets a wall
+        within 1½ cells: walls border free space, so every wall is met.
+        """
+        xs, ys = self._axes
+        points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        free = points[self.floor_plan.free(points)]
+        poses = np.column_stack([free, np.zeros(len(free))])
+        seen = self.floor_plan.ranges(poses, np.arange(4) * (np.pi / 2))
+        walls = np.zeros(self._shape, np.bool_)
+        for (right, up), range_ in zip(_AXES, seen.T.astype(np.float64), strict=True):
+            near = range_ <= 1.5 * self.cell
+            column = (free[near, 0] + right * range_[near] - xs[0]) / self.cell
+            row = (free[near, 1] + up * range_[near] - ys[0]) / self.cell
+            walls[
+                np.clip(np.rint(row).astype(np.intp), 0, ys.size - 1),
+                np.clip(np.rint(column).astype(np.intp), 0, xs.size - 1),
+            ] = True
+        out = np.empty(self._shape, np.float32)
+        field_kernels.distances(walls, self.cell, out)
+        return out
+
+    @cached_property
+    def _bearings(self) -> Floats:
+        return self.lidar.bearings
+
+    @cached_property
+    def _shape(self) -> tuple[int, int]:
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        return math.ceil((y1 - y0) / self.cell) + 1, math.ceil((x1 - x0) / self.cell) + 1
+
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """Centres of the cells along x and y; the first ones on the bounds."""
+        x0, y0, _, _ = self.floor_plan.bounds
+        rows, columns = self._shape
+        return x0 + self.cell * np.arange(float(columns)), y0 + self.cell * np.arange(float(rows))

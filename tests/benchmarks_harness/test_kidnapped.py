@@ -1,0 +1,53 @@
+"""A robot kidnapped in the world: its belief's quality falls, and random poses find it again."""
+
+import numpy as np
+
+import localizers
+from benchmarks.episode import moments, room_of
+from benchmarks.presets import ASSUMED
+from deqmcl_gym.wrappers import Kidnap
+
+STEP, CARRIED_TO = 40, (300.0, 260.0, 2.5)
+
+
+def turn_about(belief, plan) -> np.ndarray:
+    return np.array([0.0, 0.1], np.float32)
+
+
+def episode(**params) -> tuple[np.ndarray, np.ndarray]:
+    """Position errors and qualities of ``amcl`` in ``sharp``, on a robot that turns on the spot.
+
+    The room looks the same after half a turn: the error is that to the nearer of the two poses.
+    """
+    room = room_of("sharp")
+    assumed = ASSUMED["sharp"]
+    localizer = localizers.make("amcl", assumed.robot_model(room), **params)
+    env = Kidnap(room, STEP, CARRIED_TO)
+    errors, qualities = [], []
+    rng = np.random.default_rng(0)
+    for moment in moments(env, localizer, assumed.prior(room), rng, seed=1, driver=turn_about):
+        x, y, _ = localizers.mean_pose(*moment.belief.points())
+        twin = np.array([350.0, 300.0]) - moment.truth[:2]
+        errors.append(min(np.hypot(*(p - [x, y])) for p in (moment.truth[:2], twin)))
+        qualities.append(localizers.quality_of(moment.belief))
+        if moment.step == STEP + 60:
+            break
+    return np.array(errors), np.array(qualities)
+
+
+def test_the_quality_tells_of_the_kidnap_at_once_and_recovery_ends_it():
+    errors, quality = episode(recovery_alpha_slow=0.001, recovery_alpha_fast=0.1)
+    assert errors[:STEP].max() < 10
+    assert quality[5:STEP].min() > 0.9
+    assert quality[STEP : STEP + 3].min() < 0.1  # nine beams of 5 px
+    assert errors[-20:].max() < 10
+    assert quality[-20:].min() > 0.9
+
+
+def test_without_random_poses_the_robot_stays_lost_and_its_quality_is_lower_than_before():
+    errors, quality = episode()
+    lost = errors > 50
+    assert lost[STEP:].all()
+    assert not lost[:STEP].any()
+    # now and then the wrong pose explains the scans: a fan of 90° in a room of right angles
+    assert (quality[lost][:, None] < quality[~lost]).mean() > 0.9

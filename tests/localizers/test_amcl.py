@@ -1,0 +1,228 @@
+"""``amcl``: the KLD bound, augmented recovery, the likelihood field, and a kidnapped robot."""
+
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+import localizers
+from deqmcl_gym.floorplan import FloorPlan, Lidar, reference
+from deqmcl_gym.validation import InputError
+from localizers.inference.adaptive import KldSampling, Recovery
+from localizers.models.likelihood_field import LikelihoodField
+from localizers.models.scan import LidarScan
+
+LOPSIDED = FloorPlan(
+    outer=[(0, 0), (300, 0), (300, 200), (120, 200), (120, 170), (0, 170)],
+    obstacles=[[(60, 60), (140, 60), (140, 120), (60, 120)]],
+)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "chi_square"),  # 99 % quantiles, from the tables
+    [(1, 6.635), (5, 15.086), (9, 21.666), (30, 50.892), (100, 135.807)],
+)
+def test_the_kld_bound_is_a_chi_square_quantile_over_twice_the_error(degrees, chi_square):
+    # Fox 2003, eq. (6): n = χ²_{k-1, 1-δ} / 2ε; (7) is the Wilson-Hilferty approximation of it,
+    # which is right to 1 %.
+    kld = KldSampling(error=0.05, quantile=NormalDist().inv_cdf(0.99))
+    assert kld.bound(np.array([degrees + 1]))[0] == pytest.approx(chi_square / 0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("k", [2, 3, 17, 400])
+def test_the_kld_bound_is_the_published_formula(k):
+    error, z = 0.02, 2.3
+    a = 2 / (9 * (k - 1))
+    published = (k - 1) / (2 * error) * (1 - a + math.sqrt(a) * z) ** 3
+    seen = KldSampling(error=error, quantile=z).bound(np.array([1, k]))
+    assert seen[1] == pytest.approx(published, rel=1e-12)
+    assert seen[0] == 1.0
+
+
+@pytest.mark.parametrize("spread", [1.0, 30.0, 300.0])
+def test_drawing_stops_as_the_books_loop_does(spread):
+    kld = KldSampling(least=50, most=900, error=0.1, quantile=1.0, bin_size=(20.0, 20.0, 0.5))
+    states = np.random.default_rng(0).normal(0, [[spread], [spread], [spread / 100]], (3, 900))
+    states = states.astype(np.float32)
+    occupied: set[tuple[int, ...]] = set()
+    for drawn, pose in enumerate(states.T.astype(float), start=1):  # table 8.4
+        occupied.add(tuple(int(v // size) for v, size in zip(pose, kld.bin_size, strict=True)))
+        k = len(occupied)
+        a = 2 / (9 * (k - 1)) if k > 1 else 0
+        bound = (k - 1) / 0.2 * (1 - a + math.sqrt(a)) ** 3 if k > 1 else 0
+        if drawn >= bound and drawn >= 50:
+            break
+    assert kld.enough(states) == drawn
+
+
+def test_random_poses_come_by_the_ratio_of_the_two_averages():
+    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5).after(math.log(0.4), 1)
+    assert recovery.share == 0.0
+    recovery = recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
+    slow, fast = 0.4 + 0.1 * (0.1 - 0.4), 0.4 + 0.5 * (0.1 - 0.4)
+    assert recovery.share == pytest.approx(1 - fast / slow)
+    assert recovery.after(math.log(0.9), 1).after(math.log(0.9), 1).share == 0.0
+    assert recovery.after(0.0, 0) == recovery  # a blind scan
+    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.9))
+
+
+def test_without_rates_nothing_is_ever_drawn_anywhere():
+    recovery = Recovery()
+    for likelihood in (0.9, 1e-9, 0.5):
+        recovery = recovery.after(math.log(likelihood), 1)
+        assert recovery.share == 0.0
+
+
+@pytest.mark.parametrize("cell", [1.0, 4.0])
+def test_the_field_is_the_distance_to_the_nearest_wall(cell):
+    field = LikelihoodField(floor_plan=LOPSIDED, lidar=Lidar(), sigma=5.0, cell=cell)
+    rows, columns = field.distances.shape
+    ys, xs = np.mgrid[:rows, :columns] * cell
+    points = np.column_stack([xs.ravel(), ys.ravel()])
+    exact = reference.clearance(LOPSIDED.walls, points, points).reshape(rows, columns)
+    # a wall cell holds a wall point, at most half a diagonal (0.71 cells) from its centre; a wall
+    # point whose own cell is none, as in a corner of the room, has one next to it
+    assert np.abs(field.distances - exact).max() <= cell
+
+
+def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_nothing():
+    lidar = Lidar(beams=9, field_of_view=4.0, max_range=400.0)
+    field = LikelihoodField(floor_plan=LOPSIDED, lidar=lidar, sigma=5.0)
+    poses = np.array([[200.0, 100.0, 1.0], [200.0, 130.0, 1.0], [400.0, 100.0, 1.0]])
+    scan = LOPSIDED.ranges(poses[:1], lidar.bearings)[0].astype(float)
+    states = np.ascontiguousarray(poses.T, dtype=np.float32)
+    here, there, outside = field.log_likelihood(states, scan)
+    peak = 0.5 / (5 * math.sqrt(2 * math.pi))
+    # all ends lie on walls: d is at most a cell's diagonal in the table
+    assert here == pytest.approx(9 * math.log(peak + 0.5 / 400), abs=9 * 0.5 * 2 / 25)
+    assert there < here - 5
+    assert outside == -30.0
+    odd = scan.copy()
+    odd[[0, 3, 5]] = [math.nan, -1.0, 400.0]
+    few = field.log_likelihood(states, odd)[0]
+    assert few == pytest.approx(here * 6 / 9, rel=0.05)
+    nothing = field.log_likelihood(states, np.full(9, 400.0))
+    assert nothing.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_number_of_particles_follows_the_spread(robot):
+    def count(sd: float) -> int:
+        localizer = localizers.make("amcl", robot, min_particles=20, max_particles=5000)
+        prior = localizers.GaussianPrior(mean=(175, 50, 0.0), sd_position=sd, sd_heading=sd / 100)
+        localizer.reset(prior, [], np.random.default_rng(0))
+        for _ in range(2):
+            belief = localizer.update([math.nan], [0.0, 0.0], [])
+        return len(belief.points()[1])
+
+    narrow, middle, wide = count(1.0), count(15.0), count(100.0)
+    assert 20 <= narrow < middle < wide <= 5000
+
+
+@pytest.mark.parametrize(("interval", "selective"), [(1, False), (3, False), (1, True)])
+def test_it_resamples_when_it_should(robot, prior, drive, interval, selective):
+    localizer = localizers.make(
+        "amcl",
+        robot,
+        resample_interval=interval,
+        selective_resampling=selective,
+        laser_model_type="robot",
+    )
+    model = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    before = localizer.reset(prior, [], np.random.default_rng(0))
+    actions, scans = drive
+    for t, (action, scan) in enumerate(zip(actions, scans, strict=True)):
+        due = t > 0 and t % interval == 0
+        if selective:
+            due = due and before.effective_sample_size < len(before.log_weights) / 2
+        after = localizer.update(scan, action, [])
+        latest = model.log_likelihood(after.present, scan)
+        only_the_latest = np.array_equal(latest, after.log_weights)
+        assert only_the_latest == (due or t == 0)
+        before = after
+
+
+def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
+    """Position errors of a robot that stands, is carried off at step 10, and turns about there."""
+    lidar = Lidar(beams=15, field_of_view=5.0, max_range=400.0)
+    robot = localizers.RobotModel(
+        floor_plan=LOPSIDED,
+        lidar=lidar,
+        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.002),
+        scan=localizers.GaussianUniform(sigma=10.0),
+    )
+    truth = np.array(
+        [[40.0, 30.0, 0.1 * t] for t in range(11)]
+        + [[230.0, 150.0, 1.0 + 0.1 * t] for t in range(60)]
+    )
+    rng = np.random.default_rng(3)
+    scans = LOPSIDED.ranges(truth, lidar.bearings) + rng.normal(0, 10, (len(truth), 15))
+    localizer = localizers.make(
+        "amcl", robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast
+    )
+    prior = localizers.GaussianPrior(mean=tuple(truth[0]), sd_position=5.0, sd_heading=0.05)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    errors = []
+    for pose, scan in zip(truth[1:], np.clip(scans[1:], 0, 400), strict=True):
+        belief = localizer.update(scan, [0.0, 0.1], [])
+        x, y, _ = localizers.mean_pose(*belief.points())
+        errors.append(math.hypot(x - pose[0], y - pose[1]))
+    return np.array(errors), belief.events.random_poses
+
+
+def test_a_kidnapped_robot_is_found_again_by_random_poses_and_not_without():
+    errors, drawn = lost_and_found(0.001, 0.1)
+    assert errors[:10].max() < 15
+    assert errors[10] > 150  # carried off by 220 px
+    assert errors[-10:].max() < 15
+    assert drawn > 0
+    errors, drawn = lost_and_found(0.0, 0.0)
+    assert errors[-10:].min() > 50
+    assert drawn == 0
+
+
+def test_at_most_max_beams_are_used_evenly_spread():
+    lidar = Lidar(beams=9, field_of_view=3.0, max_range=400.0)
+    robot = localizers.RobotModel(
+        floor_plan=LOPSIDED, lidar=lidar, scan=localizers.GaussianUniform(sigma=10.0)
+    )
+    prior = localizers.GaussianPrior(mean=(200, 100, 0.0))
+    scan = np.full(9, 50.0)
+    other = scan.copy()
+    other[[1, 2, 3, 5, 6, 7]] = 90.0
+
+    def weights(ranges, **params):
+        localizer = localizers.make("amcl", robot, **params)
+        localizer.reset(prior, [], np.random.default_rng(0))
+        return localizer.update(ranges, [0.0, 0.0], []).points()[1]
+
+    assert np.array_equal(weights(scan, max_beams=3), weights(other, max_beams=3))
+    assert not np.array_equal(weights(scan), weights(other))
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        ({"max_particles": 0}, "max_particles is 0"),
+        ({"max_particles": 10**9}, "max_particles is 1000000000"),
+        ({"min_particles": 3000}, "min_particles is 3000, but must be at most max_particles"),
+        ({"pf_err": 0}, "pf_err is 0"),
+        ({"pf_z": math.nan}, "pf_z is nan"),
+        ({"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
+        ({"recovery_alpha_fast": 1.1}, "recovery_alpha_fast is 1.1"),
+        ({"resample_interval": 0}, "resample_interval is 0"),
+        ({"selective_resampling": "yes"}, "selective_resampling is 'yes'"),
+        ({"laser_model_type": "likelihood_field_prob"}, "did you mean 'likelihood_field'"),
+        ({"max_beams": 0}, "max_beams is 0"),
+        ({"z_hit": -1}, "z_hit is -1"),
+        ({"z_hit": 0, "z_rand": 0}, "one must be above 0"),
+        ({"sigma_hit": 0}, "sigma_hit is 0"),
+        ({"lambda_short": 0, "laser_model_type": "beam"}, "lambda_short is 0"),
+        ({"laser_likelihood_max_dist": 0}, "laser_likelihood_max_dist is 0"),
+        ({"field_cell": 0}, "field_cell is 0"),
+        ({"field_cell": 1e-3}, "give larger cells"),
+    ],
+)
+def test_a_bad_parameter_is_refused(robot, params, words):
+    with pytest.raises(InputError, match=words):
+        localizers.make("amcl", robot, **params)

@@ -1,0 +1,175 @@
+"""``ekf``: the book's matrices, the moments of a beam, the points, the gate, consistency."""
+
+import math
+
+import numpy as np
+import pytest
+
+import localizers
+from benchmarks.episode import trial_moments
+from benchmarks.spec import Trial
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import InputError
+from localizers.inference import gaussian_kernels as kernels
+from localizers.inference.gaussian import gaussian_points, sigma_points
+
+COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
+
+
+def test_the_prediction_is_f_p_f_plus_v_q_v():
+    mean, covariance = np.array([10.0, 20.0, 0.7]), COVARIANCE.copy()
+    kernels.predict(mean, covariance, 12.0, 0.4, 1.5, 0.2)
+    heading = 0.7 + 0.4
+    s, c = math.sin(heading), math.cos(heading)
+    f = np.array([[1, 0, -12 * s], [0, 1, 12 * c], [0, 0, 1]])
+    v = np.array([[c, -12 * s], [s, 12 * c], [0, 1]])
+    expected = f @ COVARIANCE @ f.T + v @ np.diag([1.5**2, 0.2**2]) @ v.T
+    assert mean == pytest.approx([10 + 12 * c, 20 + 12 * s, heading], rel=1e-12)
+    assert covariance == pytest.approx(expected, rel=1e-12)
+
+
+def test_beams_one_by_one_are_the_kalman_update_with_all_at_once():
+    rng = np.random.default_rng(0)
+    slopes, innovations = rng.normal(size=(5, 3)) * [1, 1, 80], rng.normal(size=5) * 10
+    variances = rng.uniform(10, 200, 5)
+    mean, covariance = np.array([10.0, 20.0, 0.7]), COVARIANCE.copy()
+    assert kernels.correct(mean, covariance, innovations, slopes, variances, math.inf) == 0
+    spread = slopes @ COVARIANCE @ slopes.T + np.diag(variances)
+    gain = COVARIANCE @ slopes.T @ np.linalg.inv(spread)
+    assert mean == pytest.approx([10, 20, 0.7] + gain @ innovations, rel=1e-9)
+    assert covariance == pytest.approx((np.eye(3) - gain @ slopes) @ COVARIANCE, rel=1e-7)
+
+
+@pytest.mark.parametrize("variance", [0.0, 1.0])
+def test_the_points_have_exactly_the_mean_and_the_covariance(variance):
+    mean, covariance = np.array([10.0, 20.0, 0.7]), COVARIANCE * variance
+    poses = gaussian_points(mean, covariance)
+    # rounding of 512 sums
+    assert poses.mean(axis=0) == pytest.approx(mean, rel=1e-12)
+    assert np.cov(poses.T, ddof=0) == pytest.approx(covariance, rel=1e-9, abs=1e-12)
+    six = sigma_points(mean, covariance).T
+    assert six.mean(axis=0) == pytest.approx(mean, rel=1e-12)
+    assert np.cov(six.T, ddof=0) == pytest.approx(covariance, rel=1e-9, abs=1e-12)
+
+
+def test_the_points_fill_ellipsoids_as_a_gaussian_does():
+    poses = gaussian_points(np.zeros(3), COVARIANCE)
+    squares = np.einsum("ij,jk,ik->i", poses, np.linalg.inv(COVARIANCE), poses)
+    # quantiles of chi² with 3 degrees of freedom. 256 independent pairs would give a share to
+    # ± 0.031 (one standard deviation at ½); evenly spread ones are better.
+    for level, quantile in ((0.25, 1.213), (0.5, 2.366), (0.8, 4.642), (0.95, 7.815)):
+        assert (squares < quantile).mean() == pytest.approx(level, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        localizers.CensoredGaussianUniform(sigma=100.0, uniform=0.0),
+        localizers.BeamModel(hit=1.0, short=0.0, max=0.0, rand=0.0, sigma=60.0),
+    ],
+    ids=["censored", "beam"],
+)
+@pytest.mark.parametrize("expected", [5.0, 120.0, 395.0])
+def test_the_moments_of_a_beam_that_hits_are_those_of_its_density(model, expected):
+    inside = (np.arange(40_000) + 0.5) / 100  # midpoints of cells of 0.01 px
+    masses = model.density(inside, np.full((1, 40_000), expected), 400.0)[0] * 0.01
+    ends = np.zeros(2)
+    if isinstance(model, localizers.CensoredGaussianUniform):
+        ends = model.density(np.array([0.0, 400.0]), np.full((1, 2), expected), 400.0)[0]
+    values, shares = np.r_[0.0, inside, 400.0], np.r_[ends[0], masses, ends[1]]
+    mean = (values * shares).sum()
+    seen_mean, seen_variance = model.hit_moments(np.array([[expected]]), 400.0)
+    assert shares.sum() == pytest.approx(1.0, abs=1e-6)
+    assert seen_mean[0, 0] == pytest.approx(mean, rel=1e-5)
+    assert seen_variance[0, 0] == pytest.approx((values**2 * shares).sum() - mean**2, rel=1e-4)
+
+
+@pytest.fixture
+def corridor() -> localizers.RobotModel:
+    return localizers.RobotModel(
+        floor_plan=FloorPlan(outer=[(0, 0), (300, 0), (300, 100), (0, 100)]),
+        lidar=Lidar(beams=3, field_of_view=math.pi, max_range=400.0),
+        motion=localizers.OdometryMotion(drive=0.05, turn=0.05, drift=0.0),
+        scan=localizers.GaussianUniform(sigma=4.0),
+    )
+
+
+def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
+    # Left and right beams give y to 4 / √2 px, the one ahead x to 4 px; the heading stays known to
+    # about 0.01 rad. At (100, 50, 0): 50 to the right, 200 ahead, 50 to the left.
+    prior = localizers.GaussianPrior(mean=(90, 45, 0.0), sd_position=20.0, sd_heading=0.01)
+    localizer = localizers.make("ekf", corridor)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    belief = localizer.update([50.0, 200.0, 50.0], [0.0, 0.0], [])
+    assert belief.mean[:2] == pytest.approx([100, 50], abs=0.6)  # the prior's share: (4 / 20)² · 10
+    assert belief.covariance[0, 0] == pytest.approx(1 / (1 / 16 + 1 / 400), rel=0.05)
+    assert belief.covariance[1, 1] == pytest.approx(1 / (2 / 16 + 1 / 400), rel=0.05)
+
+
+def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
+    prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
+
+    def after(scan, **params):
+        localizer = localizers.make("ekf", corridor, **params)
+        localizer.reset(prior, [], np.random.default_rng(0))
+        return localizer.update(scan, [0.0, 0.0], [])
+
+    gated, lost = after([50.0, 90.0, 50.0]), after([50.0, math.nan, 50.0])
+    assert gated.events.gated_beams == 1
+    assert gated.mean == pytest.approx(lost.mean)
+    assert gated.covariance == pytest.approx(lost.covariance)
+    assert lost.events.skipped_beams == 1
+    assert after([50.0, 90.0, 50.0], gate=1).events.gated_beams == 0
+
+
+def test_outside_the_walls_it_goes_on_by_its_commands(corridor):
+    prior = localizers.GaussianPrior(mean=(290, 50, 0.0), sd_position=2.0, sd_heading=0.01)
+    localizer = localizers.make("ekf", corridor)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    belief = localizer.update([50.0, 20.0, 50.0], [30.0, 0.0], [])
+    assert belief.mean == pytest.approx([320, 50, 0])
+    assert belief.events.unpredicted_beams == 3
+
+
+def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
+    # There the truth is a draw from the prior and all noise is as assumed. Worlds are independent,
+    # so at each of three steps the sum over 30 worlds would be chi² with 90 degrees of freedom:
+    # mean 90, sd √180. Beyond 4 sd (Wilson-Hilferty: p < 2e-4 in both tails) fails: 6e-4 in all.
+    steps, worlds = (10, 30, 50), 30
+    sums = np.zeros(len(steps))
+    for trial in range(worlds):
+        setting = Trial(preset="matched", localizer="ekf", params=(), lag=20, seed=5, trial=trial)
+        for moment in trial_moments(setting):
+            if moment.step in steps:
+                apart = moment.truth - moment.belief.mean
+                apart[2] = math.remainder(apart[2], 2 * math.pi)
+                square = apart @ np.linalg.solve(moment.belief.covariance, apart)
+                sums[steps.index(moment.step)] += square
+            if moment.step == max(steps):
+                break
+    assert (np.abs(sums - 3 * worlds) < 4 * math.sqrt(6 * worlds)).all(), sums / worlds
+
+
+@pytest.mark.parametrize("gate", [0, -1, 1.1, math.nan, "x"])
+def test_a_bad_gate_is_refused(robot, gate):
+    with pytest.raises(InputError, match="gate is"):
+        localizers.make("ekf", robot, gate=gate)
+
+
+def test_a_scan_model_without_moments_is_refused(robot):
+    class Odd:
+        pass
+
+    plain = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, scan=Odd())
+    with pytest.raises(InputError, match="hit_moments"):
+        localizers.make("ekf", plain)
+
+
+@pytest.mark.parametrize("name", ["grid", "ekf"])
+def test_a_motion_that_can_only_be_drawn_from_is_refused(robot, name):
+    class Odd:
+        pass
+
+    drawn = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, motion=Odd())
+    with pytest.raises(InputError, match="give an OdometryMotion"):
+        localizers.make(name, drawn)

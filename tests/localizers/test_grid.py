@@ -1,0 +1,222 @@
+"""``grid`` against a recursion with whole transition matrices, and against MCL."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import textbook_mcl as book
+
+import localizers
+from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.validation import InputError
+from localizers.inference.grid_motion import GridMotion
+from localizers.methods import grid as method
+from localizers.models.pose_grid import PoseGrid
+
+SMALL = FloorPlan(
+    outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]
+)
+CELL, HEADINGS = 10.0, 8
+ACTIONS = [(12.0, 0.3), (7.0, -0.9), (0.0, 2.0), (9.0, 0.0)]
+SCANS = [[20.0, 31.0, 12.0], [15.0, math.nan, 40.0], [33.0, 8.0, -1.0], [10.0, 20.0, 30.0]]
+
+
+@pytest.fixture(scope="module")
+def small() -> localizers.RobotModel:
+    return localizers.RobotModel(
+        floor_plan=SMALL,
+        lidar=Lidar(beams=3, field_of_view=2.0, max_range=80.0),
+        motion=localizers.OdometryMotion(drive=0.3, turn=0.4, drift=0.02),
+        scan=localizers.GaussianUniform(sigma=8.0),
+    )
+
+
+def split(position: float) -> list[tuple[int, float]]:
+    """The two cells around a position (in cells), and their linear shares."""
+    below = math.floor(position)
+    return [(below, 1 - (position - below)), (below + 1, position - below)]
+
+
+def normal_nodes(mean: float, sd: float, count: int = 1201) -> list[tuple[float, float]]:
+    if sd == 0:
+        return [(mean, 1.0)]
+    z = np.linspace(-5, 5, count)
+    weights = np.exp(-0.5 * z**2)
+    return list(zip((mean + sd * z).tolist(), (weights / weights.sum()).tolist(), strict=True))
+
+
+def transition(action, motion) -> np.ndarray:
+    """Whole matrix (cells after, cells before), cell by cell: turn, then drive."""
+    distance, turn = action
+    sd_turn = motion.turn * abs(turn) + motion.drift * abs(distance)
+    step, rows, columns = 2 * math.pi / HEADINGS, 4, 6
+    turns = np.zeros((HEADINGS, HEADINGS))
+    for h in range(HEADINGS):
+        for angle, weight in normal_nodes(turn, sd_turn):
+            for to, share in split(h + angle / step):
+                turns[to % HEADINGS, h] += weight * share
+    matrix = np.zeros((HEADINGS * rows * columns,) * 2)
+    for h in range(HEADINGS):
+        heading = -math.pi + h * step
+        moves = np.zeros((21, 21))  # by (rows, columns), 10: none
+        for d, weight in normal_nodes(distance, motion.drive * abs(distance)):
+            for down, share in split(d * math.sin(heading) / CELL):
+                for right, other in split(d * math.cos(heading) / CELL):
+                    moves[10 + down, 10 + right] += weight * share * other
+        for row in range(rows):
+            for column in range(columns):
+                for down, right in zip(*np.nonzero(moves), strict=True):
+                    y, x = row + down - 10, column + right - 10
+                    if 0 <= y < rows and 0 <= x < columns:
+                        after = (h * rows + y) * columns + x
+                        for before in range(HEADINGS):
+                            matrix[after, (before * rows + row) * columns + column] += (
+                                moves[down, right] * turns[h, before]
+                            )
+    return matrix
+
+
+def test_the_grid_is_bayes_rule_with_whole_transition_matrices(small):
+    prior = localizers.GaussianPrior(mean=(15, 12, 0.4), sd_position=9.0, sd_heading=0.8)
+    localizer = localizers.make("grid", small, cell=CELL, headings=HEADINGS)
+    belief = localizer.reset(prior, [], np.random.default_rng(0))
+    mass = belief.mass.ravel()
+    robot = book.Robot(
+        SMALL.outer, SMALL.obstacles, small.lidar.bearings.tolist(), 80.0, 8.0, 0.05, 0, 0, 0
+    )
+    poses = belief.grid.centres().T.astype(float).tolist()
+    for action, scan in zip(ACTIONS, SCANS, strict=True):
+        likelihood = np.exp([book.log_likelihood(robot, pose, scan) for pose in poses])
+        mass = likelihood * (transition(action, small.motion) @ mass)
+        mass /= mass.sum()
+        belief = localizer.update(scan, action, [])
+        # Linear shares have kinks of slope 2 per cell, which the trapezoidal rule at steps h of
+        # an eighth of a standard deviation s misses by h² / 8 · 2 · 0.4 / s = 1.6e-3 s at most, s
+        # in cells: here below 0.05 … 0.6, so 1e-3 per step and axis, 4 steps x 3 axes. A ray that
+        # passes a corner may take the other wall in float32: none here does.
+        assert np.abs(belief.mass.ravel() - mass).max() < 1.2e-2 * mass.max()
+
+
+@pytest.mark.parametrize(("turn", "to"), [(0.0, (0, 2)), (math.pi / 2, (2, 0)), (math.pi, (0, -2))])
+def test_without_noise_mass_moves_by_whole_cells(turn, to):
+    grid = PoseGrid(bounds=(0, 0, 60, 40), cell=CELL, headings=HEADINGS)
+    still = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
+    mass = np.zeros(grid.shape)
+    mass[HEADINGS // 2, 1, 3] = 1.0  # heading 0
+    after = GridMotion(grid, still).predicted(mass, np.array([2 * CELL, turn]))
+    heading = (HEADINGS // 2 + round(turn / grid.heading_step)) % HEADINGS
+    assert after[heading, 1 + to[0], 3 + to[1]] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("action", [(13.0, 0.3), (-8.0, -1.1), (4.0, 3.0)])
+def test_mass_keeps_its_sum_and_moves_by_the_mean_of_the_motion(action):
+    grid = PoseGrid(bounds=(0, 0, 200, 200), cell=CELL, headings=36)
+    motion = localizers.OdometryMotion(drive=0.2, turn=0.1, drift=0.01)
+    mass = np.zeros(grid.shape)
+    mass[5, 9, 9] = 1.0
+    after = GridMotion(grid, motion).predicted(mass, np.array(action))
+    headings, ys, xs = grid.axes
+    of_heading = after.sum(axis=(1, 2))
+    assert after.sum() == pytest.approx(1.0, abs=1e-9)
+    # given the new heading the mean displacement is d (cos θ, sin θ), exactly
+    for h in np.flatnonzero(of_heading > 1e-12):
+        x = (after[h].sum(axis=0) * xs).sum() / of_heading[h]
+        y = (after[h].sum(axis=1) * ys).sum() / of_heading[h]
+        assert x == pytest.approx(xs[9] + action[0] * math.cos(headings[h]), abs=1e-6)
+        assert y == pytest.approx(ys[9] + action[0] * math.sin(headings[h]), abs=1e-6)
+    turned = (of_heading * np.exp(1j * (headings - headings[5] - action[1]))).sum()
+    assert np.angle(turned) == pytest.approx(0.0, abs=1e-3)  # chord against arc in a 10° cell
+
+
+def test_halving_the_cell_leads_to_mcl_with_many_particles():
+    plan = FloorPlan(outer=[(0, 0), (120, 0), (120, 100), (0, 100)])
+    robot = localizers.RobotModel(
+        floor_plan=plan,
+        lidar=Lidar(beams=2, field_of_view=1.5, max_range=200.0),
+        motion=localizers.OdometryMotion(drive=0.2, turn=0.2, drift=0.01),
+        scan=localizers.GaussianUniform(sigma=15.0),
+    )
+    prior = localizers.GaussianPrior(mean=(40, 40, 0.3), sd_position=8.0, sd_heading=0.2)
+    actions, scans = [(8.0, 0.1)] * 4, [[80.0, 60.0], [70.0, 62.0], [60.0, 55.0], [52.0, 50.0]]
+
+    def mean(name: str, **params) -> np.ndarray:
+        localizer = localizers.make(name, robot, **params)
+        belief = localizer.reset(prior, [], np.random.default_rng(0))
+        for action, scan in zip(actions, scans, strict=True):
+            belief = localizer.update(scan, action, [])
+        return np.array(localizers.mean_pose(*belief.points()))
+
+    coarse, fine, finer = (
+        mean("grid", cell=c, headings=h) for c, h in ((10.0, 36), (5.0, 72), (2.5, 144))
+    )
+    many = mean("mcl", particles=200_000)
+    # MCL: sd of the belief < (10 px, 10 px, 0.2 rad); resampled four times, at most 5 times the
+    # variance of independent draws: standard error < sd √(5 / 2e5) = 0.5 % of sd. |z| > 5 fails:
+    # 6e-7 per component. The grid converges at first order or better, so what is left of its error
+    # at c / 2 is at most what the halving changed.
+    allowed = 5 * 0.005 * np.array([10, 10, 0.2])
+    assert (np.abs(fine - many) <= np.abs(coarse - fine) + allowed).all()
+    assert (np.abs(finer - many) <= np.abs(fine - finer) + allowed).all()
+
+
+def test_the_prior_is_integrated_and_a_single_pose_goes_into_its_cell():
+    grid = PoseGrid(bounds=(0, 0, 200, 200), cell=5.0, headings=72)
+    _, ys, xs = grid.axes
+    mass = method.prior_mass(
+        grid, localizers.GaussianPrior(mean=(103, 90, 1.0), sd_position=10.0, sd_heading=0.2)
+    )
+    assert mass.sum() == pytest.approx(1.0)
+    assert (mass.sum(axis=(0, 1)) * xs).sum() == pytest.approx(103, abs=1e-3)
+    assert (mass.sum(axis=(0, 2)) * ys).sum() == pytest.approx(90, abs=1e-3)
+    single = localizers.GaussianPrior(mean=(103, 90, 1.0), sd_position=0.0, sd_heading=0.0)
+    mass = method.prior_mass(grid, single)
+    assert np.flatnonzero(mass).tolist() == [grid.cell_of((103, 90, 1.0))]
+
+
+def test_the_number_of_points_is_bounded_and_their_moments_stay(robot):
+    wide = localizers.GaussianPrior(mean=(175, 50, 0.0), sd_position=80.0, sd_heading=1.0)
+    belief = localizers.make("grid", robot).reset(wide, [], np.random.default_rng(0))
+    poses, weights = belief.points()
+    assert (belief.mass > method.LEAST * belief.mass.max()).sum() > method.MOST_POINTS
+    assert len(weights) <= method.MOST_POINTS
+    assert weights.sum() == pytest.approx(1.0)
+    headings, ys, xs = belief.grid.axes
+    # one pointer stands for 1 / 20,000 of the mass: what it stands for lies within a row of cells,
+    # so the mean is off by less than the room's width times rows cut / pointers
+    for axis, centres, others in ((0, xs, (0, 1)), (1, ys, (0, 2)), (2, headings, (1, 2))):
+        exact = (belief.mass.sum(axis=others) * centres).sum()
+        width = centres[-1] - centres[0]
+        assert abs((poses[:, axis] * weights).sum() - exact) < 0.005 * width
+
+
+def test_driving_out_of_the_map_is_a_counted_collapse(robot, prior):
+    still = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
+    localizer = localizers.make("grid", replace(robot, motion=still), cell=25.0, headings=12)
+    before = localizer.reset(prior, [], np.random.default_rng(0))
+    belief = localizer.update([math.nan], [1e9, 0.0], [])
+    assert belief.events.weight_collapses == 1
+    assert belief.mass == pytest.approx(before.mass)
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        ({"cell": 0.5}, "allowed is 1 GiB"),
+        ({"cell": 1e-9}, "allowed is 1 GiB"),
+        ({"cell": 0}, "cell is 0"),
+        ({"cell": math.nan}, "cell is nan"),
+        ({"headings": 3}, "headings is 3"),
+        ({"headings": 7.5}, "headings is 7.5"),
+        ({"headings": 10**12}, "allowed is 1 GiB"),
+    ],
+)
+def test_a_bad_grid_is_refused_before_memory_is_taken(robot, params, words):
+    with pytest.raises(InputError, match=words):
+        localizers.make("grid", robot, **params)
+
+
+def test_a_prior_that_is_nowhere_on_the_map_is_refused(robot):
+    away = localizers.GaussianPrior(mean=(-1e6, 0, 0), sd_position=1.0)
+    with pytest.raises(InputError, match="must lie on the floor plan"):
+        localizers.make("grid", robot, cell=25.0).reset(away, [], np.random.default_rng(0))
