@@ -1,29 +1,22 @@
 """RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, SupportsFloat, cast
+from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.command import Commands
 from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
 from deqmcl_gym.episode import Episode, Scan
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.info import RoomInfo
-from deqmcl_gym.lap import MAX_STEPS, Course, check_free
+from deqmcl_gym.lap import check_free
 from deqmcl_gym.path import Pose
 from deqmcl_gym.physics import Walls
-from deqmcl_gym.plan import Plan
-from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import Stream
-from deqmcl_gym.validation import InputError, boolean, integer, one_of, pose
-
-if TYPE_CHECKING:  # OpenCV is loaded by those only who look
-    from deqmcl_gym.drawing import Drawing
-
-COLLISION_PENALTY = 10.0  # px of progress
+from deqmcl_gym.setting import COLLISION_PENALTY, Setting
+from deqmcl_gym.validation import InputError, integer, one_of, pose
 
 
 class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
@@ -68,32 +61,26 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
             render_mode: None or "rgb_array".
         """
-        self.world = WORLDS[one_of("preset", preset, WORLDS)].changed(
-            floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap
-        )
-        self.floor_plan = self.world.floor_plan
-        self.lidar = self.world.lidar
-        self.course = Course.of(self.world)
+        self._setting = setting = Setting.of(
+            preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
+            floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
+        )  # fmt: skip
+        self.world, self.course = setting.world, setting.course
+        self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = Walls(self.floor_plan, self.world.robot.radius)
-        rows = len(self.course.actions) if horizon is None else horizon
-        self._plan = Plan(self.course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))
-        self._ends_at_goal = boolean("ends_at_goal", ends_at_goal)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
-            self._drawing()  # refuses a room too large for a picture
+            setting.drawing()  # refuses a room too large for a picture
         self.render_mode = render_mode
-        self.observation_space = gym.spaces.Box(
-            0.0, self.lidar.max_range, (self.lidar.beams,), np.float32
-        )
-        self._commands = Commands(self.world.robot)
-        self.action_space = self._commands.space
+        self.observation_space = setting.observation_space
+        self.action_space = setting.commands.space
         self._begun: Episode | None = None
         self._number = -1  # of the episode since the last seed
 
     @property
     def plan(self) -> NDArray[np.float32]:
         """The actions planned for this episode, done and to come, (T, 2) float32."""
-        plan = self._plan if self._begun is None else self._begun.plan
+        plan = self._setting.plan if self._begun is None else self._begun.plan
         return plan.actions
 
     @property
@@ -121,9 +108,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         _check_no_options(options)
         root = self.np_random_seed if seed is None else integer("seed", seed)
         number = self._number + 1 if seed is None else 0
-        episode = Episode(
-            self.world, self._walls, self.course, self._plan, seed=root, number=number
-        )
+        episode = Episode(self._setting, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
         return episode.scan.copy(), _info(episode, np.zeros(2, np.float32), collided=False)
@@ -136,11 +121,11 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         if episode is None or episode.ended:
             state = "has not begun" if episode is None else "has ended"
             raise RuntimeError(f"the episode {state}: call reset() before step().")
-        command = self._commands.checked(action)
+        command = self._setting.commands.checked(action)
         progress, collided = episode.advance(*command.tolist())
         reward = progress - COLLISION_PENALTY * collided
         used_up = episode.step >= len(episode.plan)
-        episode.ended = used_up or (self._ends_at_goal and episode.lap_done)
+        episode.ended = used_up or (self._setting.ends_at_goal and episode.lap_done)
         return episode.scan.copy(), reward, episode.ended, False, _info(episode, command, collided)
 
     def place(self, at: Pose) -> None:
@@ -169,7 +154,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
 
     def checked_plan(self, what: str, actions: ArrayLike) -> NDArray[np.float32]:
         """Return actions (k, 2) that the robot can carry out, float32, else refuse them."""
-        return self._commands.checked_plan(what, actions)
+        return self._setting.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the world as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -178,15 +163,8 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             return None
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
-        episode, drawing = self._begun, self._drawing()
-        drawing.beams(episode.pose, self.lidar.bearings, episode.scan)
-        return drawing.robot(episode.pose, self.world.robot.radius).number(episode.step).image
-
-    def _drawing(self) -> "Drawing":
-        from deqmcl_gym.drawing import LIGHT_BLUE, Drawing, View
-
-        corners = self.course.path.corners
-        return Drawing(View(self.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
+        episode = self._begun
+        return self._setting.picture(episode.pose, episode.scan, episode.step)
 
     @property
     def _episode(self) -> Episode:

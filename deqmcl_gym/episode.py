@@ -5,16 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.config import World
-from deqmcl_gym.lap import Course
 from deqmcl_gym.lidar import LidarSensor
 from deqmcl_gym.path import Pose, wrapped
 from deqmcl_gym.physics import Physics, Walls
-from deqmcl_gym.plan import Plan
 from deqmcl_gym.seeding import NormalRows, Stream, episode_stream
-from deqmcl_gym.validation import InputError
-
-_START_TRIES = 1000
+from deqmcl_gym.setting import Setting
 
 Scan = NDArray[np.float32]
 
@@ -29,26 +24,24 @@ class Episode:
         scan: the last one, (B,) px.
     """
 
-    def __init__(
-        self, world: World, walls: Walls, course: Course, plan: Plan, *, seed: int, number: int
-    ) -> None:
+    def __init__(self, setting: Setting, walls: Walls, *, seed: int, number: int) -> None:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
             InputError: no start drawn is free.
         """
-        self._world, self._path = world, course.path
+        world = self._world = setting.world
+        self._path = setting.course.path
         self._seed, self._number = seed, number
         self._noise = world.noise
         self._motion = NormalRows(self.stream(Stream.MOTION), 2)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        x, y, heading = self._drawn_start(course.start)
+        x, y, self._heading = setting.start(seed, number)
         self._start = (x, y)
-        self._heading = heading if -math.pi <= heading < math.pi else wrapped(heading)
         self._physics = Physics(walls, self._start)
         self._arc = self._path.arc(self._start)
         self._progress = 0.0
-        self.plan, self.step, self.ended = plan, 0, False
+        self.plan, self.step, self.ended = setting.plan, 0, False
         self.scan = self._sensor.scan(self.pose)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
@@ -95,19 +88,3 @@ class Episode:
         self._heading = wrapped(self._heading + turn + sd_turn * noise_turn)
         driven = distance * (1 + noise.drive * noise_distance)
         return self._physics.drive(driven, self._heading)
-
-    def _drawn_start(self, middle: Pose) -> Pose:
-        start, radius = self._world.start, self._world.robot.radius
-        if start.sd_position == start.sd_heading == 0.0:
-            return middle
-        x, y, heading = middle
-        rng = self.stream(Stream.START)
-        sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
-        for _ in range(_START_TRIES):
-            dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
-            if self._world.floor_plan.free([(x + dx, y + dy)], radius)[0]:
-                return x + dx, y + dy, heading + turn
-        raise InputError(
-            f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
-            "start.sd_position."
-        )

@@ -7,10 +7,9 @@ from pymunk.autogeometry import convex_decomposition
 
 from deqmcl_gym.floorplan import FloorPlan
 from deqmcl_gym.floorplan.polygons import oriented_edges
+from deqmcl_gym.setting import SKIN
 
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
-# A stopped robot stands this far before the contact, so that it can drive away again.
-SKIN = 1e-3  # px
 
 Point = tuple[float, float]
 
