@@ -14,4 +14,9 @@ __all__ = ["ENV_ID", "FloorPlan", "Lap", "Lidar", "MotionNoise", "Robot", "Start
 ENV_ID = "deqmcl_gym/Room-v0"
 
 # Twice the 204 steps of the planned lap in the paper's room (a test holds the two together).
-register(id=ENV_ID, entry_point="deqmcl_gym.env:RoomEnv", max_episode_steps=408)
+register(
+    id=ENV_ID,
+    entry_point="deqmcl_gym.env:RoomEnv",
+    vector_entry_point="deqmcl_gym.vector:RoomVectorEnv",
+    max_episode_steps=408,
+)

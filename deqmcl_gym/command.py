@@ -48,6 +48,30 @@ class Commands:
             f"to {self._most:g} px and a turn from {self._right:.4g} to {self._left:.4g} rad."
         )
 
+    def checked_each(self, actions: Any, among: NDArray[np.bool_]) -> Actions:
+        """Return one action for each room as a fresh array, (n, 2) float32.
+
+        Those of rooms not ``among`` are not looked at, but must be numbers.
+
+        Raises:
+            InputError: another shape, or an action that is not in the space.
+        """
+        commands = _as_float32(actions)
+        if commands is None or commands.shape != (among.size, 2):
+            given = repr(actions) if commands is None else f"of shape {commands.shape}"
+            raise InputError(
+                f"the actions are {given}, but must be numbers of shape ({among.size}, 2): a "
+                "distance and a turn for each room."
+            )
+        good = (commands >= self.space.low) & (commands <= self.space.high)
+        if not good.all():
+            for room in np.flatnonzero(among & ~good.all(axis=1)).tolist():
+                try:
+                    self.checked(commands[room])
+                except InputError as refused:
+                    raise InputError(f"in room {room}, {refused}") from None
+        return commands
+
     def checked_plan(self, what: str, actions: ArrayLike) -> Actions:
         """Return actions as a fresh array, (k, 2) float32; [] is none.
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from deqmcl_gym.numerics.compiling import compiled
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
+Arc = TypeVar("Arc", float, Floats)
 
 
 def wrapped(angle: float) -> float:
@@ -38,6 +40,12 @@ class Path:
         x, y = point
         return _nearest_arc(x, y, self._edges)
 
+    def arcs(self, points: Floats) -> Floats:
+        """Arc length of the path's point nearest to each of ``points``, (n, 2) to (n,) px."""
+        arcs = np.empty(len(points))
+        _nearest_arcs(points, self._edges, arcs)
+        return arcs
+
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
         arc %= self.length
@@ -47,8 +55,11 @@ class Path:
         x, y = self.corners[edge] + share * self._along[edge]
         return float(x), float(y), math.atan2(dy, dx)
 
-    def advance(self, before: float, after: float) -> float:
-        """Signed way along the path between two arc lengths, the shorter way round, px."""
+    def advance(self, before: Arc, after: Arc) -> Arc:
+        """Signed way along the path between two arc lengths, or arrays of them, in px.
+
+        Of the two ways round, the shorter.
+        """
         return (after - before + self.length / 2) % self.length - self.length / 2
 
     def bottom_centre(self) -> Pose:
@@ -94,3 +105,9 @@ def _nearest_arc(x: float, y: float, edges: Floats) -> float:
         if square < nearest:
             nearest, arc = square, before + share * length
     return arc
+
+
+@compiled
+def _nearest_arcs(points: Floats, edges: Floats, out: Floats) -> None:
+    for i in range(out.size):
+        out[i] = _nearest_arc(points[i, 0], points[i, 1], edges)

@@ -33,6 +33,10 @@ class Plan:
         end = step + self.horizon
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
+    def after_each(self, steps: NDArray[np.intp]) -> tuple[Actions, NDArray[np.intp]]:
+        """Return what :meth:`after` says for each of ``steps`` (n,): (n, h, 2) and (n,)."""
+        return self._windows[steps], np.minimum(self.horizon, len(self.actions) - steps)
+
     def replaced(self, step: int, actions: Actions) -> "Plan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
         return Plan(np.vstack([self.actions[:step], actions]), self.horizon)
@@ -40,3 +44,9 @@ class Plan:
     @cached_property
     def _padded(self) -> Actions:
         return np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
+
+    @cached_property
+    def _windows(self) -> Actions:
+        """Row t shows what follows step t, (T + 1, h, 2); a view."""
+        windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
+        return windows.transpose(0, 2, 1)

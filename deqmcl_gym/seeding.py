@@ -41,8 +41,7 @@ class NormalRows:
     def __init__(self, rng: np.random.Generator, width: int, sd: float = 1.0) -> None:
         """Draw rows (width,) of N(0, sd²) from ``rng``."""
         self._rng, self._sd = rng, sd
-        # As many rows as a lap may have steps, but no more than 0.5 MB of a wide one.
-        self._block = (max(1, min(256, 65_536 // width)), width)
+        self._block = (_rows_at_once(256, width), width)  # 256: a lap's steps
         self._rows: Iterator[NDArray[np.float64]] = iter(())
 
     def next(self) -> NDArray[np.float64]:
@@ -51,3 +50,41 @@ class NormalRows:
             return row
         self._rows = iter(self._sd * self._rng.standard_normal(self._block))
         return self.next()
+
+
+class NormalTable:
+    """One row of normal numbers for each of many rooms: what its own :class:`NormalRows` gives."""
+
+    def __init__(self, rooms: int, width: int, sd: float = 1.0) -> None:
+        """Draw rows (width,) of N(0, sd²) from each room's stream; :meth:`renew` names it."""
+        self._sd = sd
+        self._drawn = np.empty((rooms, _rows_at_once(64, width), width))
+        self._at = np.zeros(rooms, np.intp)
+        self._all = np.arange(rooms)
+        self._rngs: list[np.random.Generator | None] = [None] * rooms
+
+    def renew(self, room: int, rng: np.random.Generator) -> None:
+        """Let a room draw from another stream from now on."""
+        self._rngs[room] = rng
+        self._at[room] = self._drawn.shape[1]
+
+    def next(self, among: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the next row of each room ``among``, (n, width); the others' rows mean nothing."""
+        for room in np.flatnonzero(among & (self._at == self._drawn.shape[1])).tolist():
+            self._fill(room)
+        last = self._drawn.shape[1] - 1
+        rows: NDArray[np.float64] = self._drawn[self._all, np.minimum(self._at, last)]
+        self._at += among
+        return rows
+
+    def _fill(self, room: int) -> None:
+        rng, block = self._rngs[room], self._drawn[room]
+        assert rng is not None  # a room begins before it draws
+        rng.standard_normal(out=block)
+        block *= self._sd
+        self._at[room] = 0
+
+
+def _rows_at_once(most: int, width: int) -> int:
+    """Return how many rows to draw: ``most``, but no more than 0.5 MB of wide ones."""
+    return max(1, min(most, 65_536 // width))

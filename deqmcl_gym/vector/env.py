@@ -1,0 +1,237 @@
+"""RoomVectorEnv: the Gymnasium vector environment. Wiring only; the rooms are in rooms.py."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from deqmcl_gym.info import RoomInfo
+from deqmcl_gym.setting import COLLISION_PENALTY, Setting
+from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.vector.rooms import Rooms
+
+Scans = NDArray[np.float32]
+Actions = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+Info = dict[str, Any]
+StepResult = tuple[Scans, NDArray[Any], NDArray[Any], NDArray[Any], Info]
+
+_MODES = {mode.value: mode for mode in AutoresetMode}
+
+
+class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
+    """n rooms of :class:`deqmcl_gym.env.RoomEnv`, each with a seed and episodes of its own.
+
+    docs/environment.md describes what differs from one room.
+
+    Attributes:
+        floor_plan: the map m, for localizers too.
+        lidar: the sensor's geometry and noise, for localizers too.
+        world: all parts of the world, as configured.
+        course: the lap as planned: path, start and actions.
+    """
+
+    def __init__(
+        self,
+        *,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        **room: Any,
+    ) -> None:
+        """Make ``num_envs`` equal rooms.
+
+        Args:
+            num_envs: n.
+            max_episode_steps: truncate episodes after so many steps; None never does.
+            autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
+            render_mode: None or "rgb_array".
+            room: further arguments of :class:`deqmcl_gym.env.RoomEnv`.
+        """
+        self.num_envs = integer("num_envs", num_envs, low=1)
+        self._limit = _limit(max_episode_steps)
+        self._mode = _MODES[one_of("autoreset_mode", _value(autoreset_mode), _MODES)]
+        self._setting = setting = Setting.of(**room)
+        self.world, self.course = setting.world, setting.course
+        self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": 30,
+            "autoreset_mode": self._mode,
+        }
+        if render_mode is not None:
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
+            setting.drawing()  # refuses a room too large for a picture
+        self.render_mode = render_mode
+        self.single_observation_space = setting.observation_space
+        self.single_action_space = setting.commands.space
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._rooms = Rooms(setting, self.num_envs)
+        self._seeds: list[int | None] = [None] * self.num_envs
+        self._numbers = [-1] * self.num_envs  # of the episodes since the seed
+        self._ended = np.zeros(self.num_envs, np.bool_)
+
+    @property
+    def plan(self) -> Actions:
+        """The actions planned for each episode, done and to come, (T, 2) float32."""
+        return self._setting.plan.actions
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """The seed of each room, None before its first reset."""
+        return tuple(self._seeds)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Scans, Info]:
+        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``.
+
+        Args:
+            seed: s gives room i the seed s + i; a list gives each its own; a room without one
+                begins the next episode in the order of its last seed.
+            options: ``reset_mask``: (n,) bool.
+
+        Raises:
+            InputError: a bad seed or option, or no free start. All episodes go on.
+        """
+        chosen = self._chosen(options)
+        self._begin(chosen, self._checked_seeds(seed))
+        self._rooms.look(chosen)
+        nothing = np.zeros((self.num_envs, 2), np.float32)
+        return self._rooms.scans.copy(), self._info(chosen, nothing, np.zeros_like(chosen))
+
+    def step(self, actions: Actions) -> StepResult:
+        """Turn, then drive in each room; where an episode ended, begin the next one.
+
+        Raises:
+            InputError: bad actions. No room has taken its step.
+        """
+        self._check_begun("step")
+        again = self._ended.copy()  # SAME_STEP leaves none
+        if self._mode is AutoresetMode.DISABLED and again.any():
+            raise RuntimeError(
+                f"the episode in room {again.argmax()} has ended: call reset() with its "
+                "reset_mask before step()."
+            )
+        commands = self._setting.commands.checked_each(actions, ~again)
+        if again.any():
+            self._begin(again)
+            commands[again] = 0.0
+        progress, collided = self._rooms.move(commands, ~again)
+        self._rooms.look(np.ones_like(again))
+        terminated, truncated = self._rooms.ended, self._rooms.steps >= self._limit
+        self._ended = terminated | truncated
+        reward = progress - COLLISION_PENALTY * collided
+        final: Info = {}
+        if self._mode is AutoresetMode.SAME_STEP and self._ended.any():
+            final = self._begun_again(commands, collided)
+        info = self._info(np.ones_like(again), commands, collided)
+        return self._rooms.scans.copy(), reward, terminated, truncated, final | info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return each room as it is, (h, w, 3) RGB, or None without a render mode."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs gym.make_vec(..., render_mode="rgb_array").')
+            return None
+        self._check_begun("render")
+        rooms = self._rooms
+        seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
+        return tuple(self._setting.picture(*room) for room in seen)
+
+    def _begin(self, chosen: Bools, seeds: Sequence[int | None] | None = None) -> None:
+        """Begin an episode in the ``chosen`` rooms: of these seeds, or each room's next one."""
+        rooms = np.flatnonzero(chosen).tolist()
+        roots, numbers = list(self._seeds), list(self._numbers)
+        for room in rooms:
+            numbers[room] += 1
+            if seeds is not None and seeds[room] is not None:
+                roots[room], numbers[room] = seeds[room], 0
+            elif roots[room] is None:
+                roots[room] = int(np.random.SeedSequence().entropy)
+        self._rooms.begin(rooms, [roots[room] for room in rooms], [numbers[room] for room in rooms])
+        self._seeds, self._numbers = roots, numbers
+        self._ended[chosen] = False
+
+    def _begun_again(self, commands: Actions, collided: Bools) -> Info:
+        """Begin the next episode where one ended; return what was last seen of that."""
+        ended = self._ended.copy()
+        last = np.full(self.num_envs, None, dtype=object)
+        for room in np.flatnonzero(ended).tolist():
+            last[room] = self._rooms.scans[room].copy()
+        final = {"final_obs": last, "final_info": self._info(ended, commands, collided)}
+        self._begin(ended)
+        self._rooms.look(ended)
+        commands[ended], collided[ended] = 0.0, False
+        return final | {f"_{key}": ended.copy() for key in final}
+
+    def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
+        """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``."""
+        planned, count = self._setting.plan.after_each(self._rooms.steps)
+        told: RoomInfo = {
+            "planned_actions": planned,
+            "planned_count": count,
+            "action": commands.copy(),
+            "collided": collided.copy(),
+            "truth": self._rooms.poses.copy(),
+        }
+        info: Info = {}
+        for key, values in told.items():
+            if not among.all():
+                values[~among] = 0
+            info |= {key: values, f"_{key}": among.copy()}
+        return info
+
+    def _chosen(self, options: object) -> Bools:
+        if options is not None and not isinstance(options, Mapping):
+            raise InputError(f"options is {options!r}, but must be None or hold a reset_mask.")
+        for key in options or ():
+            one_of("reset option", key, ("reset_mask",))
+        mask = options.get("reset_mask") if options else None
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        chosen = np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
+            raise InputError(
+                f"reset_mask is {mask!r}, but must be {self.num_envs} truth values, at least one "
+                "of them True."
+            )
+        return chosen.copy()
+
+    def _checked_seeds(self, seed: object) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+            first = integer("seed", seed)
+            return list(range(first, first + self.num_envs))
+        if len(seed) != self.num_envs:
+            raise InputError(
+                f"seed has {len(seed)} numbers, but there are {self.num_envs} rooms: give one "
+                "seed for each, or a single number."
+            )
+        return [None if one is None else integer("seed", one) for one in seed]
+
+    def _check_begun(self, wish: str) -> None:
+        if None in self._seeds:
+            raise RuntimeError(
+                f"the episode in room {self._seeds.index(None)} has not begun: call reset() "
+                f"before {wish}()."
+            )
+
+
+def _limit(steps: int | None) -> float:
+    if steps is None or steps == -1:  # -1 as in gym.make
+        return np.inf
+    return integer("max_episode_steps", steps, low=1)
+
+
+def _value(mode: object) -> object:
+    return mode.value if isinstance(mode, AutoresetMode) else mode

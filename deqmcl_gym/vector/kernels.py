@@ -1,0 +1,110 @@
+"""The compiled motion of many robots among the walls: float64, one room after the other.
+
+The rule is that of ``deqmcl_gym.physics``: turn, then drive; stop just before the first contact.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+def sides(walls: Floats) -> Floats:
+    """Return walls (x₀, y₀, x₁, y₁) as :func:`drive` takes them.
+
+    Returns:
+        (x₀, y₀, unit x, unit y, length), (S, 5) px.
+    """
+    along = walls[:, 2:] - walls[:, :2]
+    length = np.hypot(*along.T)[:, None]
+    return np.hstack([walls[:, :2], along / length, length])
+
+
+@compiled
+def drive(
+    poses: Floats,
+    commands: NDArray[np.float32],
+    normals: Floats,
+    among: Bools,
+    noise: tuple[float, float, float],
+    walls: Floats,
+    radius: float,
+    skin: float,
+    collided: Bools,
+) -> None:
+    """Turn and drive the robots ``among``, in place; say which were stopped by a wall.
+
+    Args:
+        poses: x px, y px, θ rad in [-π, π), (n, 3).
+        commands: distance px, turn rad, (n, 2).
+        normals: N(0, 1) for the drive and the turn, (n, 2).
+        among: which robots move, (n,).
+        noise: σ_dd, σ_φφ, σ_φd.
+        walls: as :func:`sides` returns them; free space to their left.
+        radius: of the robots, px.
+        skin: how far before the contact they stop, px.
+        collided: filled in, (n,).
+    """
+    of_drive, of_turn, of_drift = noise
+    for i in range(among.size):
+        collided[i] = False
+        if not among[i]:
+            continue
+        distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
+        sd_turn = of_turn * abs(turn) + of_drift * distance
+        heading = poses[i, 2] + turn + sd_turn * normals[i, 1]
+        heading = (heading + np.pi) % (2 * np.pi) - np.pi
+        poses[i, 2] = heading
+        driven = distance * (1 + of_drive * normals[i, 0])
+        if driven == 0.0:
+            continue
+        x, y = poses[i, 0], poses[i, 1]
+        dx, dy = driven * cos64(heading), driven * sin64(heading)
+        share = _first_contact(x, y, dx, dy, abs(driven), walls, radius)
+        if share < np.inf:
+            collided[i] = True
+            share = max(share - skin / abs(driven), 0.0)
+            dx, dy = share * dx, share * dy
+        poses[i, 0], poses[i, 1] = x + dx, y + dy
+
+
+@compiled
+def _first_contact(
+    x: float, y: float, dx: float, dy: float, way: float, walls: Floats, radius: float
+) -> float:
+    """Share of the way (dx, dy) at which a disc first touches a wall.
+
+    0 if it overlaps one from the start, inf if it meets none.
+    """
+    first = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # the robot, seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        height = ex * py - ey * px  # above the wall's line
+        gap = height - radius
+        if gap > way:
+            continue
+        along = px * ex + py * ey
+        beyond = along - min(max(along, 0.0), length)
+        if height * height + beyond * beyond < radius * radius:
+            return 0.0
+        sinks = dx * ey - dy * ex  # by so much from start to end of the way
+        if 0.0 <= gap < sinks:
+            share = gap / sinks
+            at = along + share * (dx * ex + dy * ey)
+            if 0.0 <= at <= length:
+                first = min(first, share)
+        # the corner at the wall's start
+        nears = -(px * dx + py * dy)
+        if nears > 0.0:
+            square = dx * dx + dy * dy
+            root = nears * nears - square * (px * px + py * py - radius * radius)
+            if root >= 0.0:
+                share = max(nears - np.sqrt(root), 0.0) / square
+                if share <= 1.0:
+                    first = min(first, share)
+    return first

@@ -1,0 +1,99 @@
+"""The robots of many rooms as flat arrays: all that changes between two resets."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.lidar import Scanner
+from deqmcl_gym.seeding import NormalTable, Stream, episode_stream
+from deqmcl_gym.setting import SKIN, Setting
+from deqmcl_gym.vector import kernels
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Rooms:
+    """What :class:`deqmcl_gym.episode.Episode` is for one room, for n of them.
+
+    Attributes:
+        poses: the true poses (x px, y px, θ rad), (n, 3).
+        steps: carried out, (n,).
+        scans: the last ones, (n, B) px float32.
+    """
+
+    def __init__(self, setting: Setting, number: int) -> None:
+        """Make rooms without an episode: :meth:`begin` gives them one."""
+        world, lidar = setting.world, setting.world.lidar
+        self._setting = setting
+        self._path = setting.course.path
+        self._sides = kernels.sides(world.floor_plan.walls)
+        self._noise = (world.noise.drive, world.noise.turn, world.noise.drift)
+        self._motion = NormalTable(number, 2)
+        self._sensor = NormalTable(number, lidar.beams, lidar.sigma)
+        self._scanner = Scanner(world.floor_plan, lidar)
+        self.poses = np.tile(setting.course.start, (number, 1))
+        self.steps = np.zeros(number, np.intp)
+        self.scans = np.zeros((number, lidar.beams), np.float32)
+        self._starts = self.poses[:, :2].copy()
+        self._arcs = np.zeros(number)
+        self._progress = np.zeros(number)
+
+    def begin(self, rooms: Sequence[int], seeds: Sequence[int], numbers: Sequence[int]) -> None:
+        """Begin episode ``number`` after ``seed`` in each of ``rooms``; no scan is taken yet.
+
+        Raises:
+            InputError: no start drawn is free; then all rooms stay as they were.
+        """
+        if not rooms:
+            return
+        episodes = list(zip(seeds, numbers, strict=True))
+        self.poses[rooms] = [self._setting.start(*episode) for episode in episodes]
+        self._starts[rooms] = self.poses[rooms, :2]
+        self._arcs[rooms] = self._path.arcs(self._starts[rooms])
+        self._progress[rooms] = 0.0
+        self.steps[rooms] = 0
+        for room, episode in zip(rooms, episodes, strict=True):
+            self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
+            self._sensor.renew(room, episode_stream(*episode, Stream.SENSOR))
+
+    def move(self, commands: NDArray[np.float32], among: Bools) -> tuple[Floats, Bools]:
+        """Turn and drive the robots ``among``: one step of noisy motion.
+
+        Returns:
+            The progress each made along the path, px; whether a wall stopped it. (n,).
+        """
+        collided = np.empty(among.size, np.bool_)
+        kernels.drive(
+            self.poses, commands, self._motion.next(among), among, self._noise, self._sides,
+            self._setting.world.robot.radius, SKIN, collided,
+        )  # fmt: skip
+        self.steps += among
+        before, self._arcs = self._arcs, self._path.arcs(self.poses)
+        progress = self._path.advance(before, self._arcs)
+        self._progress += progress
+        return progress, collided
+
+    def look(self, among: Bools) -> None:
+        """Take a scan in each of the rooms ``among``."""
+        noise = self._sensor.next(among)
+        if among.all():
+            self.scans = self._scanner.scans(self.poses, noise)
+        else:
+            self.scans[among] = self._scanner.scans(self.poses[among], noise[among])
+
+    @property
+    def ended(self) -> Bools:
+        """Whether the plan is used up or, where that counts, the lap is done, (n,)."""
+        ended: Bools = self.steps >= len(self._setting.plan)
+        return ended | self._laps_done if self._setting.ends_at_goal else ended
+
+    @property
+    def _laps_done(self) -> Bools:
+        around = np.rint(self._progress / self._path.length) >= 1
+        if not around.any():
+            return around
+        x, y = (self.poses[:, :2] - self._starts).T
+        back: Bools = np.hypot(x, y) <= self._setting.world.robot.radius
+        return around & back
