@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
 from deqmcl_gym.config import Robot
+from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError
 
 Actions = NDArray[np.float32]
@@ -63,13 +64,12 @@ class Commands:
                 f"the actions are {given}, but must be numbers of shape ({among.size}, 2): a "
                 "distance and a turn for each room."
             )
-        good = (commands >= self.space.low) & (commands <= self.space.high)
-        if not good.all():
-            for room in np.flatnonzero(among & ~good.all(axis=1)).tolist():
-                try:
-                    self.checked(commands[room])
-                except InputError as refused:
-                    raise InputError(f"in room {room}, {refused}") from None
+        room = _first_outside(commands, self.space.low, self.space.high, among)
+        if room >= 0:
+            try:
+                self.checked(commands[room])
+            except InputError as refused:
+                raise InputError(f"in room {room}, {refused}") from None
         return commands
 
     def checked_plan(self, what: str, actions: ArrayLike) -> Actions:
@@ -94,3 +94,14 @@ def _as_float32(action: Any) -> Actions | None:
         return None
     with np.errstate(over="ignore"):
         return given.astype(np.float32) if given.dtype.kind in "fiu" else None
+
+
+@compiled
+def _first_outside(commands: Actions, low: Actions, high: Actions, among: NDArray[np.bool_]) -> int:
+    """Return the first row ``among`` that is not in [low, high], -1 if there is none."""
+    for room in range(among.size):
+        if among[room]:
+            for i in range(2):
+                if not low[i] <= commands[room, i] <= high[i]:
+                    return room
+    return -1

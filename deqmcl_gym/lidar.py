@@ -37,7 +37,8 @@ class LidarSensor:
     def scan(self, pose: tuple[float, float, float]) -> NDArray[np.float32]:
         """Return the ranges seen from a pose as a fresh array, (B,) px, in [0, max_range]."""
         self._pose[0] = pose
-        return self._scanner.scans(self._pose, self._noise.next()[None])[0]
+        seen: NDArray[np.float32] = self._scanner.scans(self._pose, self._noise.next()[None])[0]
+        return seen
 
 
 @compiled

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from deqmcl_gym.numerics.compiling import compiled
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
-Arc = TypeVar("Arc", float, Floats)
 
 
 def wrapped(angle: float) -> float:
@@ -40,12 +38,6 @@ class Path:
         x, y = point
         return _nearest_arc(x, y, self._edges)
 
-    def arcs(self, points: Floats) -> Floats:
-        """Arc length of the path's point nearest to each of ``points``, (n, 2) to (n,) px."""
-        arcs = np.empty(len(points))
-        _nearest_arcs(points, self._edges, arcs)
-        return arcs
-
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
         arc %= self.length
@@ -55,12 +47,20 @@ class Path:
         x, y = self.corners[edge] + share * self._along[edge]
         return float(x), float(y), math.atan2(dy, dx)
 
-    def advance(self, before: Arc, after: Arc) -> Arc:
-        """Signed way along the path between two arc lengths, or arrays of them, in px.
+    def advance(self, before: float, after: float) -> float:
+        """Signed way along the path between two arc lengths, the shorter way round, px."""
+        return _advance(before, after, self.length)
 
-        Of the two ways round, the shorter.
+    def follow(self, points: Floats, arcs: Floats) -> Floats:
+        """Return how far each robot came along the path, (n,) px.
+
+        Args:
+            points: where they are now, (n, 2); further columns are ignored.
+            arcs: arc lengths where they were, (n,); overwritten by where they are.
         """
-        return (after - before + self.length / 2) % self.length - self.length / 2
+        progress = np.empty_like(arcs)
+        _follow(points, self._edges, self.length, arcs, progress)
+        return progress
 
     def bottom_centre(self) -> Pose:
         """Return the middle of the lowest edge, heading along the path."""
@@ -108,6 +108,12 @@ def _nearest_arc(x: float, y: float, edges: Floats) -> float:
 
 
 @compiled
-def _nearest_arcs(points: Floats, edges: Floats, out: Floats) -> None:
-    for i in range(out.size):
-        out[i] = _nearest_arc(points[i, 0], points[i, 1], edges)
+def _advance(before: float, after: float, length: float) -> float:
+    return (after - before + length / 2) % length - length / 2
+
+
+@compiled
+def _follow(points: Floats, edges: Floats, length: float, arcs: Floats, progress: Floats) -> None:
+    for i in range(arcs.size):
+        before, arcs[i] = arcs[i], _nearest_arc(points[i, 0], points[i, 1], edges)
+        progress[i] = _advance(before, arcs[i], length)

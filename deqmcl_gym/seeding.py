@@ -11,6 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.compiling import compiled
+
 
 class Stream(enum.IntEnum):
     """Sources of randomness. The numbers are part of what a seed means: never change them."""
@@ -41,7 +43,8 @@ class NormalRows:
     def __init__(self, rng: np.random.Generator, width: int, sd: float = 1.0) -> None:
         """Draw rows (width,) of N(0, sd²) from ``rng``."""
         self._rng, self._sd = rng, sd
-        self._block = (_rows_at_once(256, width), width)  # 256: a lap's steps
+        # As many rows as a lap may have steps, but no more than 0.5 MB of a wide one.
+        self._block = (max(1, min(256, 65_536 // width)), width)
         self._rows: Iterator[NDArray[np.float64]] = iter(())
 
     def next(self) -> NDArray[np.float64]:
@@ -58,9 +61,9 @@ class NormalTable:
     def __init__(self, rooms: int, width: int, sd: float = 1.0) -> None:
         """Draw rows (width,) of N(0, sd²) from each room's stream; :meth:`renew` names it."""
         self._sd = sd
-        self._drawn = np.empty((rooms, _rows_at_once(64, width), width))
+        # Few calls of NumPy, and few numbers drawn in vain at the end of an episode.
+        self._drawn = np.empty((rooms, max(1, min(256, 512 // width)), width))
         self._at = np.zeros(rooms, np.intp)
-        self._all = np.arange(rooms)
         self._rngs: list[np.random.Generator | None] = [None] * rooms
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
@@ -70,21 +73,46 @@ class NormalTable:
 
     def next(self, among: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the next row of each room ``among``, (n, width); the others' rows mean nothing."""
-        for room in np.flatnonzero(among & (self._at == self._drawn.shape[1])).tolist():
+        used_up = np.empty(among.size, np.intp)
+        for room in used_up[: _find_used_up(self._at, among, self._drawn.shape[1], used_up)]:
             self._fill(room)
-        last = self._drawn.shape[1] - 1
-        rows: NDArray[np.float64] = self._drawn[self._all, np.minimum(self._at, last)]
-        self._at += among
+        rows = np.empty((among.size, self._drawn.shape[2]))
+        _take(self._drawn, self._at, among, self._sd, rows)
         return rows
 
     def _fill(self, room: int) -> None:
         rng, block = self._rngs[room], self._drawn[room]
         assert rng is not None  # a room begins before it draws
         rng.standard_normal(out=block)
-        block *= self._sd
         self._at[room] = 0
 
 
-def _rows_at_once(most: int, width: int) -> int:
-    """Return how many rows to draw: ``most``, but no more than 0.5 MB of wide ones."""
-    return max(1, min(most, 65_536 // width))
+@compiled
+def _find_used_up(
+    at: NDArray[np.intp], among: NDArray[np.bool_], rows: int, out: NDArray[np.intp]
+) -> int:
+    """Fill in the rooms ``among`` that have no row left; return how many they are."""
+    count = 0
+    for room in range(among.size):
+        if among[room] and at[room] == rows:
+            out[count] = room
+            count += 1
+    return count
+
+
+@compiled
+def _take(
+    drawn: NDArray[np.float64],
+    at: NDArray[np.intp],
+    among: NDArray[np.bool_],
+    sd: float,
+    out: NDArray[np.float64],
+) -> None:
+    """Fill in sd times each room's next row, (n, width), and go on to the one after it."""
+    for room in range(among.size):
+        if among[room]:
+            for column in range(out.shape[1]):
+                out[room, column] = sd * drawn[room, at[room], column]
+            at[room] += 1
+        else:
+            out[room, :] = 0.0

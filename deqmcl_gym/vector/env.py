@@ -1,5 +1,6 @@
 """RoomVectorEnv: the Gymnasium vector environment. Wiring only; the rooms are in rooms.py."""
 
+import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from deqmcl_gym.info import RoomInfo
 from deqmcl_gym.setting import COLLISION_PENALTY, Setting
 from deqmcl_gym.validation import InputError, integer, one_of
 from deqmcl_gym.vector.rooms import Rooms
@@ -73,8 +73,9 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._rooms = Rooms(setting, self.num_envs)
-        self._seeds: list[int | None] = [None] * self.num_envs
-        self._numbers = [-1] * self.num_envs  # of the episodes since the seed
+        # seed and number since the seed of each room's episode
+        self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
+        self._all = np.ones(self.num_envs, np.bool_)
         self._ended = np.zeros(self.num_envs, np.bool_)
 
     @property
@@ -85,7 +86,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
         """The seed of each room, None before its first reset."""
-        return tuple(self._seeds)
+        return tuple(None if episode is None else episode[0] for episode in self._episodes)
 
     def reset(
         self,
@@ -116,25 +117,26 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
             InputError: bad actions. No room has taken its step.
         """
         self._check_begun("step")
-        again = self._ended.copy()  # SAME_STEP leaves none
-        if self._mode is AutoresetMode.DISABLED and again.any():
+        again = self._ended  # none are left by SAME_STEP
+        among = ~again
+        if np.count_nonzero(again) and self._mode is AutoresetMode.DISABLED:
             raise RuntimeError(
                 f"the episode in room {again.argmax()} has ended: call reset() with its "
                 "reset_mask before step()."
             )
-        commands = self._setting.commands.checked_each(actions, ~again)
-        if again.any():
+        commands = self._setting.commands.checked_each(actions, among)
+        if np.count_nonzero(again):
             self._begin(again)
-            commands[again] = 0.0
-        progress, collided = self._rooms.move(commands, ~again)
-        self._rooms.look(np.ones_like(again))
+            commands[~among] = 0.0
+        progress, collided = self._rooms.move(commands, among)
+        self._rooms.look(self._all)
         terminated, truncated = self._rooms.ended, self._rooms.steps >= self._limit
         self._ended = terminated | truncated
         reward = progress - COLLISION_PENALTY * collided
         final: Info = {}
-        if self._mode is AutoresetMode.SAME_STEP and self._ended.any():
+        if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             final = self._begun_again(commands, collided)
-        info = self._info(np.ones_like(again), commands, collided)
+        info = self._info(self._all, commands, collided)
         return self._rooms.scans.copy(), reward, terminated, truncated, final | info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -150,16 +152,20 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
     def _begin(self, chosen: Bools, seeds: Sequence[int | None] | None = None) -> None:
         """Begin an episode in the ``chosen`` rooms: of these seeds, or each room's next one."""
         rooms = np.flatnonzero(chosen).tolist()
-        roots, numbers = list(self._seeds), list(self._numbers)
-        for room in rooms:
-            numbers[room] += 1
-            if seeds is not None and seeds[room] is not None:
-                roots[room], numbers[room] = seeds[room], 0
-            elif roots[room] is None:
-                roots[room] = int(np.random.SeedSequence().entropy)
-        self._rooms.begin(rooms, [roots[room] for room in rooms], [numbers[room] for room in rooms])
-        self._seeds, self._numbers = roots, numbers
-        self._ended[chosen] = False
+        episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in rooms]
+        self._rooms.begin(rooms, episodes)
+        for room, episode in zip(rooms, episodes, strict=True):
+            self._episodes[room] = episode
+        self._ended[rooms] = False
+
+    def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
+        """Seed and number of a room's next episode."""
+        last = self._episodes[room]
+        if seed is not None:
+            return seed, 0
+        if last is not None:
+            return last[0], last[1] + 1
+        return secrets.randbits(128), 0
 
     def _begun_again(self, commands: Actions, collided: Bools) -> Info:
         """Begin the next episode where one ended; return what was last seen of that."""
@@ -167,7 +173,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         last = np.full(self.num_envs, None, dtype=object)
         for room in np.flatnonzero(ended).tolist():
             last[room] = self._rooms.scans[room].copy()
-        final = {"final_obs": last, "final_info": self._info(ended, commands, collided)}
+        final: Info = {"final_obs": last, "final_info": self._info(ended, commands, collided)}
         self._begin(ended)
         self._rooms.look(ended)
         commands[ended], collided[ended] = 0.0, False
@@ -176,19 +182,17 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``."""
         planned, count = self._setting.plan.after_each(self._rooms.steps)
-        told: RoomInfo = {
+        told: dict[str, NDArray[Any]] = {
             "planned_actions": planned,
             "planned_count": count,
             "action": commands.copy(),
             "collided": collided.copy(),
             "truth": self._rooms.poses.copy(),
         }
-        info: Info = {}
-        for key, values in told.items():
-            if not among.all():
+        if np.count_nonzero(among) < among.size:
+            for values in told.values():
                 values[~among] = 0
-            info |= {key: values, f"_{key}": among.copy()}
-        return info
+        return told | {f"_{key}": among.copy() for key in told}
 
     def _chosen(self, options: object) -> Bools:
         if options is not None and not isinstance(options, Mapping):
@@ -220,9 +224,9 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         return [None if one is None else integer("seed", one) for one in seed]
 
     def _check_begun(self, wish: str) -> None:
-        if None in self._seeds:
+        if None in self._episodes:
             raise RuntimeError(
-                f"the episode in room {self._seeds.index(None)} has not begun: call reset() "
+                f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
                 f"before {wish}()."
             )
 

@@ -108,3 +108,23 @@ def _first_contact(
                 if share <= 1.0:
                     first = min(first, share)
     return first
+
+
+@compiled
+def end(
+    progress: Floats, length: float, poses: Floats, starts: Floats, radius: float, ended: Bools
+) -> None:
+    """Set ``ended`` where the progress adds up to one lap, rounded, and the start is near.
+
+    Args:
+        progress: (n,) px.
+        length: of a lap, px.
+        poses, starts: where the robots are and where they began, (n, 2+) px.
+        radius: what counts as near, px.
+        ended: (n,).
+    """
+    for i in range(ended.size):
+        if np.rint(progress[i] / length) >= 1.0:
+            dx, dy = poses[i, 0] - starts[i, 0], poses[i, 1] - starts[i, 1]
+            if np.sqrt(dx * dx + dy * dy) <= radius:
+                ended[i] = True

@@ -36,22 +36,19 @@ class Rooms:
         self.poses = np.tile(setting.course.start, (number, 1))
         self.steps = np.zeros(number, np.intp)
         self.scans = np.zeros((number, lidar.beams), np.float32)
-        self._starts = self.poses[:, :2].copy()
+        self._starts = self.poses.copy()
         self._arcs = np.zeros(number)
         self._progress = np.zeros(number)
 
-    def begin(self, rooms: Sequence[int], seeds: Sequence[int], numbers: Sequence[int]) -> None:
-        """Begin episode ``number`` after ``seed`` in each of ``rooms``; no scan is taken yet.
+    def begin(self, rooms: Sequence[int], episodes: Sequence[tuple[int, int]]) -> None:
+        """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
         Raises:
             InputError: no start drawn is free; then all rooms stay as they were.
         """
-        if not rooms:
-            return
-        episodes = list(zip(seeds, numbers, strict=True))
         self.poses[rooms] = [self._setting.start(*episode) for episode in episodes]
-        self._starts[rooms] = self.poses[rooms, :2]
-        self._arcs[rooms] = self._path.arcs(self._starts[rooms])
+        self._starts[rooms] = self.poses[rooms]
+        self._arcs[rooms] = [self._path.arc((x, y)) for x, y, _ in self.poses[rooms].tolist()]
         self._progress[rooms] = 0.0
         self.steps[rooms] = 0
         for room, episode in zip(rooms, episodes, strict=True):
@@ -70,15 +67,14 @@ class Rooms:
             self._setting.world.robot.radius, SKIN, collided,
         )  # fmt: skip
         self.steps += among
-        before, self._arcs = self._arcs, self._path.arcs(self.poses)
-        progress = self._path.advance(before, self._arcs)
+        progress = self._path.follow(self.poses, self._arcs)
         self._progress += progress
         return progress, collided
 
     def look(self, among: Bools) -> None:
         """Take a scan in each of the rooms ``among``."""
         noise = self._sensor.next(among)
-        if among.all():
+        if np.count_nonzero(among) == among.size:
             self.scans = self._scanner.scans(self.poses, noise)
         else:
             self.scans[among] = self._scanner.scans(self.poses[among], noise[among])
@@ -87,13 +83,8 @@ class Rooms:
     def ended(self) -> Bools:
         """Whether the plan is used up or, where that counts, the lap is done, (n,)."""
         ended: Bools = self.steps >= len(self._setting.plan)
-        return ended | self._laps_done if self._setting.ends_at_goal else ended
-
-    @property
-    def _laps_done(self) -> Bools:
-        around = np.rint(self._progress / self._path.length) >= 1
-        if not around.any():
-            return around
-        x, y = (self.poses[:, :2] - self._starts).T
-        back: Bools = np.hypot(x, y) <= self._setting.world.robot.radius
-        return around & back
+        if self._setting.ends_at_goal:
+            radius = self._setting.world.robot.radius
+            length = self._path.length
+            kernels.end(self._progress, length, self.poses, self._starts, radius, ended)
+        return ended
