@@ -2,7 +2,9 @@
 
 import math
 
+import numpy as np
 import pymunk
+from numpy.typing import NDArray
 from pymunk.autogeometry import convex_decomposition
 
 from deqmcl_gym.floorplan import FloorPlan
@@ -29,8 +31,12 @@ class Walls:
         """Build the space; it never changes."""
         self.space = pymunk.Space()
         body = self.space.static_body
-        for x0, y0, x1, y1 in oriented_edges(floor_plan.outer, solid=False).tolist():
+        edges = oriented_edges(floor_plan.outer, solid=False)
+        for x0, y0, x1, y1 in edges.tolist():
             self.space.add(pymunk.Segment(body, (x0, y0), (x1, y1), radius))
+        # A query that starts beside the end of a segment may miss its rounding.
+        for tip in _corners_into_the_room(edges):
+            self.space.add(pymunk.Circle(body, radius, tip))
         for obstacle in floor_plan.obstacles:
             corners = oriented_edges(obstacle, solid=False)[:, :2].tolist()
             for piece in convex_decomposition([*corners, corners[0]], 0.0):
@@ -91,3 +97,11 @@ class Physics:
         share = max(first - SKIN / way, 0.0)
         self.place((x + share * dx, y + share * dy))
         return True
+
+
+def _corners_into_the_room(edges: NDArray[np.float64]) -> list[Point]:
+    """Where a counterclockwise outer wall turns right."""
+    along = edges[:, 2:] - edges[:, :2]
+    before = np.roll(along, 1, axis=0)
+    right = before[:, 0] * along[:, 1] < before[:, 1] * along[:, 0]
+    return [(x, y) for x, y in edges[right, :2].tolist()]

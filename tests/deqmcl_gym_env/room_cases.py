@@ -25,6 +25,11 @@ SEVERAL = {
         [[180, 230], [210, 270], [170, 280], [150, 250]],
     ],
 }
+# The outer wall points into the room.
+SPIKE = {
+    "outer": [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]],
+    "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
+}
 EMPTY = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from room_cases import PAPER, SEVERAL, STILL, calm, drive, poses_of, wrapped
+from room_cases import PAPER, SEVERAL, SPIKE, STILL, calm, drive, poses_of, wrapped
 
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.floorplan import FloorPlan, reference
@@ -100,6 +100,16 @@ def test_a_turn_on_the_spot_never_collides():
     assert not any(said[4]["collided"] for said in drive(env, [(0, 0.7)] * 20))
 
 
+def test_a_tip_of_the_outer_wall_is_met_from_beside_it():
+    # Past the tip (310, 150) of a spike, from in front of it to above: the centre's line is 5 px
+    # from the tip, and crosses the spike's side, grown by the radius, from within.
+    start = (286.0, 147.0, 0.11)
+    env = calm(floor_plan=SPIKE, start={"pose": start}, robot=LONG, ends_at_goal=False)
+    info = drive(env, [(45, 0)])[0][4]
+    assert info["collided"]
+    assert math.dist(info["truth"][:2], (310, 150)) == pytest.approx(8.0, abs=2 * SKIN)
+
+
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     """Random steps of 0 to 60 px: poses before and after, and whether each collided."""
     robot = LONG | {"radius": radius}
@@ -119,7 +129,7 @@ def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
 
 
 @pytest.mark.parametrize("radius", [8.0, 1.0])
-@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL, SPIKE], ids=["paper", "several", "spike"])
 def test_collided_says_what_the_reference_and_the_floor_plan_say(plan, radius):
     poses, commands, collided = random_drives(plan, radius, 3000, STILL)
     walls = FloorPlan(**plan)
@@ -163,7 +173,7 @@ def swept(walls: list[pymunk.Shape], radius: float, start, distance: float, head
 
 
 @pytest.mark.parametrize("radius", [8.0, 0.0])
-@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL, SPIKE], ids=["paper", "several", "spike"])
 def test_a_point_among_grown_walls_drives_like_a_disc_among_thin_ones(plan, radius):
     floor_plan = FloorPlan(**plan)
     thin = Walls(floor_plan, 0.0).space.shapes
@@ -182,7 +192,7 @@ def test_a_point_among_grown_walls_drives_like_a_disc_among_thin_ones(plan, radi
     assert 0.1 < stopped / 10_000 < 0.9  # both answers occur
 
 
-@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL, SPIKE], ids=["paper", "several", "spike"])
 def test_the_robot_never_overlaps_a_wall_on_thousands_of_noisy_steps(plan):
     noise = {"drive": 0.3, "turn": 0.3, "drift": 0.01}
     poses, _, _ = random_drives(plan, 8.0, 4000, noise)
