@@ -101,13 +101,13 @@ def test_a_turn_on_the_spot_never_collides():
 
 
 def test_a_tip_of_the_outer_wall_is_met_from_beside_it():
-    # Past the tip (310, 150) of a spike, from in front of it to above: the centre's line is 5 px
-    # from the tip, and crosses the spike's side, grown by the radius, from within.
-    start = (286.0, 147.0, 0.11)
+    # It starts nearer than its radius to the line of the spike's upper side, and leaves that strip
+    # again behind the tip, which its centre passes at 5 px.
+    start = (298.0, 153.0, 0.15)
     env = calm(floor_plan=SPIKE, start={"pose": start}, robot=LONG, ends_at_goal=False)
-    info = drive(env, [(45, 0)])[0][4]
+    info = drive(env, [(24, 0)])[0][4]
     assert info["collided"]
-    assert math.dist(info["truth"][:2], (310, 150)) == pytest.approx(8.0, abs=2 * SKIN)
+    assert 8 < math.dist(info["truth"][:2], (310, 150)) <= 8 + SKIN
 
 
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):

@@ -13,7 +13,7 @@ PLANS = {
 # Sines of the C library and of the kernels differ by an ulp, and so do contacts: some 1e-13 px a
 # step. What is asked for is a thousandth of a pixel.
 NEAR = 1e-3
-# float32 rounds ranges below 512 px to 3e-5 px; the caster looks from a pose that may be as far off.
+# Ranges, as float32, from poses rounded to float32: off by 3e-5 px and by as much along a slant.
 NEAR_SCAN = 1e-2
 
 
