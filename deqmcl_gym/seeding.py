@@ -73,31 +73,16 @@ class NormalTable:
 
     def next(self, among: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the next row of each room ``among``, (n, width); the others' rows mean nothing."""
-        used_up = np.empty(among.size, np.intp)
-        for room in used_up[: _find_used_up(self._at, among, self._drawn.shape[1], used_up)]:
-            self._fill(room)
         rows = np.empty((among.size, self._drawn.shape[2]))
-        _take(self._drawn, self._at, among, self._sd, rows)
+        used_up = np.empty(among.size, np.intp)
+        count = _take(self._drawn, self._at, among, self._sd, rows, used_up)
+        for room in used_up[:count].tolist():
+            rng = self._rngs[room]
+            assert rng is not None  # a room begins before it draws
+            rng.standard_normal(out=self._drawn[room])
+            np.multiply(self._drawn[room, 0], self._sd, out=rows[room])
+            self._at[room] = 1
         return rows
-
-    def _fill(self, room: int) -> None:
-        rng, block = self._rngs[room], self._drawn[room]
-        assert rng is not None  # a room begins before it draws
-        rng.standard_normal(out=block)
-        self._at[room] = 0
-
-
-@compiled
-def _find_used_up(
-    at: NDArray[np.intp], among: NDArray[np.bool_], rows: int, out: NDArray[np.intp]
-) -> int:
-    """Fill in the rooms ``among`` that have no row left; return how many they are."""
-    count = 0
-    for room in range(among.size):
-        if among[room] and at[room] == rows:
-            out[count] = room
-            count += 1
-    return count
 
 
 @compiled
@@ -107,12 +92,23 @@ def _take(
     among: NDArray[np.bool_],
     sd: float,
     out: NDArray[np.float64],
-) -> None:
-    """Fill in sd times each room's next row, (n, width), and go on to the one after it."""
+    used_up: NDArray[np.intp],
+) -> int:
+    """Fill in sd times each room's next row, (n, width), and go on to the one after it.
+
+    Returns:
+        How many rooms have none left; ``used_up`` begins with those.
+    """
+    count = 0
     for room in range(among.size):
-        if among[room]:
-            for column in range(out.shape[1]):
-                out[room, column] = sd * drawn[room, at[room], column]
-            at[room] += 1
-        else:
-            out[room, :] = 0.0
+        if not among[room]:
+            continue
+        row = at[room]
+        if row == drawn.shape[1]:
+            used_up[count] = room
+            count += 1
+            continue
+        for column in range(out.shape[1]):
+            out[room, column] = sd * drawn[room, row, column]
+        at[room] = row + 1
+    return count

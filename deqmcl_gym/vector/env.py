@@ -75,6 +75,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         self._rooms = Rooms(setting, self.num_envs)
         # seed and number since the seed of each room's episode
         self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
+        self._all_begun = False
         self._all = np.ones(self.num_envs, np.bool_)
         self._ended = np.zeros(self.num_envs, np.bool_)
 
@@ -156,6 +157,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         self._rooms.begin(rooms, episodes)
         for room, episode in zip(rooms, episodes, strict=True):
             self._episodes[room] = episode
+        self._all_begun = self._all_begun or None not in self._episodes
         self._ended[rooms] = False
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
@@ -224,16 +226,16 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         return [None if one is None else integer("seed", one) for one in seed]
 
     def _check_begun(self, wish: str) -> None:
-        if None in self._episodes:
+        if not self._all_begun:
             raise RuntimeError(
                 f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
                 f"before {wish}()."
             )
 
 
-def _limit(steps: int | None) -> float:
+def _limit(steps: int | None) -> int:
     if steps is None or steps == -1:  # -1 as in gym.make
-        return np.inf
+        return np.iinfo(np.intp).max
     return integer("max_episode_steps", steps, low=1)
 
 

@@ -27,6 +27,7 @@ def sides(walls: Floats) -> Floats:
 @compiled
 def drive(
     poses: Floats,
+    gaps: Floats,
     commands: NDArray[np.float32],
     normals: Floats,
     among: Bools,
@@ -40,6 +41,8 @@ def drive(
 
     Args:
         poses: x px, y px, θ rad in [-π, π), (n, 3).
+        gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,)
+            px; 0 if nobody knows.
         commands: distance px, turn rad, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, 2).
         among: which robots move, (n,).
@@ -60,53 +63,61 @@ def drive(
         heading = (heading + np.pi) % (2 * np.pi) - np.pi
         poses[i, 2] = heading
         driven = distance * (1 + of_drive * normals[i, 0])
-        if driven == 0.0:
+        way = abs(driven)
+        if way == 0.0:
             continue
         x, y = poses[i, 0], poses[i, 1]
         dx, dy = driven * cos64(heading), driven * sin64(heading)
-        share = _first_contact(x, y, dx, dy, abs(driven), walls, radius)
-        if share < np.inf:
-            collided[i] = True
-            share = max(share - skin / abs(driven), 0.0)
-            dx, dy = share * dx, share * dy
+        if gaps[i] <= way + skin:
+            gaps[i] = _gap(x, y, walls) - radius
+        if gaps[i] <= way + skin:
+            share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
+            if share < np.inf:
+                collided[i] = True
+                share = max(share - skin / way, 0.0)
+                dx, dy, way = share * dx, share * dy, share * way
+        gaps[i] -= way
         poses[i, 0], poses[i, 1] = x + dx, y + dy
 
 
 @compiled
-def _first_contact(
-    x: float, y: float, dx: float, dy: float, way: float, walls: Floats, radius: float
-) -> float:
-    """Share of the way (dx, dy) at which a disc first touches a wall.
-
-    0 if it overlaps one from the start, inf if it meets none.
-    """
-    first = np.inf
+def _gap(x: float, y: float, walls: Floats) -> float:
+    """Distance of a point to the nearest wall."""
+    least = np.inf
     for wall in range(walls.shape[0]):
-        px, py = x - walls[wall, 0], y - walls[wall, 1]  # the robot, seen from the wall's start
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
         ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
-        height = ex * py - ey * px  # above the wall's line
-        gap = height - radius
-        if gap > way:
-            continue
         along = px * ex + py * ey
         beyond = along - min(max(along, 0.0), length)
-        if height * height + beyond * beyond < radius * radius:
-            return 0.0
+        height = ex * py - ey * px
+        least = min(least, height * height + beyond * beyond)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radius: float) -> float:
+    """Share of the way (dx, dy) at which a disc, clear of the walls, first touches one; or inf."""
+    first = np.inf
+    square = dx * dx + dy * dy
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        # the side, from where space is free
+        gap = ex * py - ey * px - radius
         sinks = dx * ey - dy * ex  # by so much from start to end of the way
         if 0.0 <= gap < sinks:
             share = gap / sinks
-            at = along + share * (dx * ex + dy * ey)
+            at = px * ex + py * ey + share * (dx * ex + dy * ey)
             if 0.0 <= at <= length:
                 first = min(first, share)
-        # the corner at the wall's start
+        # the corner at its start
         nears = -(px * dx + py * dy)
-        if nears > 0.0:
-            square = dx * dx + dy * dy
-            root = nears * nears - square * (px * px + py * py - radius * radius)
-            if root >= 0.0:
-                share = max(nears - np.sqrt(root), 0.0) / square
-                if share <= 1.0:
-                    first = min(first, share)
+        root = nears * nears - square * (px * px + py * py - radius * radius)
+        if nears > 0.0 and root >= 0.0:
+            share = max(nears - np.sqrt(root), 0.0) / square
+            if share <= 1.0:
+                first = min(first, share)
     return first
 
 

@@ -39,6 +39,7 @@ class Rooms:
         self._starts = self.poses.copy()
         self._arcs = np.zeros(number)
         self._progress = np.zeros(number)
+        self._gaps = np.zeros(number)
 
     def begin(self, rooms: Sequence[int], episodes: Sequence[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
@@ -50,6 +51,7 @@ class Rooms:
         self._starts[rooms] = self.poses[rooms]
         self._arcs[rooms] = [self._path.arc((x, y)) for x, y, _ in self.poses[rooms].tolist()]
         self._progress[rooms] = 0.0
+        self._gaps[rooms] = 0.0
         self.steps[rooms] = 0
         for room, episode in zip(rooms, episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
@@ -63,8 +65,8 @@ class Rooms:
         """
         collided = np.empty(among.size, np.bool_)
         kernels.drive(
-            self.poses, commands, self._motion.next(among), among, self._noise, self._sides,
-            self._setting.world.robot.radius, SKIN, collided,
+            self.poses, self._gaps, commands, self._motion.next(among), among,
+            self._noise, self._sides, self._setting.world.robot.radius, SKIN, collided,
         )  # fmt: skip
         self.steps += among
         progress = self._path.follow(self.poses, self._arcs)
