@@ -76,13 +76,19 @@ class NormalTable:
         rows = np.empty((among.size, self._drawn.shape[2]))
         used_up = np.empty(among.size, np.intp)
         count = _take(self._drawn, self._at, among, self._sd, rows, used_up)
-        for room in used_up[:count].tolist():
+        if count:
+            late = np.zeros_like(among)
+            late[used_up[:count]] = True
+            self._draw(used_up[:count])
+            _take(self._drawn, self._at, late, self._sd, rows, used_up)
+        return rows
+
+    def _draw(self, rooms: NDArray[np.intp]) -> None:
+        for room in rooms.tolist():
             rng = self._rngs[room]
             assert rng is not None  # a room begins before it draws
             rng.standard_normal(out=self._drawn[room])
-            np.multiply(self._drawn[room, 0], self._sd, out=rows[room])
-            self._at[room] = 1
-        return rows
+        self._at[rooms] = 0
 
 
 @compiled
