@@ -15,6 +15,7 @@ from deqmcl_gym.floorplan import Lidar
 from deqmcl_gym.info import RoomInfo
 from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import Stream
+from deqmcl_gym.vector import RoomVectorEnv
 
 PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
 PARTS = {"lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap}
@@ -77,3 +78,8 @@ def test_every_key_of_info_and_every_stream_is_documented():
         assert f"| `{key}` | " in PAGE
     for stream in Stream:
         assert f"\n| {stream.value} | " in PAGE
+
+
+def test_every_further_argument_of_the_vector_env_is_documented():
+    further = set(inspect.signature(RoomVectorEnv).parameters) - {"room", "render_mode"}
+    assert all(documented_default(name) for name in further)
