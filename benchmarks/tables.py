@@ -20,6 +20,9 @@ _IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
 BASELINE = "mcl"
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-map-smoother": "map-based MCL with smoother",
+    "deq-mcl-rejuvenated": "DEQ-MCL, rejuvenated",
+    "mcl-h": "map-based MCL with tabulated look-ahead",
+    "mcl-pilots": "map-based MCL with pilots",
     "dead-reckoning": "dead reckoning on the plan",
 }
 

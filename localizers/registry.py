@@ -14,8 +14,10 @@ from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import deq_mcl
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
+from localizers.methods.lookahead import mcl_h, mcl_pilots
 from localizers.methods.map_motion import mcl_map
 from localizers.methods.mcl import mcl
+from localizers.methods.rejuvenated import deq_mcl_rejuvenated
 from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
 
 Factory = Callable[..., Localizer]
@@ -26,6 +28,9 @@ _FACTORIES: dict[str, Factory] = {
     "mcl-map": mcl_map,
     "mcl-map-smoother": mcl_map_smoother,
     "deq-mcl": deq_mcl,
+    "deq-mcl-rejuvenated": deq_mcl_rejuvenated,
+    "mcl-h": mcl_h,
+    "mcl-pilots": mcl_pilots,
     "dead-reckoning": dead_reckoning,
     "grid": grid,
     "amcl": amcl,

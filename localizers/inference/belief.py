@@ -1,6 +1,7 @@
 """The weighted cloud of queues that a particle filter believes in."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -57,6 +58,9 @@ class ParticleBelief(NamedTuple):
         redraw_ess: effective sample size after the latest redraw of the future, NaN before.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         trust: evidence for and against this belief, if it is kept.
+        log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
+            computed instead of queued, (n,). It multiplies the weights that are reported, not
+            those the filter goes on with; None: nothing is looked ahead for.
     """
 
     queue: Queue
@@ -67,6 +71,7 @@ class ParticleBelief(NamedTuple):
     redraw_ess: float = math.nan
     scan_log_evidence: float = math.nan
     trust: Trust | None = None
+    log_h: LogWeights | None = None
 
     @property
     def quality(self) -> float | None:
@@ -84,9 +89,14 @@ class ParticleBelief(NamedTuple):
         return self._held(self.queue.ahead)
 
     @property
+    def reported_log_weights(self) -> LogWeights:
+        """Log of w h_t(x_t), not normalised, (n,)."""
+        return self.log_weights if self.log_h is None else self.log_weights + self.log_h
+
+    @property
     def weights(self) -> NDArray[np.float64]:
-        """Weights with sum 1, (n,)."""
-        return normalized(self.log_weights)
+        """Reported weights with sum 1, (n,)."""
+        return normalized(self.reported_log_weights)
 
     @property
     def effective_sample_size(self) -> float:
@@ -96,19 +106,22 @@ class ParticleBelief(NamedTuple):
     @property
     def log_evidence(self) -> float:
         """Log of the unbiased estimate of ∫γ_t: p(o_{1:t}, every step of the queue feasible)."""
-        return self.log_normalizer + log_sum_exp(self.log_weights) - math.log(self.log_weights.size)
+        return self._evidence(self.reported_log_weights)
 
     def points(self, offset: int = 0) -> tuple[States, NDArray[np.float64]] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
         states = self.queue.at(offset)
         return None if states is None else (states.T, self.weights)
 
-    def resampled(self, ancestors: Indices | None) -> "ParticleBelief":
-        """Go on with these particles, equally weighted; None changes nothing."""
+    def resampled(self, ancestors: Indices | None, by: LogWeights) -> "ParticleBelief":
+        """Go on with these particles, drawn in proportion to exp(by), (n,); None changes nothing.
+
+        Each keeps the weight that ``by`` leaves: none, if they were drawn by their own weights.
+        """
         if ancestors is None:
             return self
-        even = np.zeros(self.log_weights.size)
-        return self._with(self.queue.resampled(ancestors), even, self.drawn, self.log_evidence)
+        left = self.log_weights[ancestors] - by[ancestors]
+        return self._with(self.queue.resampled(ancestors), left, self.drawn, self._evidence(by))
 
     def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
         """Add newest states (d, n), drawn by ``action``."""
@@ -122,6 +135,16 @@ class ParticleBelief(NamedTuple):
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""
         return self._with(self.queue.cut(keep), self.log_weights, self.drawn[:keep])
+
+    def followed(self, future: Sequence[States]) -> "ParticleBelief":
+        """Exchange the states after the present, (d, n) each, for others drawn by ``drawn``."""
+        return self._with(self.queue.followed(future), self.log_weights, self.drawn)
+
+    def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
+        """Report with h_t(x_t), (n,). Dropped and counted as in ``reweighted`` if all are 0."""
+        if (self.log_weights + log_h).max() > -math.inf:
+            return self._replace(log_h=log_h)
+        return self._replace(events=self.events.plus(weight_collapses=1))
 
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
@@ -155,6 +178,9 @@ class ParticleBelief(NamedTuple):
         """``_replace``, at a fifth of its cost: this is called several times a step."""
         evidence = self.log_normalizer if log_normalizer is None else log_normalizer
         return ParticleBelief(queue, log_weights, drawn, evidence, self.events, self.redraw_ess)
+
+    def _evidence(self, log_weights: LogWeights) -> float:
+        return self.log_normalizer + log_sum_exp(log_weights) - math.log(log_weights.size)
 
     def _held(self, offset: int) -> States:
         states = self.queue.at(offset)

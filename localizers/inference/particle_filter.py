@@ -1,12 +1,14 @@
 """One particle filter for the whole family; its members differ by one part each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from localizers.inference.belief import ParticleBelief
+from localizers.inference.lookahead import Lookahead, Myopic
+from localizers.inference.moves import Move, Stay
 from localizers.inference.parts import (
     Action,
     Actions,
@@ -18,6 +20,8 @@ from localizers.inference.parts import (
 )
 from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
+from localizers.inference.resampling import Selection, by_own_weight
+from localizers.inference.rollout import Rollout
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +36,9 @@ class ParticleFilter:
         past: L, how many states before the present are kept (and so smoothed).
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
+        move: renews queued states after resampling, leaving γ_t invariant.
+        lookahead: weights what is reported by h_t(x_t), where the future is not queued.
+        selection: the weights to resample by.
     """
 
     motion: Motion
@@ -42,6 +49,9 @@ class ParticleFilter:
     past: int = 0
     future: int = 0
     pilots: int = 16
+    move: Move = field(default_factory=Stay)
+    lookahead: Lookahead = field(default_factory=Myopic)
+    selection: Selection = by_own_weight
 
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
@@ -55,7 +65,7 @@ class ParticleFilter:
         for action in plan[: self.future]:
             belief = self._resampled(belief, rng)
             belief = self._advanced(belief, action, rng)
-        return belief
+        return self.lookahead(belief, plan, rng)
 
     def step(
         self,
@@ -80,11 +90,14 @@ class ParticleFilter:
         for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
             belief = self._advanced(belief, newest, rng)
         belief = belief.stepped(self.past)
-        return belief.scanned(self.scan.log_likelihood(belief.present, ranges))
+        belief = belief.scanned(self.scan.log_likelihood(belief.present, ranges))
+        return self.lookahead(belief, plan, rng)
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
-        """Resample whole queues."""
-        return belief.resampled(self.resampling.ancestors(belief.log_weights, rng))
+        """Resample whole queues, and move them."""
+        by = self.selection(belief)
+        ancestors = self.resampling.ancestors(by, rng)
+        return self.move(belief.resampled(ancestors, by), ancestors, rng)
 
     def _advanced(
         self, belief: ParticleBelief, action: Action, rng: np.random.Generator
@@ -95,5 +108,10 @@ class ParticleFilter:
         return belief.appended(after, action).reweighted(self.feasibility.log_g(before, after))
 
     @cached_property
+    def rollout(self) -> Rollout:
+        """Draws futures by this filter's motion and charges them by its feasibility."""
+        return Rollout(self.motion, self.feasibility)
+
+    @cached_property
     def _redraw(self) -> Redraw:
-        return Redraw(self.motion, self.feasibility, self.pilots)
+        return Redraw(self.rollout, self.pilots)

@@ -9,6 +9,7 @@ Named tuples, because several of each are made at every step and they cost a fif
 dataclass.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -96,6 +97,16 @@ class Queue(NamedTuple):
         return Queue(
             self.slots[: last + 1], self.links[:last], self._order(last), self.present, future
         )
+
+    def followed(self, future: Sequence[States]) -> "Queue":
+        """Exchange the states after the present for others, (d, n) each, in today's order.
+
+        They are stored as if drawn today, so that nothing links them to the order of the past.
+        """
+        queue = self.cut(0)
+        for states in future:
+            queue = queue.appended(states)
+        return queue
 
     def at(self, offset: int) -> States | None:
         """Return the states ``offset`` steps after the present (before it if negative), (d, n).

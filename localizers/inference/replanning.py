@@ -1,6 +1,5 @@
 """What to do with a queued future whose actions turn out not to be the ones carried out."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,8 @@ from numpy.typing import NDArray
 from deqmcl_gym.numerics import arrays
 from localizers import kernels
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States
+from localizers.inference.parts import Actions, States
+from localizers.inference.rollout import Rollout, log_mean
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,7 @@ class Redraw:
         pilots: M.
     """
 
-    motion: Motion
-    feasibility: Feasibility
+    rollout: Rollout
     pilots: int = 16
 
     def __call__(
@@ -44,12 +43,12 @@ class Redraw:
         anchor = belief.queue.at(shared)
         assert anchor is not None, "the shared steps are held"
         old = self._pilot_log_g(anchor, belief.drawn[shared:], self.pilots - 1, rng)
-        old = np.vstack([old, self._own_log_g(belief, shared)])
-        paths, new = self._pilot(anchor, actions[shared:held], self.pilots, rng)
-        log_old = _log_mean(old)
+        old = np.vstack([old, self.rollout.queued_log_g(belief, shared)])
+        paths, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
+        log_old = log_mean(old)
         # Where β = inf and every old future collides, the weight is zero already, or the charge
         # was dropped by a weight collapse: either way there is nothing to take back.
-        log_factor = _log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
+        log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)
         for states, action in zip(paths, actions[shared:held], strict=True):
@@ -60,50 +59,17 @@ class Redraw:
             redraw_ess=redrawn.effective_sample_size,
         )
 
-    def _own_log_g(self, belief: ParticleBelief, shared: int) -> LogWeights:
-        """Log Π g of the particles' own futures from ``shared`` on, (n,)."""
-        total = np.zeros(belief.log_weights.size)
-        for offset in range(shared, belief.queue.ahead):
-            before, after = belief.queue.at(offset), belief.queue.at(offset + 1)
-            assert before is not None, "the future is held"
-            assert after is not None, "the future is held"
-            total += self.feasibility.log_g(before, after)
-        return total
-
-    def _pilot(
-        self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
-    ) -> tuple[list[States], NDArray[np.float64]]:
-        """Roll out ``pilots`` futures per particle: states (d, M, n) per step, log Π g (M, n)."""
-        d, n = anchor.shape
-        states = np.tile(anchor, (1, pilots))
-        log_g = np.zeros(pilots * n)
-        paths = []
-        for action in actions:
-            before, states = states, self.motion.sample(states, action, rng)
-            log_g += self.feasibility.log_g(before, states)
-            paths.append(states.reshape(d, pilots, n))
-        return paths, log_g.reshape(pilots, n)
-
     def _pilot_log_g(
         self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
     ) -> NDArray[np.float64]:
         if pilots == 0:
             return np.empty((0, anchor.shape[1]))
-        return self._pilot(anchor, actions, pilots, rng)[1]
+        return self.rollout.futures(anchor, actions, pilots, rng)[1]
 
 
 def _shared_steps(drawn: Actions, actions: Actions) -> int:
     """How many leading actions are the same, by exact comparison of commands."""
     return kernels.agreeing(drawn, actions)
-
-
-def _log_mean(log_values: NDArray[np.float64]) -> LogWeights:
-    """Log of the mean of exp over axis 0, (n,); -inf where all are."""
-    top = log_values.max(axis=0)
-    base = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(divide="ignore"):
-        total: LogWeights = base + arrays.log(arrays.exp(log_values - base).sum(axis=0))
-    return total - math.log(len(log_values))
 
 
 def _choose(log_weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.validation import number, one_of
 from localizers import kernels
+from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import Indices, LogWeights
 from localizers.inference.weights import Weights, effective_sample_size, normalized
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
+Selection = Callable[[ParticleBelief], LogWeights]
 
 
 def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
@@ -66,6 +68,20 @@ class WhenDegenerate:
         chosen = self.scheme(weights, rng)
         degenerate = effective_sample_size(weights) < self.threshold * weights.size
         return chosen if degenerate else None
+
+
+def by_own_weight(belief: ParticleBelief) -> LogWeights:
+    """Resample by w: what is looked ahead stays out of the filter."""
+    return belief.log_weights
+
+
+def by_reported_weight(belief: ParticleBelief) -> LogWeights:
+    """Resample by w h_t(x_t); w = 1 / h_t(x_t) is left to the particles that go on.
+
+    So what resampling sees next is log h_{t+1}(x_{t+1}) - log h_t(x_t) beside the new evidence: a
+    twisted particle filter (Whiteley & Lee 2014).
+    """
+    return belief.reported_log_weights
 
 
 def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDegenerate:

@@ -8,13 +8,15 @@ must average to the enumerated figure, for every t, every state of the queue and
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
+from localizers.inference.lookahead import Pilots, Tabulated
+from localizers.inference.moves import RenewedFuture, Sometimes, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.resampling import Always, WhenDegenerate
+from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 
 STATES, STEPS = 5, 4
 FUTURE, PAST, PARTICLES = 2, 1, 8
@@ -73,6 +75,28 @@ class RingWalls:
         return np.where(COLLIDES[before[0], after[0]], -self.beta, 0.0)
 
 
+@dataclass(frozen=True)
+class RingTable:
+    """h by the backward recursion: exact, the states can be counted."""
+
+    beta: float
+
+    def log_h(self, states, window):
+        h = np.ones(STATES)
+        for command in window[::-1, 0]:
+            h = transition(int(command), self.beta) @ h
+        return np.log(h[states[0]])
+
+
+def transition(command: int, beta: float) -> np.ndarray:
+    """p(x' | x, command) g(x, x'), row x."""
+    one_step = np.zeros((STATES, STATES))
+    for x in range(STATES):
+        for noise, share in NOISE.items():
+            one_step[x, (x + command + noise) % STATES] += share
+    return one_step * np.exp(-beta * COLLIDES)
+
+
 RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
 
 
@@ -85,6 +109,40 @@ def ring_filter(beta: float, **parts) -> ParticleFilter:
         particles=PARTICLES,
         **parts,
     )
+
+
+def rejuvenated(beta: float, **parts) -> ParticleFilter:
+    ring = ring_filter(beta, past=PAST, future=FUTURE, **parts)
+    return replace(ring, move=RenewedFuture(ring.rollout))
+
+
+def rejuvenated_when_resampled(beta: float, **parts) -> ParticleFilter:
+    ring = rejuvenated(beta, **parts)
+    return replace(ring, move=WhenResampled(ring.move))
+
+
+def rejuvenated_sometimes(beta: float, **parts) -> ParticleFilter:
+    ring = rejuvenated(beta, **parts)
+    return replace(ring, move=Sometimes(ring.move, 1 / 3))
+
+
+def with_pilots(beta: float, pilots: int = 3, **parts) -> ParticleFilter:
+    ring = ring_filter(beta, past=PAST, **parts)
+    return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=pilots))
+
+
+def with_h(beta: float, **parts) -> ParticleFilter:
+    table = Tabulated(table=RingTable(beta), steps=FUTURE)
+    return ring_filter(beta, past=PAST, lookahead=table, **parts)
+
+
+def twisted_by_h(beta: float, **parts) -> ParticleFilter:
+    return with_h(beta, selection=by_reported_weight, **parts)
+
+
+def looked_ahead(ring: ParticleFilter) -> int:
+    """F: of the queue, or of the part that does without one."""
+    return ring.future or getattr(ring.lookahead, "steps", 0)
 
 
 def gamma(t: int, commands: Plan, beta: float) -> np.ndarray:
@@ -136,7 +194,7 @@ def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores = {}
     for t, offset in runs[0]:
-        exact = gamma(t, drive.commands(t, ring.future), beta)[t + offset]
+        exact = gamma(t, drive.commands(t, looked_ahead(ring)), beta)[t + offset]
         seen = np.array([one[t, offset] for one in runs])
         error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
         # A value never seen must have no weight: an infinite score if it has some.

@@ -42,7 +42,7 @@ def sentence(caught) -> str:
         ("mcl", {"lag": 3}, "allowed are ess_threshold, particles, resampler"),
         ("dead-reckoning", {"particles": 10}, "allowed are none"),
         ("deqmcl", {}, "did you mean 'deq-mcl'"),
-        ("", {}, "allowed are amcl, dead-reckoning, deq-mcl, ekf, grid, mcl"),
+        ("", {}, "allowed are amcl, dead-reckoning, deq-mcl, "),
         (None, {}, "unknown localizer None"),
     ],
 )

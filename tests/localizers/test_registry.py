@@ -9,16 +9,11 @@ from deqmcl_gym.validation import InputError
 from localizers import registry
 
 BUILT_IN = (
-    "mcl",
-    "mcl-smoother",
-    "mcl-map",
-    "mcl-map-smoother",
-    "deq-mcl",
-    "dead-reckoning",
-    "grid",
-    "amcl",
-    "ekf",
+    *("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl"),
+    *("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots", "dead-reckoning"),
+    *("grid", "amcl", "ekf"),
 )
+FILTER = {"particles", "resampler", "ess_threshold"}
 
 
 @pytest.fixture(autouse=True)
@@ -56,6 +51,9 @@ def test_every_built_in_localizer_can_be_made_with_its_defaults_and_is_a_localiz
         ("mcl-map", {"particles", "beta", "resampler", "ess_threshold"}),
         ("mcl-map-smoother", {"particles", "lag", "beta", "resampler", "ess_threshold"}),
         ("deq-mcl", {"particles", "lag", "beta", "pilots", "resampler", "ess_threshold"}),
+        ("deq-mcl-rejuvenated", {*FILTER, "lag", "beta", "pilots", "moves"}),
+        ("mcl-h", {*FILTER, "lag", "beta", "form", "cell", "headings"}),
+        ("mcl-pilots", {*FILTER, "lag", "beta", "pilots"}),
         ("dead-reckoning", set()),
         ("grid", {"cell", "headings"}),
         ("ekf", {"gate"}),

@@ -9,9 +9,7 @@ one all combinations at 10,000.
 import numpy as np
 import pytest
 from ring_world import (
-    COLLIDES,
     FUTURE,
-    NOISE,
     PAST,
     PRIOR,
     RESAMPLING,
@@ -21,6 +19,7 @@ from ring_world import (
     beliefs,
     gamma,
     ring_filter,
+    transition,
     worst,
     z_scores,
 )
@@ -77,7 +76,7 @@ def test_every_state_of_the_queue_is_tested_and_every_value_of_the_state():
 def test_enumeration_agrees_with_the_forward_recursion():
     # γ by messages instead of paths: α_t forwards, then h_t(x) backwards over the planned steps.
     beta, t, commands = 1.0, 2, (1, 1, 2, 1)
-    step = [_transition(command, beta) for command in commands]
+    step = [transition(command, beta) for command in commands]
     forward = PRIOR @ step[0] * SENSOR[:, 0] @ step[1] * SENSOR[:, 1]
     lookahead = step[2] @ step[3] @ np.ones(STATES)
     assert gamma(t, commands, beta)[t] == pytest.approx(forward * lookahead, rel=1e-12)
@@ -107,14 +106,6 @@ def test_resampling_when_degenerate_does_both():
         normalizers = [belief.log_normalizer for belief in beliefs(ring, DRIVE, seed)]
         resampled |= set((np.diff(normalizers) != 0).tolist())
     assert resampled == {True, False}
-
-
-def _transition(command: int, beta: float) -> np.ndarray:
-    one_step = np.zeros((STATES, STATES))
-    for x in range(STATES):
-        for noise, share in NOISE.items():
-            one_step[x, (x + command + noise) % STATES] += share
-    return one_step * np.exp(-beta * COLLIDES)
 
 
 def _deq() -> tuple[ParticleFilter, Drive, float]:

@@ -1,0 +1,51 @@
+"""Q(t) of DEQ-MCL, its future redrawn at every step: the present is no longer twenty steps old.
+
+The published filter draws x_t L steps before it becomes the present and resamples it L times since.
+Here a resample-move step (Gilks & Berzuini 2001) proposes a fresh future for every particle and
+accepts it by its feasibility. The target stays the same.
+"""
+
+from collections.abc import Callable
+
+from deqmcl_gym.validation import one_of
+from localizers.api import RobotModel
+from localizers.inference.moves import Move, RenewedFuture, Sometimes, WhenResampled
+from localizers.methods.deq_mcl import deq_mcl
+from localizers.particle_localizer import ParticleLocalizer
+
+MOVES: dict[str, Callable[[Move], Move]] = {
+    "always": lambda move: move,
+    "resampled": WhenResampled,
+    "third": lambda move: Sometimes(move, 1 / 3),
+}
+
+
+def deq_mcl_rejuvenated(
+    robot: RobotModel,
+    *,
+    particles: int = 1000,
+    lag: int = 20,
+    beta: float = 10.0,
+    pilots: int = 16,
+    moves: str = "always",
+    resampler: str = "systematic",
+    ess_threshold: float | None = None,
+) -> ParticleLocalizer:
+    """Return DEQ-MCL whose future is moved; else as ``deq_mcl``.
+
+    Args:
+        moves: "always"; "third", at each step with probability 1/3; or "resampled", at the steps
+            that resample only (meant for ``ess_threshold`` = 0.5). The first two are exactly
+            invariant, the last one as ``particles`` grows.
+    """
+    when = MOVES[one_of("moves", moves, MOVES)]
+    base = deq_mcl(
+        robot,
+        particles=particles,
+        lag=lag,
+        beta=beta,
+        pilots=pilots,
+        resampler=resampler,
+        ess_threshold=ess_threshold,
+    )
+    return base.varied(move=when(RenewedFuture(base.filter.rollout)))

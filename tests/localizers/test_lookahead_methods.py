@@ -1,0 +1,169 @@
+"""What looking ahead changes and what it leaves alone, number for number."""
+
+import numpy as np
+import pytest
+from following import follow, same
+
+import localizers
+from localizers.inference.moves import RenewedFuture, Sometimes, WhenResampled
+from localizers.inference.rollout import Rollout
+from localizers.models.feasibility import FreeSpace, Unconstrained
+
+PAST, BOTH = range(-6, 1), range(-6, 7)
+LOOKING = [
+    ("deq-mcl-rejuvenated", {}),
+    ("mcl-h", {}),
+    ("mcl-h", {"form": "twisted"}),
+    ("mcl-pilots", {}),
+]
+STRATEGIES = [{}, {"ess_threshold": 0.5}]
+
+
+@pytest.fixture(params=STRATEGIES, ids=str)
+def make(request, robot):
+    """make(name, **params) with 60 particles, β = 2 and one of the strategies."""
+
+    def made(name: str, **params):
+        given = {"particles": 60, "beta": 2.0, **request.param, **params}
+        return localizers.make(name, robot, **given)
+
+    return made
+
+
+@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
+def test_without_lag_it_is_map_based_mcl(make, prior, drive, name, params):
+    looking = follow(make(name, lag=0, **params), prior, drive)
+    assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
+
+
+@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
+def test_without_a_plan_it_is_the_map_based_smoother(make, prior, drive, name, params):
+    empty = [np.empty((0, 2))] * 13
+    looking = follow(make(name, lag=5, **params), prior, drive, plans=empty)
+    smoother = follow(make("mcl-map-smoother", lag=5), prior, drive, plans=empty)
+    assert same(looking, smoother, offsets=BOTH)
+
+
+@pytest.mark.parametrize("name", ["mcl-h", "mcl-pilots"])
+def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, drive, name):
+    looking = follow(make(name, lag=5), prior, drive)
+    smoother = follow(make("mcl-map-smoother", lag=5), prior, drive)
+    for belief, plain in zip(looking, smoother, strict=True):
+        for offset in BOTH:
+            points, expected = belief.points(offset), plain.points(offset)
+            assert (points is None) == (expected is None)
+            assert points is None or np.array_equal(points[0], expected[0])
+        assert np.array_equal(belief.log_weights, plain.log_weights)
+    assert not same(looking[:-1], smoother[:-1])
+    assert same(looking[-1:], smoother[-1:])  # nothing is planned any more
+
+
+def test_the_twisted_form_starts_with_the_same_estimate_and_goes_on_with_other_particles(
+    make, prior, drive
+):
+    estimate = follow(make("mcl-h", lag=5), prior, drive)
+    twisted = follow(make("mcl-h", lag=5, form="twisted"), prior, drive)
+    assert same(estimate[:1], twisted[:1])
+    assert not np.array_equal(estimate[-1].points()[0], twisted[-1].points()[0])
+
+
+def test_resampled_by_h_a_particle_keeps_one_over_h(make, prior, drive):
+    start = make("mcl-h", lag=5).reset(prior, drive[0], np.random.default_rng(0))
+    kept = start.resampled(np.arange(60), by=start.reported_log_weights)
+    assert kept.log_h is None
+    assert kept.log_weights == pytest.approx(-start.log_h, abs=1e-12)
+    left = np.log(np.mean(np.exp(-start.log_h)))
+    assert kept.log_evidence == pytest.approx(start.log_evidence + left, abs=1e-12)
+
+
+def test_pilots_of_a_free_map_say_nothing(make, prior, drive):
+    pilots = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
+    assert same(pilots, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
+
+
+def test_more_pilots_leave_the_cloud_as_it_is(make, prior, drive):
+    few, many = (follow(make("mcl-pilots", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
+    assert np.array_equal(few.points()[0], many.points()[0])
+    assert not np.array_equal(few.points()[1], many.points()[1])
+
+
+@pytest.fixture
+def queued(make, prior, drive):
+    """A belief of DEQ-MCL in mid-drive, five steps looked ahead."""
+    return follow(make("deq-mcl", lag=5), prior, drive)[4]
+
+
+def test_a_move_is_always_accepted_where_nothing_is_charged(robot, queued):
+    move = RenewedFuture(Rollout(robot.motion, Unconstrained()))
+    moved = move(queued, None, np.random.default_rng(0))
+    for offset in range(1, 6):
+        old, new = queued.queue.at(offset), moved.queue.at(offset)
+        assert (old != new).any(axis=0).all()
+
+
+def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued):
+    feasibility = FreeSpace(floor_plan=room, radius=8.0, beta=2.0)
+    moved = RenewedFuture(Rollout(robot.motion, feasibility))(
+        queued, None, np.random.default_rng(0)
+    )
+    assert moved.log_weights is queued.log_weights
+    assert moved.log_evidence == queued.log_evidence
+    assert np.array_equal(moved.drawn, queued.drawn)
+    for offset in range(-5, 1):
+        assert np.array_equal(moved.queue.at(offset), queued.queue.at(offset))
+
+
+def test_a_moved_future_starts_from_its_own_present(room, robot, queued):
+    # Without noise the proposal is the plan rolled out from the particle's present.
+    still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
+    moved = RenewedFuture(Rollout(still, Unconstrained()))(queued, None, np.random.default_rng(0))
+    expected = queued.present
+    for offset, action in enumerate(queued.drawn, start=1):
+        expected = still.sample(expected, action, np.random.default_rng(0))
+        assert np.array_equal(moved.queue.at(offset), expected)
+
+
+def test_where_collisions_are_forbidden_a_feasible_future_is_never_lost(room, robot, queued):
+    rollout = Rollout(robot.motion, FreeSpace(floor_plan=room, radius=8.0, beta=np.inf))
+    before = rollout.queued_log_g(queued)
+    moved = RenewedFuture(rollout)(queued, None, np.random.default_rng(0))
+    after = rollout.queued_log_g(moved)
+    assert (before == 0).any()
+    assert (before < 0).any()
+    assert (after >= before).all()
+
+
+def test_a_move_when_resampled_waits_for_it(robot, queued):
+    move = WhenResampled(RenewedFuture(Rollout(robot.motion, Unconstrained())))
+    rng = np.random.default_rng(0)
+    assert move(queued, None, rng) is queued
+    assert not np.array_equal(move(queued, np.arange(60), rng).head, queued.head)
+
+
+def test_a_move_of_some_steps_moves_that_share_of_them(robot, queued):
+    move = Sometimes(RenewedFuture(Rollout(robot.motion, Unconstrained())), 0.3)
+    rng = np.random.default_rng(0)
+    moved = sum(move(queued, None, rng) is not queued for _ in range(1000))
+    assert abs(moved - 300) < 5 * np.sqrt(1000 * 0.3 * 0.7)  # false alarm 6e-7
+
+
+def test_the_forms_of_moving_differ(make, prior, drive):
+    ends = [
+        follow(make("deq-mcl-rejuvenated", lag=5, ess_threshold=0.5, moves=moves), prior, drive)[-1]
+        for moves in ("always", "resampled", "third")
+    ]
+    ends.append(follow(make("deq-mcl", lag=5, ess_threshold=0.5), prior, drive)[-1])
+    clouds = {end.points()[0].tobytes() for end in ends}
+    assert len(clouds) == 4
+
+
+@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
+def test_where_collisions_are_forbidden_estimates_stay_sound(make, prior, drive, name, params):
+    actions, scans = drive
+    into_the_wall = np.tile([80.0, 0.0], (12, 1))
+    plans = [actions[t:] if t % 2 else into_the_wall[t:] for t in range(13)]
+    localizer = make(name, lag=5, beta=np.inf, **params)
+    for belief in follow(localizer, prior, (actions, scans), plans=plans):
+        poses, weights = belief.points()
+        assert np.isfinite(poses).all()
+        assert weights.sum() == pytest.approx(1.0)
