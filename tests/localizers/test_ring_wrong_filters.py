@@ -173,6 +173,6 @@ def test_resampling_by_h_without_taking_it_out_of_the_weights_is_caught():
 
 @pytest.mark.slow
 def test_moving_only_when_resampled_is_not_exact_with_eight_particles():
-    # Known and documented (decision 22): the choice to move depends on the future that is moved.
+    # Known and documented (decision 23): the choice to move depends on the future that is moved.
     ring = rejuvenated_when_resampled(2.0, resampling=WhenDegenerate(0.5))
     assert worst(z_scores(ring, Drive.as_planned(1, 1, 2, 1), 2.0, 20_000)) > 5
