@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     return (
         f"Written: {path}, a working localizer. It can be checked and run at once:\n"
         f"  deqmcl check {name}\n"
-        f"  deqmcl paper --localizers mcl,{name} --out results/mine"
+        f"  deqmcl sweep quick --with {name} --out results/mine"
     )
 
 

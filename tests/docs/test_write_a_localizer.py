@@ -1,5 +1,7 @@
 """The page on writing a localizer: its commands run, its code is the template, its laws are all."""
 
+import csv
+import math
 import os
 import re
 import subprocess
@@ -10,6 +12,7 @@ from pathlib import Path
 from localizers import template
 from localizers.checks import LAWS, check_localizer
 
+NAMED = "./my_localizer.py:MyLocalizer"
 PAGE = (Path(__file__).parents[2] / "docs" / "write-a-localizer.md").read_text()
 
 
@@ -31,8 +34,12 @@ def test_the_commands_work_as_they_stand_one_after_the_other(tmp_path):
             check=False,
         )
         assert done.returncode == 0, f"{command}: {done.stderr}"
-    table = (tmp_path / "results" / "mine" / "table.csv").read_text()
-    assert "./my_localizer.py:MyLocalizer,0," in table
+    results = tmp_path / "results" / "mine"
+    with (results / "results.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["method"] == NAMED]
+    assert {row["offset"] for row in rows} >= {"0"}
+    assert all(math.isfinite(float(row["error"])) for row in rows if row["offset"] == "0")
+    assert NAMED in (results / "report.html").read_text()
 
 
 def test_the_code_shown_is_the_file_that_new_localizer_writes():
