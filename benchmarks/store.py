@@ -56,15 +56,20 @@ class Store:
         self._write("failed", key, {"trial": trial, "reason": reason})
 
     def strays(self, keys: Collection[str]) -> dict[str, str]:
-        """Return the files among the trials that belong to none of these keys, and what they are.
+        """Return the files that belong to none of these keys, and what they are.
 
-        A temporary file is what an interrupted write leaves.
+        A temporary file, anywhere, is what an interrupted write leaves.
         """
-        found = {}
+        left = "is what an interrupted write has left"
+        found = {
+            path.relative_to(self.out).as_posix(): left
+            for folder in (self.out, self.out / "timings", self.out / "images")
+            for path in sorted(folder.glob(".*.tmp"))
+        }
         for folder in ("trials", "failed"):
             for path in sorted((self.out / folder).glob("*")):
                 if path.name.endswith(".tmp"):
-                    found[f"{folder}/{path.name}"] = "is what an interrupted write has left"
+                    found[f"{folder}/{path.name}"] = left
                 elif path.suffix != ".json" or path.stem not in keys:
                     found[f"{folder}/{path.name}"] = "is no trial of this sweep"
         return found

@@ -27,6 +27,9 @@ ONE_THREAD = {
     "BLIS_NUM_THREADS": "1",
     "VECLIB_MAXIMUM_THREADS": "1",
 }
+# Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
+# leave one of them locked. Its process is killed by then, and it dies with this one.
+_FAREWELL = 1.0
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
@@ -81,7 +84,7 @@ class Processes(Executor):
             self._calls.put(None)
         if wait:
             for thread in self._threads:
-                thread.join()
+                thread.join(_FAREWELL)
 
     def _look_after_one(self) -> None:
         worker: _Worker | None = None

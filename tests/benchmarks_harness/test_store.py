@@ -122,7 +122,11 @@ def test_strays_are_files_that_are_no_trial_of_the_sweep(tmp_path):
     (path.parent / f".{KEY}.json.x1.tmp").write_text("half")
     (path.parent / "ffff.json").write_bytes(path.read_bytes())
     (path.parent / "notes.txt").write_text("mine")
+    (tmp_path / "timings" / f".{KEY}.json.x2.tmp").write_text("half")
+    (tmp_path / ".results.csv.x3.tmp").write_text("half")
     assert store.strays({KEY}) == {
+        ".results.csv.x3.tmp": "is what an interrupted write has left",
+        f"timings/.{KEY}.json.x2.tmp": "is what an interrupted write has left",
         f"trials/.{KEY}.json.x1.tmp": "is what an interrupted write has left",
         "trials/ffff.json": "is no trial of this sweep",
         "trials/notes.txt": "is no trial of this sweep",

@@ -14,7 +14,7 @@ Drive = tuple[np.ndarray, np.ndarray]
 
 def small(name: str, particles: int) -> dict[str, float]:
     """Parameters that make a method quick: this many particles, a coarse grid."""
-    if name in FAMILY:
+    if "particles" in (localizers.parameters(name) or ()):
         return {"particles": particles}
     if name == "amcl":
         return {"min_particles": particles, "max_particles": particles, "field_cell": 10.0}
