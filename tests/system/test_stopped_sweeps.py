@@ -18,6 +18,11 @@ TROUBLED = Path(__file__).with_name("troubled.py")
 PATIENCE = 60.0  # seconds; never waited out if all is well
 
 
+def _hear_ctrl_c():
+    """A shell's background jobs ignore it, and so would what they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Running:
     """A sweep in processes of its own group, which can be told from all others."""
 
@@ -30,6 +35,7 @@ class Running:
             [str(word) for word in words],
             env=os.environ | {"SWEEP_MARK": self._mark, "TROUBLED_FLAG": str(flag)},
             start_new_session=True,
+            preexec_fn=_hear_ctrl_c,  # noqa: PLW1509 (it does no more than set a signal)
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
