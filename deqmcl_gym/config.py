@@ -117,7 +117,7 @@ class Driver:
 
     def __post_init__(self) -> None:
         number("driver.look_ahead", self.look_ahead, low=0, above=True)
-        number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi)
+        number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,9 +20,9 @@ _LAPS = 2  # what the driver may take, in steps of the lap as planned
 class GuidedPlan:
     """What a driver would do from the true pose if there were no noise and no walls.
 
-    The driver heads for the point of the path ``look_ahead`` px beyond the one nearest to it, and
-    is done when it has gone round once and is, along the path, as near to where it started as a
-    lap asks for. Only where walls hold it up it gives up, after ``limit`` steps.
+    The driver heads for the point of the path ``look_ahead`` px beyond the one nearest to it. It is
+    done when it is, along the path, once round but for the robot's radius. Noise can bring it off
+    the path, not past that end. Where walls hold it up it gives up, after ``limit`` steps.
 
     Attributes:
         course: the path to follow.
@@ -45,11 +45,10 @@ class GuidedPlan:
                 come round.
         """
         lap, limit = world.lap, min(_LAPS * len(course.actions), MAX_STEPS)
-        # A step longer than the radius must not lead past the end.
-        reach = max(world.robot.radius, lap.step)
+        end = course.path.length - world.robot.radius
         plan = cls(
             course=course,
-            rules=(driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, reach),
+            rules=(driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end),
             horizon=integer(
                 "horizon", limit if horizon is None else horizon, low=1, high=MAX_STEPS
             ),
@@ -63,26 +62,26 @@ class GuidedPlan:
         """The lap from the expected start without noise, (T, 2) float32."""
         start = self.course.start
         arc = self.course.path.arc(start[:2])
-        planned, count = self._rolled_out(start, (arc, arc, 0.0), self.limit, self.limit)
+        planned, count = self._rolled_out(start, arc, 0.0, self.limit, self.limit)
         return planned[:count]
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
         """Return the next h actions from where the robot truly is; see ``Plan.after``."""
-        arcs = (underway.arc, underway.start_arc, underway.progress)
-        left = min(self.horizon, max(self.limit - underway.step, 0))
-        return self._rolled_out(underway.pose, arcs, self.horizon, left)
+        most = min(self.horizon, self.limit - underway.step)
+        return self._rolled_out(underway.pose, underway.arc, underway.way, self.horizon, most)
 
     def _rolled_out(
-        self, pose: Pose, arcs: tuple[float, float, float], rows: int, most: int
+        self, pose: Pose, arc: float, way: float, rows: int, most: int
     ) -> tuple[Actions, int]:
         path = self.course.path
         planned = np.zeros((rows, 2), np.float32)
-        return planned, roll_out(pose, arcs, path.edges, path.length, self.rules, planned[:most])
+        actions = planned[:most]
+        return planned, roll_out(pose, arc, way, path.edges, path.length, self.rules, actions)
 
 
 def _check_drivable(plan: GuidedPlan, world: World) -> None:
     actions = plan.actions.astype(np.float64)
-    wish = "give a smaller driver.look_ahead, or other lap.waypoints."
+    wish = "give another driver.look_ahead, or other lap.waypoints."
     if len(actions) == plan.limit:
         raise InputError(
             f"the driver does not come round in {plan.limit:,} steps, even without noise: {wish}"
@@ -99,4 +98,4 @@ def _points(start: Pose, actions: NDArray[np.float64]) -> NDArray[np.float64]:
     x, y, heading = start
     headings = heading + np.cumsum(actions[:, 1])
     ways = actions[:, :1] * np.column_stack([np.cos(headings), np.sin(headings)])
-    return np.vstack([(x, y), (x, y) + np.cumsum(ways, axis=0)])
+    return np.cumsum(np.vstack([(x, y), ways]), axis=0)

@@ -22,8 +22,7 @@ class Episode:
         plan: says what is to be done next.
         step: steps carried out.
         arc: arc length of the path's point nearest to the robot, px.
-        start_arc: the same at reset.
-        progress: made along the path since then, px.
+        way: from the arc length at reset to there, jumps included, px.
         ended: whether there is no further one.
         scan: the last one, (B,) px.
     """
@@ -43,8 +42,8 @@ class Episode:
         x, y, self._heading = setting.start(seed, number)
         self._start = (x, y)
         self._physics = Physics(walls, self._start)
-        self.arc = self.start_arc = self._path.arc(self._start)
-        self.progress = 0.0
+        self.arc, self.way = self._path.arc(self._start), 0.0
+        self._progress = 0.0
         self.plan: Plan
         self.plan, self.step, self.ended = setting.plan, 0, False
         self.scan = self._sensor.scan(self.pose)
@@ -62,7 +61,7 @@ class Episode:
     @property
     def lap_done(self) -> bool:
         """Whether the progress adds up to one lap and the robot is back at its start."""
-        if round(self.progress / self._path.length) < 1:
+        if round(self._progress / self._path.length) < 1:
             return False
         return math.dist(self._start, self._physics.position) <= self._world.robot.radius
 
@@ -70,7 +69,7 @@ class Episode:
         """Put the robot somewhere; that makes no progress."""
         x, y, self._heading = pose
         self._physics.place((x, y))
-        self.arc = self._path.arc((x, y))
+        self._follow_path()
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
         """Turn, drive, take a scan: one step of noisy motion.
@@ -80,11 +79,16 @@ class Episode:
         """
         collided = self._move(distance, turn)
         self.step += 1
-        before, self.arc = self.arc, self._path.arc(self._physics.position)
-        progress = self._path.advance(before, self.arc)
-        self.progress += progress
+        progress = self._follow_path()
+        self._progress += progress
         self.scan = self._sensor.scan(self.pose)
         return progress, collided
+
+    def _follow_path(self) -> float:
+        before, self.arc = self.arc, self._path.arc(self._physics.position)
+        gone = self._path.advance(before, self.arc)
+        self.way += gone
+        return gone
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise

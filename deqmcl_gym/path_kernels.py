@@ -44,7 +44,8 @@ def follow(points: Floats, edges: Floats, length: float, arcs: Floats, progress:
 @compiled
 def roll_out(
     pose: tuple[float, float, float],
-    arcs: tuple[float, float, float],
+    arc: float,
+    way: float,
     edges: Floats,
     length: float,
     rules: tuple[float, float, float, float, float],
@@ -54,22 +55,22 @@ def roll_out(
 
     Args:
         pose: of the robot.
-        arcs: arc length of the robot, of the lap's end, and the progress made so far.
+        arc: arc length of the path's point nearest to it.
+        way: made along the path so far.
         edges: of the path.
         length: of the path.
         rules: way to the look-ahead point; heading error beyond which it turns on the spot; step;
-            largest turn of a step; how near to the lap's end the lap is done.
+            largest turn of a step; way at which the lap is done.
         actions: distance, turn, (n, 2).
 
     Returns:
         How many actions there are, at most n.
     """
     x, y, heading = pose
-    arc, goal, progress = arcs
-    look_ahead, on_the_spot, step, most, reach = rules
+    look_ahead, on_the_spot, step, most, end = rules
     rows: int = actions.shape[0]
     for count in range(rows):
-        if progress > length / 2 and abs(advance(arc, goal, length)) <= reach:
+        if way >= end:
             return count
         to_x, to_y = _point_at((arc + look_ahead) % length, edges)
         error = _wrapped(atan2_64(to_y - y, to_x - x) - heading)
@@ -80,7 +81,7 @@ def roll_out(
         distance = np.float64(actions[count, 0])
         x, y = x + distance * cos64(heading), y + distance * sin64(heading)
         before, arc = arc, nearest_arc(x, y, edges)
-        progress += advance(before, arc, length)
+        way += advance(before, arc, length)
     return rows
 
 

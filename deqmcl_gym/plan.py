@@ -13,26 +13,27 @@ Actions = NDArray[np.float32]
 
 
 class Underway(Protocol):
-    """What a plan may ask of an episode.
-
-    Attributes:
-        step: steps carried out.
-        pose: the true pose (x px, y px, θ rad).
-        arc: arc length of the path's point nearest to it, px.
-        start_arc: the same at reset.
-        progress: made along the path since then, px.
-    """
+    """What a plan may ask of an episode."""
 
     @property
-    def step(self) -> int: ...
+    def step(self) -> int:
+        """Steps carried out."""
+        ...
+
     @property
-    def pose(self) -> Pose: ...
+    def pose(self) -> Pose:
+        """The true pose (x px, y px, θ rad)."""
+        ...
+
     @property
-    def arc(self) -> float: ...
+    def arc(self) -> float:
+        """Arc length of the path's point nearest to the robot, px."""
+        ...
+
     @property
-    def start_arc(self) -> float: ...
-    @property
-    def progress(self) -> float: ...
+    def way(self) -> float:
+        """From the arc length at reset to there, the shorter way round if it was carried, px."""
+        ...
 
 
 class Plan(Protocol):
