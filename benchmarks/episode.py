@@ -22,7 +22,7 @@ from localizers import Belief, Localizer, Prior, make
 Floats = NDArray[np.floating]
 Driver = Callable[[Belief, Floats], Floats]
 
-_PARTS = ("floor_plan", "lidar", "robot", "noise", "start", "lap")
+_PARTS = ("floor_plan", "lidar", "robot", "noise", "start", "lap", "driver")
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Moment:
 
 
 def follow_plan(belief: Belief, plan: Floats) -> Floats:
-    """Drive open loop: carry out the next planned action, whatever one believes."""
+    """Carry out the next planned action, whatever one believes."""
     action: Floats = plan[0]
     return action
 

@@ -90,5 +90,12 @@ ASSUMED = MappingProxyType(
             motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.01),
             scan=CensoredGaussianUniform(sigma=5.0),
         ),
+        # exactly the world's noise, sensor and start
+        "guided": Assumptions(
+            motion=OdometryMotion(drive=0.2, turn=0.2, drift=0.02),
+            scan=CensoredGaussianUniform(sigma=100.0),
+            start_sd_position=5.0,
+            start_sd_heading=0.05,
+        ),
     }
 )

@@ -6,10 +6,10 @@
 
 from gymnasium.envs.registration import register
 
-from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
+from deqmcl_gym.config import Driver, Lap, MotionNoise, Robot, Start
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 
-__all__ = ["ENV_ID", "FloorPlan", "Lap", "Lidar", "MotionNoise", "Robot", "Start"]
+__all__ = ["ENV_ID", "Driver", "FloorPlan", "Lap", "Lidar", "MotionNoise", "Robot", "Start"]
 
 ENV_ID = "deqmcl_gym/Room-v0"
 

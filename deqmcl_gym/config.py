@@ -104,8 +104,28 @@ class Lap:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Driver:
+    """Someone who knows the true pose and follows the lap's path from there, step by step.
+
+    Attributes:
+        look_ahead: way along the path to the point it heads for, px.
+        on_the_spot: heading error beyond which it turns without driving, rad.
+    """
+
+    look_ahead: float = 25.0
+    on_the_spot: float = 0.5
+
+    def __post_init__(self) -> None:
+        number("driver.look_ahead", self.look_ahead, low=0, above=True)
+        number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
 class World:
-    """Everything an episode is made of, but its seed."""
+    """Everything an episode is made of, but its seed.
+
+    Without a driver the plan is the lap, the same at every step.
+    """
 
     floor_plan: FloorPlan
     lidar: Lidar = field(default_factory=Lidar)
@@ -113,9 +133,12 @@ class World:
     noise: MotionNoise = field(default_factory=MotionNoise)
     start: Start = field(default_factory=Start)
     lap: Lap = field(default_factory=Lap)
+    driver: Driver | None = None
 
     def changed(self, **parts: Any) -> "World":
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.
+
+        Changes to a driver that the world does not have are changes to ``Driver()``.
 
         A floor plan is always given whole: ``{"outer": [...], "obstacles": [...]}``.
 
@@ -125,6 +148,9 @@ class World:
         known = {own.name: getattr(self, own.name) for own in fields(self)}
         for name in parts:
             one_of("part of the world", name, known)
+        parts = {name: value for name, value in parts.items() if value is not None}
+        if self.driver is None:
+            known["driver"] = Driver()
         floor_plan = parts.get("floor_plan")
         if isinstance(floor_plan, dict):
             for key in floor_plan:

@@ -7,13 +7,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
+from deqmcl_gym.config import Driver, Lap, MotionNoise, Robot, Start
 from deqmcl_gym.episode import Episode, Scan
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.info import RoomInfo
 from deqmcl_gym.lap import check_free
 from deqmcl_gym.path import Pose
 from deqmcl_gym.physics import Walls
+from deqmcl_gym.plan import FixedPlan, Plan
 from deqmcl_gym.seeding import Stream
 from deqmcl_gym.setting import COLLISION_PENALTY, Setting
 from deqmcl_gym.validation import InputError, integer, one_of, pose
@@ -28,7 +29,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         floor_plan: the map m, for localizers too.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
-        course: the lap as planned at reset: path, start and actions.
+        course: the lap: its path, start, and actions as planned beforehand.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -43,6 +44,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         noise: MotionNoise | dict[str, Any] | None = None,
         start: Start | dict[str, Any] | None = None,
         lap: Lap | dict[str, Any] | None = None,
+        driver: Driver | dict[str, Any] | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         render_mode: str | None = None,
@@ -57,6 +59,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
             noise: motion noise of the world.
             start: pose at reset and its spread.
             lap: step lengths, or waypoints of the planned path.
+            driver: who follows that path from the true pose, and plans anew at every step.
             horizon: how many planned actions ``info`` shows; None shows the whole rest.
             ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
             render_mode: None or "rgb_array".
@@ -64,6 +67,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         self._setting = setting = Setting.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
+            driver=driver,
         )  # fmt: skip
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
@@ -79,7 +83,10 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
 
     @property
     def plan(self) -> NDArray[np.float32]:
-        """The actions planned for this episode, done and to come, (T, 2) float32."""
+        """The actions planned for this episode, done and to come, (T, 2) float32.
+
+        Of a driver: those of a lap without noise from the expected start.
+        """
         plan = self._setting.plan if self._begun is None else self._begun.plan
         return plan.actions
 
@@ -111,7 +118,8 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         episode = Episode(self._setting, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
-        return episode.scan.copy(), _info(episode, np.zeros(2, np.float32), collided=False)
+        nothing = np.zeros(2, np.float32)
+        return episode.scan.copy(), _info(episode, nothing, collided=False)
 
     def step(
         self, action: NDArray[np.float32]
@@ -124,9 +132,10 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         command = self._setting.commands.checked(action)
         progress, collided = episode.advance(*command.tolist())
         reward = progress - COLLISION_PENALTY * collided
-        used_up = episode.step >= len(episode.plan)
+        info = _info(episode, command, collided)
+        used_up = info["planned_count"] == 0
         episode.ended = used_up or (self._setting.ends_at_goal and episode.lap_done)
-        return episode.scan.copy(), reward, episode.ended, False, _info(episode, command, collided)
+        return episode.scan.copy(), reward, episode.ended, False, info
 
     def place(self, at: Pose) -> None:
         """Put the robot at a free pose, without telling anyone; the reward ignores the jump.
@@ -140,11 +149,12 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
 
         Raises:
-            InputError: wrong shape, NaN, or an action outside the action space.
+            InputError: wrong shape, NaN, an action outside the action space, or the plan is a
+                driver's.
         """
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
-        episode.plan = episode.plan.replaced(episode.step + 1, rows)
+        episode.plan = _replaceable(episode.plan).replaced(episode.step + 1, rows)
 
     def checked_pose(self, what: str, at: Pose) -> Pose:
         """Return a pose where the robot is clear of the walls, else refuse it."""
@@ -153,7 +163,8 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
         return given
 
     def checked_plan(self, what: str, actions: ArrayLike) -> NDArray[np.float32]:
-        """Return actions (k, 2) that the robot can carry out, float32, else refuse them."""
+        """Return actions (k, 2) that can replace the plan's, float32, else refuse them."""
+        _replaceable(self._setting.plan)
         return self._setting.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -174,7 +185,7 @@ class RoomEnv(gym.Env[Scan, NDArray[np.float32]]):
 
 
 def _info(episode: Episode, command: NDArray[np.float32], collided: bool) -> dict[str, Any]:
-    planned, count = episode.plan.after(episode.step)
+    planned, count = episode.plan.after(episode)
     info: RoomInfo = {
         "planned_actions": planned,
         "planned_count": count,
@@ -183,6 +194,15 @@ def _info(episode: Episode, command: NDArray[np.float32], collided: bool) -> dic
         "truth": np.array(episode.pose),
     }
     return cast(dict[str, Any], info)
+
+
+def _replaceable(plan: Plan) -> FixedPlan:
+    if not isinstance(plan, FixedPlan):
+        raise InputError(
+            "the plan is a driver's, who makes it anew at every step, so it cannot be replaced: "
+            "choose a world without a driver."
+        )
+    return plan
 
 
 def _check_no_options(options: object) -> None:

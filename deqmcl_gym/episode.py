@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.lidar import LidarSensor
 from deqmcl_gym.path import Pose, wrapped
 from deqmcl_gym.physics import Physics, Walls
+from deqmcl_gym.plan import Plan
 from deqmcl_gym.seeding import NormalRows, Stream, episode_stream
 from deqmcl_gym.setting import Setting
 
@@ -18,8 +19,10 @@ class Episode:
     """All that changes between two resets.
 
     Attributes:
-        plan: the actions planned for this episode, done and to come.
+        plan: says what is to be done next.
         step: steps carried out.
+        arc: arc length of the path's point nearest to the robot, px.
+        way: from the arc length at reset to there, jumps included, px.
         ended: whether there is no further one.
         scan: the last one, (B,) px.
     """
@@ -39,8 +42,9 @@ class Episode:
         x, y, self._heading = setting.start(seed, number)
         self._start = (x, y)
         self._physics = Physics(walls, self._start)
-        self._arc = self._path.arc(self._start)
+        self.arc, self.way = self._path.arc(self._start), 0.0
         self._progress = 0.0
+        self.plan: Plan
         self.plan, self.step, self.ended = setting.plan, 0, False
         self.scan = self._sensor.scan(self.pose)
 
@@ -65,7 +69,7 @@ class Episode:
         """Put the robot somewhere; that makes no progress."""
         x, y, self._heading = pose
         self._physics.place((x, y))
-        self._arc = self._path.arc((x, y))
+        self._follow_path()
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
         """Turn, drive, take a scan: one step of noisy motion.
@@ -75,11 +79,16 @@ class Episode:
         """
         collided = self._move(distance, turn)
         self.step += 1
-        before, self._arc = self._arc, self._path.arc(self._physics.position)
-        progress = self._path.advance(before, self._arc)
+        progress = self._follow_path()
         self._progress += progress
         self.scan = self._sensor.scan(self.pose)
         return progress, collided
+
+    def _follow_path(self) -> float:
+        before, self.arc = self.arc, self._path.arc(self._physics.position)
+        gone = self._path.advance(before, self.arc)
+        self.way += gone
+        return gone
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym import path_kernels
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -36,7 +36,7 @@ class Path:
     def arc(self, point: tuple[float, float]) -> float:
         """Arc length from corner 0 to the path's point nearest to ``point``, px."""
         x, y = point
-        return _nearest_arc(x, y, self._edges)
+        return path_kernels.nearest_arc(x, y, self.edges)
 
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, heading along it."""
@@ -49,7 +49,7 @@ class Path:
 
     def advance(self, before: float, after: float) -> float:
         """Signed way along the path between two arc lengths, the shorter way round, px."""
-        return _advance(before, after, self.length)
+        return path_kernels.advance(before, after, self.length)
 
     def follow(self, points: Floats, arcs: Floats) -> Floats:
         """Return how far each robot came along the path, (n,) px.
@@ -59,7 +59,7 @@ class Path:
             arcs: arc lengths where they were, (n,); overwritten by where they are.
         """
         progress = np.empty_like(arcs)
-        _follow(points, self._edges, self.length, arcs, progress)
+        path_kernels.follow(points, self.edges, self.length, arcs, progress)
         return progress
 
     def bottom_centre(self) -> Pose:
@@ -76,7 +76,7 @@ class Path:
         return np.vstack([entry, order, entry])
 
     @cached_property
-    def _edges(self) -> Floats:
+    def edges(self) -> Floats:
         """Rows (x, y, dx, dy, length, arc length of the corner), (k, 6)."""
         return np.column_stack([self.corners, self._along, self._lengths, self._before])
 
@@ -92,28 +92,3 @@ class Path:
     @cached_property
     def _before(self) -> Floats:
         return np.concatenate([[0.0], np.cumsum(self._lengths)[:-1]])
-
-
-@compiled
-def _nearest_arc(x: float, y: float, edges: Floats) -> float:
-    nearest, arc = np.inf, 0.0
-    for corner_x, corner_y, dx, dy, length, before in edges:
-        to_x, to_y = x - corner_x, y - corner_y
-        share = min(max((to_x * dx + to_y * dy) / (length * length), 0.0), 1.0)
-        off_x, off_y = to_x - share * dx, to_y - share * dy
-        square = off_x * off_x + off_y * off_y
-        if square < nearest:
-            nearest, arc = square, before + share * length
-    return arc
-
-
-@compiled
-def _advance(before: float, after: float, length: float) -> float:
-    return (after - before + length / 2) % length - length / 2
-
-
-@compiled
-def _follow(points: Floats, edges: Floats, length: float, arcs: Floats, progress: Floats) -> None:
-    for i in range(arcs.size):
-        before, arcs[i] = arcs[i], _nearest_arc(points[i, 0], points[i, 1], edges)
-        progress[i] = _advance(before, arcs[i], length)

@@ -2,16 +2,59 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.path import Pose
+
 Actions = NDArray[np.float32]
 
 
+class Underway(Protocol):
+    """What a plan may ask of an episode."""
+
+    @property
+    def step(self) -> int:
+        """Steps carried out."""
+        ...
+
+    @property
+    def pose(self) -> Pose:
+        """The true pose (x px, y px, θ rad)."""
+        ...
+
+    @property
+    def arc(self) -> float:
+        """Arc length of the path's point nearest to the robot, px."""
+        ...
+
+    @property
+    def way(self) -> float:
+        """From the arc length at reset to there, the shorter way round if it was carried, px."""
+        ...
+
+
+class Plan(Protocol):
+    """What is to be done next, at any moment of an episode."""
+
+    @property
+    def actions(self) -> Actions:
+        """The whole lap from the expected start, (T, 2) float32: distance px, turn rad."""
+        ...
+
+    def after(self, underway: Underway) -> tuple[Actions, int]:
+        """Return the next h actions, zero-padded, and how many they are; none ends the episode.
+
+        The array (h, 2) is a fresh one.
+        """
+        ...
+
+
 @dataclass(frozen=True)
-class Plan:
-    """What is to be done at each step, and how much of it is shown ahead.
+class FixedPlan:
+    """A lap planned beforehand: what is to be done at each step, whatever happens.
 
     Attributes:
         actions: (distance px, turn rad), (T, 2) float32; action t is that of step t + 1.
@@ -25,21 +68,19 @@ class Plan:
         """T, the number of steps."""
         return len(self.actions)
 
-    def after(self, step: int) -> tuple[Actions, int]:
-        """Return the next h actions after ``step``, zero-padded, and how many they are.
-
-        The array (h, 2) is a fresh one.
-        """
+    def after(self, underway: Underway) -> tuple[Actions, int]:
+        """Return the next h actions, wherever the robot is; see ``Plan.after``."""
+        step = underway.step
         end = step + self.horizon
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
     def after_each(self, steps: NDArray[np.intp]) -> tuple[Actions, NDArray[np.intp]]:
-        """Return what :meth:`after` says for each of ``steps`` (n,): (n, h, 2) and (n,)."""
+        """Return what :meth:`after` says after each of ``steps`` (n,): (n, h, 2) and (n,)."""
         return self._windows[steps], np.minimum(self.horizon, len(self.actions) - steps)
 
-    def replaced(self, step: int, actions: Actions) -> "Plan":
+    def replaced(self, step: int, actions: Actions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
-        return Plan(np.vstack([self.actions[:step], actions]), self.horizon)
+        return FixedPlan(np.vstack([self.actions[:step], actions]), self.horizon)
 
     @cached_property
     def _padded(self) -> Actions:

@@ -6,7 +6,7 @@ Of the paper's setting nothing but the room is published; see docs/equations.md 
 import math
 from types import MappingProxyType
 
-from deqmcl_gym.config import Start, World
+from deqmcl_gym.config import Driver, MotionNoise, Start, World
 from deqmcl_gym.floorplan import Lidar
 from deqmcl_gym.room import PAPER_ROOM
 
@@ -19,6 +19,13 @@ WORLDS = MappingProxyType(
         # a sharp fan of nine beams
         "sharp": World(
             floor_plan=PAPER_ROOM, lidar=Lidar(beams=9, field_of_view=math.pi / 2, sigma=5.0)
+        ),
+        # large real noise, and a driver that corrects for it from the true pose
+        "guided": World(
+            floor_plan=PAPER_ROOM,
+            noise=MotionNoise(drive=0.2, turn=0.2, drift=0.02),
+            start=Start(sd_position=5.0, sd_heading=0.05),
+            driver=Driver(),
         ),
     }
 )

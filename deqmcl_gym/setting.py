@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.command import Commands
 from deqmcl_gym.config import World
+from deqmcl_gym.driver import GuidedPlan
 from deqmcl_gym.lap import MAX_STEPS, Course
 from deqmcl_gym.path import Pose, wrapped
-from deqmcl_gym.plan import Plan
+from deqmcl_gym.plan import FixedPlan, Plan
 from deqmcl_gym.presets import WORLDS
 from deqmcl_gym.seeding import Stream, episode_stream
 from deqmcl_gym.validation import InputError, boolean, integer, one_of
@@ -34,7 +35,7 @@ class Setting:
     Attributes:
         world: all parts of the world, as configured.
         course: the lap as planned: path, start and actions.
-        plan: the actions of the lap, as ``info`` shows them.
+        plan: what ``info`` shows of the coming actions.
         ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
     """
 
@@ -59,8 +60,7 @@ class Setting:
         """
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
         course = Course.of(world)
-        rows = len(course.actions) if horizon is None else horizon
-        plan = Plan(course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))
+        plan = _plan(world, course, horizon)
         return cls(world, course, plan, boolean("ends_at_goal", ends_at_goal))
 
     @cached_property
@@ -114,3 +114,10 @@ class Setting:
             f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
             "start.sd_position."
         )
+
+
+def _plan(world: World, course: Course, horizon: int | None) -> Plan:
+    if world.driver is not None:
+        return GuidedPlan.of(world, world.driver, course, horizon)
+    rows = len(course.actions) if horizon is None else horizon
+    return FixedPlan(course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))

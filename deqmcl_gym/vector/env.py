@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from deqmcl_gym.plan import FixedPlan, Plan
 from deqmcl_gym.setting import COLLISION_PENALTY, Setting
 from deqmcl_gym.validation import InputError, integer, one_of
 from deqmcl_gym.vector.rooms import Rooms
@@ -57,6 +58,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         self._limit = _limit(max_episode_steps)
         self._mode = _MODES[one_of("autoreset_mode", _value(autoreset_mode), _MODES)]
         self._setting = setting = Setting.of(**room)
+        self._plan = _same_for_all(setting.plan)
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self.metadata = {
@@ -82,7 +84,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
     @property
     def plan(self) -> Actions:
         """The actions planned for each episode, done and to come, (T, 2) float32."""
-        return self._setting.plan.actions
+        return self._plan.actions
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -183,7 +185,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``."""
-        planned, count = self._setting.plan.after_each(self._rooms.steps)
+        planned, count = self._plan.after_each(self._rooms.steps)
         told: dict[str, NDArray[Any]] = {
             "planned_actions": planned,
             "planned_count": count,
@@ -237,6 +239,15 @@ def _limit(steps: int | None) -> int:
     if steps is None or steps == -1:  # -1 as in gym.make
         return np.iinfo(np.intp).max
     return integer("max_episode_steps", steps, low=1)
+
+
+def _same_for_all(plan: Plan) -> FixedPlan:
+    if not isinstance(plan, FixedPlan):
+        raise InputError(
+            "the rooms of a world with a driver have plans of their own, so they run one by one: "
+            'give gym.make_vec(..., vectorization_mode="sync").'
+        )
+    return plan
 
 
 def _value(mode: object) -> object:

@@ -84,7 +84,7 @@ class Rooms:
     @property
     def ended(self) -> Bools:
         """Whether the plan is used up or, where that counts, the lap is done, (n,)."""
-        ended: Bools = self.steps >= len(self._setting.plan)
+        ended: Bools = self.steps >= len(self._setting.course.actions)
         if self._setting.ends_at_goal:
             radius = self._setting.world.robot.radius
             length = self._path.length

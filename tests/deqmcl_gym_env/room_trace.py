@@ -9,9 +9,9 @@ ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STEPS = 200
 
 
-def trace(seed: int) -> dict[str, np.ndarray]:
+def trace(seed: int, preset: str = "paper") -> dict[str, np.ndarray]:
     """Everything the env says in ``STEPS`` steps: the plan, and every 7th step something else."""
-    env = gym.make(ROOM_ID, lidar={"beams": 3}, ends_at_goal=False)
+    env = gym.make(ROOM_ID, preset=preset, lidar={"beams": 3}, ends_at_goal=False)
     agent = np.random.default_rng(99)
     scan, info = env.reset(seed=seed)
     said = [(scan, 0.0, False, False, info)]
@@ -34,4 +34,4 @@ def trace(seed: int) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    np.savez(sys.argv[1], **trace(int(sys.argv[2])))
+    np.savez(sys.argv[1], **trace(int(sys.argv[2]), sys.argv[3]))

@@ -20,6 +20,7 @@ WORLDS = [
     {},
     {"preset": "matched"},
     {"preset": "sharp"},
+    {"preset": "guided"},
     {"lidar": {"beams": 5, "sigma": 0.0}, "horizon": 20, "ends_at_goal": False},
 ]
 
@@ -66,6 +67,7 @@ def test_a_spec_with_json_kwargs_makes_the_same_env_again():
         "noise": {"drive": 0.1},
         "start": {"pose": [150, 75, 0.0], "sd_position": 3.0},
         "lap": {"step": 4.0},
+        "driver": {"look_ahead": 30.0},
         "horizon": 7,
         "ends_at_goal": False,
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import deqmcl_gym
-from deqmcl_gym.config import Lap, MotionNoise, Robot, Start, World
+from deqmcl_gym.config import Driver, Lap, MotionNoise, Robot, Start, World
 from deqmcl_gym.env import RoomEnv
 from deqmcl_gym.floorplan import Lidar
 from deqmcl_gym.info import RoomInfo
@@ -18,13 +18,17 @@ from deqmcl_gym.seeding import Stream
 from deqmcl_gym.vector import RoomVectorEnv
 
 PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
-PARTS = {"lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap}
+PARTS = {
+    "lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap,
+    "driver": Driver,
+}  # fmt: skip
 
 # preset: beams, field of view, range, σ; σ_dd, σ_φφ, σ_φd; start's spread in px and rad
 PRESETS = {
     "paper": (1, math.pi / 2, 400, 100, 0.02, 0.02, 0.0005, 0, 0),
     "matched": (1, math.pi / 2, 400, 100, 0.02, 0.02, 0.0005, 10, 0.1),
     "sharp": (9, math.pi / 2, 400, 5, 0.02, 0.02, 0.0005, 0, 0),
+    "guided": (1, math.pi / 2, 400, 100, 0.2, 0.2, 0.02, 5, 0.05),
 }
 
 
@@ -39,6 +43,7 @@ def flat(world: World) -> tuple:
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_preset_is_the_published_world(name):
     assert flat(RoomEnv(preset=name).world) == PRESETS[name]
+    assert (RoomEnv(preset=name).world.driver is not None) == (name == "guided")
     assert f"| `{name}` |" in PAGE
 
 

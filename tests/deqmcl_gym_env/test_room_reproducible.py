@@ -16,15 +16,16 @@ from deqmcl_gym.env import RoomEnv
 ROOT = Path(deqmcl_gym.__file__).parents[1]
 
 
-def test_another_process_says_the_same_for_200_steps(tmp_path):
+@pytest.mark.parametrize("preset", ["paper", "guided"])
+def test_another_process_says_the_same_for_200_steps(preset, tmp_path):
     file = tmp_path / "trace.npz"
     subprocess.run(  # in a fresh process that only imports gymnasium: the module: form of the id
-        [sys.executable, room_trace.__file__, str(file), "7"],
+        [sys.executable, room_trace.__file__, str(file), "7", preset],
         check=True,
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
     )
-    here = room_trace.trace(7)
+    here = room_trace.trace(7, preset)
     assert len(here["scans"]) == room_trace.STEPS + 1
     with np.load(file) as there:
         assert sorted(there.files) == sorted(here)
@@ -41,8 +42,9 @@ def episode(env: RoomEnv, seed: int | None, steps: int = 30) -> np.ndarray:
     return np.array(rows)
 
 
-def test_reset_with_a_seed_starts_all_over():
-    env = RoomEnv(preset="matched")
+@pytest.mark.parametrize("preset", ["matched", "guided"])
+def test_reset_with_a_seed_starts_all_over(preset):
+    env = RoomEnv(preset=preset)
     first = episode(env, 3)
     episode(env, None)
     np.testing.assert_array_equal(episode(env, 3), first)

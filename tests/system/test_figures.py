@@ -175,7 +175,7 @@ def test_no_figure_is_promised_of_methods_that_were_not_run(tmp_path, capsys):
     assert "figures" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("preset", ["paper", "matched", "sharp"])
+@pytest.mark.parametrize("preset", ["paper", "matched", "sharp", "guided"])
 @pytest.mark.parametrize("scale", [1.0, 1.2, 1.6, 2.0])
 def test_every_frame_has_an_even_size(preset, scale):
     (trial,) = paper_suite(

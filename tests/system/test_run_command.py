@@ -110,6 +110,18 @@ def test_the_curve_holds_the_true_states_and_the_errors_of_every_offset_held(tmp
         assert row["error"] <= math.hypot(apart, 2)  # directions are at most 2 apart
 
 
+def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):
+    arguments = ("--localizer", "deq-mcl", "--particles", "10", "--lag", "40")
+    assert exit_code("run", *arguments, "--preset", "guided", "--out", tmp_path) == 0
+    present, future = (curve(tmp_path)[offset] for offset in (0, 40))
+    steps = present[-1]["state"]
+    assert f"DEQ-MCL, preset guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
+    assert [row["state"] for row in present] == [*range(int(steps) + 1)]
+    # far from the end the whole lag is planned ahead; past it nothing is
+    assert [row["state"] for row in future][:100] == [*range(40, 140)]
+    assert future[-1]["state"] <= steps
+
+
 def test_the_same_command_writes_the_same_bytes(lap, tmp_path):
     assert exit_code("run", "--localizer", "mcl", *FEW, "--out", tmp_path) == 0
     assert files(tmp_path) == files(lap[1])

@@ -403,10 +403,22 @@ def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_load
     monkeypatch.setattr(localizers, "parameters", parameters)
     assert exit_code("list") == 0
     said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp"):
+    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
     assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
     assert "  headline   10,800 trials: " in said
+
+
+def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
+    more = '\n[[vary]]\npreset = ["paper", "guided"]\n'
+    out = tmp_path / "out"
+    assert sweep(write_small(tmp_path, more=more), out) == 0
+    assert exit_code("report", out) == 0
+    trials = [row for row in lines(out) if row["offset"] == "0"]
+    steps = {p: {r["steps_done"] for r in trials if r["preset"] == p} for p in ("paper", "guided")}
+    assert steps["paper"] == {"204"}
+    assert len(steps["guided"]) == 2
+    assert all(float(row["error"]) > 0 for row in trials)
 
 
 def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(

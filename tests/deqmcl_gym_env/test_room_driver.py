@@ -1,0 +1,236 @@
+"""The driver: plans anew at every step, from the true pose, until its lap is done."""
+
+import itertools
+import math
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from room_cases import STILL, drive, wrapped
+from room_trace import ROOM_ID
+
+from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
+
+NEVER_DRAWN = {"sd_position": 0.0, "sd_heading": 0.0}
+# A command is a float32 of at most 0.5 rad: half an ulp is 2^-26. The driver's next command follows
+# from poses that differ by float64 rounding only.
+ROUNDED = 2.0**-25
+
+
+def guided(**kwargs) -> RoomEnv:
+    return RoomEnv(preset="guided", **kwargs)
+
+
+def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
+    """What is said in an episode in which the first planned action is carried out at each step."""
+    infos, ended = [env.reset(seed=seed)[1]], False
+    while not ended and len(infos) <= most:
+        *_, ended, _, info = env.step(infos[-1]["planned_actions"][0])
+        infos.append(info)
+    return infos
+
+
+def planned(info: dict) -> np.ndarray:
+    return info["planned_actions"][: info["planned_count"]]
+
+
+def driven(pose, actions) -> np.ndarray:
+    """Poses of a robot without noise after each action, (n, 3)."""
+    x, y, heading = pose
+    poses = []
+    for distance, turn in np.asarray(actions, float).tolist():
+        heading += turn
+        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
+        poses.append((x, y, heading))
+    return np.array(poses).reshape(-1, 3)
+
+
+def by_the_book(env: RoomEnv, pose) -> tuple[float, float]:
+    """The driver's next action from its description: search the loop in steps of 0.01 px."""
+    corners = np.array([*env.course.path.corners, env.course.path.corners[0]])
+    shares = np.linspace(0, 1, 30_001)[:-1, None]
+    loop = np.vstack([a + shares * (b - a) for a, b in itertools.pairwise(corners)])
+    ways = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
+    nearest = np.linalg.norm(loop - pose[:2], axis=1).argmin()
+    beyond = np.cumsum(np.roll(ways, -nearest))
+    ahead = np.roll(loop, -nearest - 1, axis=0)[np.searchsorted(beyond, 25.0)]
+    error = float(wrapped(np.arctan2(*(ahead - pose[:2])[::-1]) - pose[2]))
+    turn = min(max(error, -math.pi / 12), math.pi / 12)
+    return (0.0 if abs(error) > 0.5 else 5.0), turn
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_first_planned_action_heads_for_the_point_25_px_on_from_the_true_pose(seed):
+    env = guided()
+    for info in infos_of(env, seed)[:-1:7]:
+        distance, turn = by_the_book(env, info["truth"])
+        # 0.01 px to either side of a point 25 px off, seen from at most 8 px nearer: 1.2e-3 rad
+        np.testing.assert_allclose(info["planned_actions"][0], (distance, turn), atol=1.2e-3)
+
+
+def test_far_from_the_loop_and_against_it_too():
+    for pose in [(60, 280, 1.0), (175, 85, math.pi - 0.1), (330, 20, -2.0), (20, 20, 0.0)]:
+        env = guided(start={"pose": pose} | NEVER_DRAWN)
+        action = env.reset(seed=0)[1]["planned_actions"][0]
+        np.testing.assert_allclose(action, by_the_book(env, np.array(pose)), atol=2e-3)
+
+
+def test_rolling_the_plan_out_without_noise_is_the_way_the_driver_goes():
+    env = guided(noise=STILL)
+    infos = infos_of(env, seed=3)
+    way = driven(infos[0]["truth"], planned(infos[0]))
+    assert len(way) == len(infos) - 1
+    seen = np.array([info["truth"] for info in infos[1:]])
+    # float64 sums of numbers below 400, and commands as the plan's up to rounding, 900 px on
+    np.testing.assert_allclose(seen[:, :2], way[:, :2], rtol=0, atol=900 * len(way) * ROUNDED)
+    np.testing.assert_allclose(wrapped(seen[:, 2] - way[:, 2]), 0, atol=len(way) * ROUNDED)
+
+
+def test_without_noise_the_plan_after_a_step_is_the_rest_of_the_plan_before():
+    infos = infos_of(guided(noise=STILL), seed=3)
+    for before, after in itertools.pairwise(infos):
+        np.testing.assert_allclose(planned(after), planned(before)[1:], rtol=0, atol=ROUNDED)
+
+
+def test_under_noise_the_plan_is_new_at_every_step():
+    infos = infos_of(guided(), seed=3)
+    for before, after in itertools.pairwise(infos[:-5]):
+        assert not np.array_equal(planned(before)[1:6], planned(after)[:5])
+
+
+@pytest.mark.parametrize("lap", [{}, {"step": 3.0, "turn": 0.2}])
+def test_planned_distances_are_a_whole_step_or_none_and_turns_at_most_one(lap):
+    env = guided(lap=lap)
+    actions = np.vstack([planned(info) for info in infos_of(env, seed=5)])
+    assert actions.dtype == np.float32
+    assert set(actions[:, 0].tolist()) <= {0.0, np.float32(env.world.lap.step)}
+    assert abs(actions[:, 1]).max() <= np.float32(env.world.lap.turn)
+    assert all(map(env.action_space.contains, actions[::101]))
+
+
+@pytest.mark.parametrize("horizon", [1, 40, 1000])
+def test_the_horizon_cuts_or_pads_the_same_plan(horizon):
+    for short, whole in zip(infos_of(guided(horizon=horizon)), infos_of(guided()), strict=True):
+        count = min(horizon, whole["planned_count"])
+        assert short["planned_actions"].shape == (horizon, 2)
+        assert short["planned_count"] == count
+        np.testing.assert_array_equal(planned(short), planned(whole)[:count])
+        assert not short["planned_actions"][count:].any()
+
+
+def test_the_plan_of_the_env_is_the_lap_without_noise_from_the_expected_start():
+    env = guided()
+    calm = guided(noise=STILL, start=NEVER_DRAWN)
+    np.testing.assert_array_equal(env.plan, planned(calm.reset(seed=0)[1]))
+    env.reset(seed=1)
+    assert len(infos_of(calm)) == len(env.plan) + 1
+
+
+@pytest.mark.parametrize("start", [{}, {"pose": (60, 280, 1.0)} | NEVER_DRAWN])
+@pytest.mark.parametrize("ends_at_goal", [True, False])
+def test_the_episode_ends_once_round_and_back_along_the_path_with_no_action_left(
+    ends_at_goal, start
+):
+    env = guided(ends_at_goal=ends_at_goal, start=start)
+    path = env.course.path
+    for seed in range(20):
+        *underway, last = infos_of(env, seed)
+        arcs = [path.arc(tuple(info["truth"][:2])) for info in (*underway, last)]
+        ways = [path.advance(one, two) for one, two in itertools.pairwise(arcs)]
+        assert last["planned_count"] == 0
+        assert all(info["planned_count"] for info in underway)
+        # once round but for the radius, 8 px, and not a step later: at most 10 px (5 σ)
+        assert path.length - 8 <= sum(ways) < path.length + 2
+        assert sum(ways[:-1]) < path.length - 8
+
+
+def test_a_driver_that_gets_nowhere_gives_up_after_twice_the_steps_of_the_lap():
+    env = guided()
+    info = env.reset(seed=0)[1]
+    counts, ended = [info["planned_count"]], False
+    while not ended:
+        *_, ended, _, info = env.step(np.zeros(2, np.float32))
+        counts.append(info["planned_count"])
+    assert len(counts) == 2 * len(env.course.actions) + 1
+    assert counts == [min(counts[0], 408 - step) for step in range(409)]
+
+
+def test_a_kidnapped_driver_goes_on_from_where_it_stands_and_finishes():
+    env = Kidnap(guided(), step=40, pose=(300, 180, -1.0))
+    infos = infos_of(env)
+    for info in infos[38:44]:
+        expected = by_the_book(env.unwrapped, info["truth"])
+        np.testing.assert_allclose(info["planned_actions"][0], expected, atol=1.2e-3)
+    path = env.unwrapped.course.path
+    first, last = (path.arc(tuple(infos[i]["truth"][:2])) for i in (0, -1))
+    assert abs(path.advance(first, last)) <= 8
+    assert len(infos) < 409
+
+
+def test_lost_beams_leave_the_driver_alone():
+    bare, env = guided(), BeamDropout(guided(), probability=0.9)
+    for one, two in zip(infos_of(bare), infos_of(env), strict=True):
+        np.testing.assert_equal(one, two)
+
+
+def test_the_plan_of_a_driver_is_not_replaced():
+    with pytest.raises(InputError, match=r"driver's, .* cannot be replaced: choose a world"):
+        PlanChange(guided(), step=3, actions=[(1.0, 0.0)])
+    env, other = guided(), guided()
+    for one in (env, other):
+        one.reset(seed=0)
+    with pytest.raises(InputError, match="cannot be replaced"):
+        env.replace_plan([(1.0, 0.0)])
+    action = np.float32([5.0, 0.1])
+    np.testing.assert_equal(env.step(action), other.step(action))
+
+
+def test_many_guided_rooms_run_one_by_one():
+    with pytest.raises(InputError, match=r'vectorization_mode="sync"'):
+        gym.make_vec(ROOM_ID, num_envs=2, preset="guided")
+    many = gym.make_vec(ROOM_ID, num_envs=2, preset="guided", vectorization_mode="sync")
+    singles = [guided(), guided()]
+    _, infos = many.reset(seed=3)
+    said = [env.reset(seed=3 + i)[1] for i, env in enumerate(singles)]
+    for _ in range(10):
+        for i, info in enumerate(said):
+            for key, value in info.items():
+                np.testing.assert_array_equal(infos[key][i], value)
+        actions = infos["planned_actions"][:, 0]
+        infos = many.step(actions)[4]
+        said = [drive(env, [one])[0][4] for env, one in zip(singles, actions, strict=True)]
+
+
+def test_a_pickled_room_drives_on_alike():
+    env = guided()
+    plan = pickle.loads(pickle.dumps(env._setting.plan))
+    env.reset(seed=2)
+    np.testing.assert_equal(plan.after(env._episode), env._setting.plan.after(env._episode))
+
+
+def test_any_world_can_have_a_driver_and_its_keys_change_alone():
+    assert RoomEnv().world.driver is None
+    assert RoomEnv(driver={}).world.driver == guided().world.driver
+    driver = guided(driver={"look_ahead": 40}).world.driver
+    assert (driver.look_ahead, driver.on_the_spot) == (40, 0.5)
+    assert infos_of(RoomEnv(driver=driver))[-1]["planned_count"] == 0
+
+
+@pytest.mark.parametrize(
+    ("driver", "said"),
+    [
+        ({"look_ahead": 0}, r"driver\.look_ahead is 0"),
+        ({"on_the_spot": 0}, r"driver\.on_the_spot is 0"),
+        ({"speed": 3}, "key in driver"),
+        (5, "driver is 5, but must be a Driver"),
+        ({"look_ahead": 300}, r"meets a wall near .*: give another driver\.look_ahead"),
+        ({"look_ahead": 0.3}, "does not come round in 408 steps"),  # it overshoots, to and fro
+    ],
+)
+def test_a_driver_that_cannot_be_is_refused_in_one_sentence(driver, said):
+    with pytest.raises(InputError, match=said) as refused:
+        RoomEnv(driver=driver)
+    assert "\n" not in str(refused.value)
