@@ -106,5 +106,10 @@ def _laps(run: PhaseRun, fields: PlaceFields) -> tuple[Cycles, dict[str, Cycles]
 
 def _panel(name: str, cycles: Cycles) -> Panel:
     found = precession(cycles)
-    title = "Perfect queue" if name == PERFECT else TITLES.get(name, name)
-    return Panel(title=title, words=told(found), cycles=cycles, precession=found)
+    title = TITLES.get(name, name)
+    return Panel(
+        title=title[:1].upper() + title[1:],
+        words=told(found),
+        cycles=cycles,
+        precession=found,
+    )

@@ -20,27 +20,27 @@ _SHOWN = """
 ![A row per method: place fields over phase and step, over phase and position, and the table of the
 queue](phase.png)
 
-- **Left**: every step is a theta cycle and holds one queue, its oldest state (t - L) at 0°, the
-  present in the middle, its newest (t + L) at 360°. The hue is the place field, its strength the
-  mass of the belief in it: P(x[t+k] in the field | o[1:t]). Gray: the queue does not hold this
-  state.
-- **Middle**: all fields laid over each other, phase over the position of the robot in the field;
-  the mean of that mass. Solid: the fitted line; dotted: that of a queue that knows the true poses.
+- **Left**: every step is a theta cycle and holds one queue, its oldest state x[t-L] at 0°, the
+  present in the middle, its newest x[t+L] at 360°. The hue is the place field, its strength the
+  mass of the belief in it, P(x[t+k] in the field | o[1:t]). Gray: not held.
+- **Middle**: all fields laid over each other: the mean of that mass over the phase and over how far
+  the robot is past the field's centre. Solid: the fitted line; dotted: that of the perfect queue.
 - **Right**: a part of the table of the queue. A row is the queue at t, a column the state x[s]; the
   colour is the root mean square distance of the belief from the true place. Down a column a state
-  is first predicted, then filtered (on the dashed diagonal), then smoothed.
+  is predicted, then filtered (on the dashed diagonal), then smoothed.
 
-**Slope**: over all steps, offsets and fields, weighted by that mass, the robot's position past the
-field's centre is regressed on the phase; the slope is the inverse, in degrees per px. **Late by**:
-how far past a field's centre the robot is, on average, when the field is active in the middle of
-the cycle. **In the right field**: mean mass in the field where the robot truly is at that state,
-for states that are in one.
+The perfect queue knows the true poses of past and future.
 
-It claims: read from past to future, a queue makes places fire late first and early last, as the
-hypothesis says, and the right-hand numbers say how far that rests on a belief that is right. It
-does not claim anything about neurons. That offset k has a phase is by construction, and precession
-follows from any queue whose future is about right, dead reckoning's too. It is one lap: a
-difference between methods here is no ranking.
+- **slope**: the robot's position past the field's centre is regressed on the phase, over all steps,
+  offsets and fields, weighted by the mass; the slope is the inverse.
+- **late by**: how far past the centre the robot is, on average, when a field is active at 180°.
+- **in the right field**: mean mass in the field where the robot truly is at the state x[t+k], over
+  states that are in one; past: k < 0, future: k > 0.
+
+What it claims: a queue read from past to future makes a place fire late in the cycle first and
+early last, as the hypothesis says; the numbers say how right the queue is that does so. What not:
+anything about neurons. That an offset is a phase is by construction, and any queue whose future is
+about right precesses, dead reckoning's too. It is one lap, so no ranking of methods.
 """
 
 
@@ -61,7 +61,7 @@ def table(rows: Mapping[str, Precession], style: str) -> str:
         [
             name,
             _NONE if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°",
-            "none" if math.isnan(row.slope) else f"{row.slope:.3g}",
+            "none" if math.isnan(row.slope) else f"{row.slope:#.3g}",
             _number(row.correlation, ".2f"),
             _number(late(row), "+.1f"),
             *(_number(share, ".2f") for share in (row.past, row.present, row.future)),

@@ -78,7 +78,7 @@ def draw_precession(
             axes.plot(places, phases, color=color, linestyle=style, linewidth=1.6)
     axes.set_xlim(-extent, extent)
     _phase_axis(axes)
-    words = f"slope {found.slope:.3g} °/px" if math.isfinite(found.slope) else "no slope"
+    words = f"slope {found.slope:#.3g} °/px" if math.isfinite(found.slope) else "no slope"
     axes.set_title(words, loc="left")
     return image
 
