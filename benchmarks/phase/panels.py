@@ -44,13 +44,13 @@ def draw_cycles(axes: "Axes", cycles: Cycles) -> None:
 
 
 def number_fields(axes: "Axes", perfect: Cycles) -> None:
-    """Write each field's number where the robot is in it, once per visit."""
+    """Write each field's number where the robot is in it, once per longer visit."""
     home = perfect.home
     if perfect.activity.shape[2] > _NUMBERED:
         return
     visits = np.split(np.arange(home.size), np.flatnonzero(np.diff(home)) + 1)
     for visit in visits:
-        if home[visit[0]] >= 0:
+        if home[visit[0]] >= 0 and visit.size > 3:  # a shorter one is narrower than its number
             _write(axes, float(visit.mean()), 180, int(home[visit[0]]), size=9)
 
 
