@@ -8,7 +8,17 @@ that ``deqmcl --help`` stays fast.
 from collections.abc import Sequence
 from types import ModuleType
 
-from benchmarks.commands import check, new_localizer, paper, report, run, speed, sweep
+from benchmarks.commands import check, new_localizer, paper, phase, report, run, speed, sweep
 from benchmarks.commands import list as list_
 
-COMMANDS: Sequence[ModuleType] = (paper, sweep, report, list_, run, check, new_localizer, speed)
+COMMANDS: Sequence[ModuleType] = (
+    paper,
+    sweep,
+    report,
+    list_,
+    run,
+    phase,
+    check,
+    new_localizer,
+    speed,
+)

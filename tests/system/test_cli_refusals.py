@@ -6,6 +6,7 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, process
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
+PHASE = ("phase", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -47,6 +48,23 @@ BAD = [  # arguments, and what the sentence must name
     ([*RUN, "--lag", "-1"], ["--lag", "-1"]),
     ([*RUN, "--seed", "-1"], ["--seed", "-1"]),
     ([*RUN, "--trials", "2"], ["--trials"]),
+    (["phase"], ["--out"]),
+    *[
+        ([*PHASE, flag, value], [flag, value])
+        for flag, value in (
+            ("--fields", "1"),
+            ("--fields", "101"),
+            ("--fields", "x"),
+            ("--particles", "0"),
+            ("--lag", "-1"),
+            ("--seed", "-1"),
+        )
+    ],
+    ([*PHASE, "--localizers", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
+    ([*PHASE, "--localizers", " , "], ["no localizer", "deq-mcl"]),
+    ([*PHASE, "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
+    ([*PHASE, "--preset", "papr"], ["did you mean 'paper'?"]),
+    ([*PHASE, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
 ]
 
 
@@ -74,7 +92,9 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", [("paper",), ("run", "--localizer", "mcl"), ("sweep", "quick")])
+@pytest.mark.parametrize(
+    "command", [("paper",), ("run", "--localizer", "mcl"), ("phase",), ("sweep", "quick")]
+)
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
     (tmp_path / "file").write_text("precious")
@@ -113,10 +133,13 @@ class Without:
         return getattr(self._finder, name)
 
 
-def test_run_without_matplotlib_names_the_pip_command(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("command", [("run", "--localizer", "dead-reckoning"), ("phase",)])
+def test_what_draws_names_the_pip_command_without_matplotlib(
+    tmp_path, monkeypatch, capsys, command
+):
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Without(finder) for finder in sys.meta_path])
-    assert exit_code("run", "--localizer", "dead-reckoning", "--out", tmp_path / "out") == 2
+    assert exit_code(*command, "--out", tmp_path / "out") == 2
     assert_one_sentence(capsys.readouterr().err, ["pip install 'deqmcl-gym[plots]'"])
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,42 @@
+"""``deqmcl phase``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.commands.shared import add_setting, comma_separated
+
+NAME = "phase"
+HELP = "draw the queue as place fields over the theta phase"
+DESCRIPTION = (
+    "Run one lap of each localizer and draw what its queue holds as activity of place fields over "
+    "the theta phase (past early, future late), and as the table of the queue."
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add_setting(parser)
+    parser.add_argument(
+        "--localizers", metavar="A,B,…", help="methods, comma-separated (MCL's and DEQ-MCL's)"
+    )
+    parser.add_argument(
+        "--fields", type=int, default=12, metavar="K", help="place fields along the lap (12)"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    from benchmarks.phase.command import METHODS, PhaseRun, run_phase
+
+    named = options.localizers
+    run = PhaseRun(
+        localizers=METHODS if named is None else comma_separated(named),
+        fields=options.fields,
+        preset=options.preset,
+        seed=options.seed,
+        particles=options.particles,
+        lag=options.lag,
+    )
+    return run_phase(run, options.out, ["deqmcl", *given])

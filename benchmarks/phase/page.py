@@ -1,0 +1,134 @@
+"""phase.md and the CSV files behind the figure."""
+
+import csv
+import io
+import math
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from tabulate import tabulate
+
+from benchmarks.phase.cycles import Cycles
+from benchmarks.phase.fields import PlaceFields
+from benchmarks.phase.precession import Precession
+
+PERFECT = "perfect queue"
+_NONE = "n/a"
+
+_SHOWN = """
+![A row per method: place fields over phase and step, over phase and position, and the table of the
+queue](phase.png)
+
+- **Left**: every step is a theta cycle and holds one queue, its oldest state x[t-L] at 0°, the
+  present in the middle, its newest x[t+L] at 360°. The hue is the place field, its strength the
+  mass of the belief in it, P(x[t+k] in the field | o[1:t]). Gray: not held.
+- **Middle**: all fields laid over each other: the mean of that mass over the phase and over how far
+  the robot is past the field's centre. Solid: the fitted line; dotted: that of the perfect queue.
+- **Right**: a part of the table of the queue. A row is the queue at t, a column the state x[s]; the
+  colour is the root mean square distance of the belief from the true place. Down a column a state
+  is predicted, then filtered (on the dashed diagonal), then smoothed.
+
+The perfect queue knows the true poses of past and future.
+
+- **slope**: the robot's position past the field's centre is regressed on the phase, over all steps,
+  offsets and fields, weighted by the mass; the slope is the inverse.
+- **late by**: how far past the centre the robot is, on average, when a field is active at 180°.
+- **in the right field**: mean mass in the field where the robot truly is at the state x[t+k], over
+  states that are in one; past: k < 0, future: k > 0.
+
+What it claims: a queue read from past to future makes a place fire late in the cycle first and
+early last, as the hypothesis says; the numbers say how right the queue is that does so. What not:
+anything about neurons. That an offset is a phase is by construction, and any queue whose future is
+about right precesses, however it came to know it. It is one lap, so no ranking of methods.
+"""
+
+
+def told(found: Precession) -> str:
+    """Precession in a few words."""
+    if math.isnan(found.first):
+        return "no field is active"
+    if math.isnan(found.slope):
+        return f"fires at {found.first:.0f}° only, no precession"
+    return f"fires from {found.first:.0f}° to {found.last:.0f}°"
+
+
+def table(rows: Mapping[str, Precession], style: str) -> str:
+    """Return the numbers of each method as a table."""
+    header = ["method", "phases", "slope °/px", "r", "late by px"]
+    header += [f"in the right field: {part}" for part in ("past", "present", "future")]
+    body = [
+        [
+            name,
+            _NONE if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°",
+            "none" if math.isnan(row.slope) else f"{row.slope:#.3g}",
+            _number(row.correlation, ".2f"),
+            _number(late(row), "+.1f"),
+            *(_number(share, ".2f") for share in (row.past, row.present, row.future)),
+        ]
+        for name, row in rows.items()
+    ]
+    align = ("left", "left", *["right"] * 6)
+    return tabulate(body, header, tablefmt=style, disable_numparse=True, colalign=align)
+
+
+def late(row: Precession) -> float:
+    """Where the line is at the middle of the cycle, px past the centre; NaN of nothing."""
+    return row.position + (0.0 if math.isnan(row.slope) else (180 - row.centre) / row.slope)
+
+
+def page(
+    title: str, rows: Mapping[str, Precession], fields: PlaceFields, command: Sequence[str]
+) -> str:
+    """Return phase.md: the numbers, what is to be seen, what is claimed and what not."""
+    return (
+        f"# {title}\n\n```\n{shlex.join(command)}\n```\n\n{table(rows, 'github')}\n\n"
+        f"{len(fields)} place fields of radius {fields.radius:.1f} px along the planned lap "
+        f"(`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
+    )
+
+
+def cycles_csv(laps: Mapping[str, Cycles]) -> str:
+    """Return what the queues hold: a row per method, step and offset."""
+    count = next(iter(laps.values())).activity.shape[2]
+    header = ["method", "step", "offset", "state", "phase_deg", "error_px", "spread_px"]
+    return _csv([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
+
+
+def fields_csv(fields: PlaceFields) -> str:
+    """Return the place fields: number, centre, arc length on the path, radius, px."""
+    header = ["field", "x", "y", "arc", "radius"]
+    arcs = [fields.path.arc((x, y)) for x, y in fields.centres.tolist()]
+    places = zip(fields.centres.tolist(), arcs, strict=True)
+    return _csv(
+        header,
+        (
+            [i + 1, f"{x:.6g}", f"{y:.6g}", f"{arc:.6g}", f"{fields.radius:.6g}"]
+            for i, ((x, y), arc) in enumerate(places)
+        ),
+    )
+
+
+def _rows(laps: Mapping[str, Cycles]) -> Iterable[list[object]]:
+    for name, cycles in laps.items():
+        phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
+        for t, column in np.argwhere(cycles.held).tolist():
+            k = column - cycles.reach
+            numbers = (cycles.error[t, column], cycles.spread[t, column])
+            mass = cycles.activity[t, column].tolist()
+            yield [
+                name, t, k, t + k, phases[column],
+                *(f"{value:.4g}" for value in (*numbers, *mass)),
+            ]  # fmt: skip
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def _number(value: float, style: str) -> str:
+    return _NONE if math.isnan(value) else format(value, style)

@@ -1,0 +1,105 @@
+"""``deqmcl phase``: place fields over the theta phase."""
+
+import csv
+
+import cv2
+import pytest
+from deqmcl_command import DEQMCL, exit_code, files, process
+
+FEW = ("--particles", "20", "--lag", "5", "--seed", "3")
+WRITTEN = {"cycles.csv", "fields.csv", "phase.md", "phase.png"}
+
+
+def rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    home = tmp_path_factory.mktemp("phase")
+    return process(DEQMCL, "phase", *FEW, "--out", "new/out", cwd=home), home / "new/out"
+
+
+def test_it_leaves_a_figure_its_data_and_a_page_and_nothing_else(drawn):
+    done, out = drawn
+    assert (done.returncode, done.stderr) == (0, "")
+    assert set(files(out)) == WRITTEN
+    assert all(name in done.stdout for name in WRITTEN)
+    page = (out / "phase.md").read_text()
+    assert "phase.png" in page
+    assert "\ndeqmcl phase --particles 20 --lag 5 --seed 3 --out new/out\n" in page
+    for title in ("Perfect queue", "MCL with smoother", "DEQ-MCL, rejuvenated"):
+        assert title in page
+        assert title in done.stdout
+
+
+def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
+    lines = rows(drawn[1] / "cycles.csv")
+    offsets = {
+        "perfect queue": range(-5, 6),
+        "mcl": range(1),
+        "mcl-smoother": range(-5, 1),
+        "deq-mcl": range(-5, 6),
+        "deq-mcl-rejuvenated": range(-5, 6),
+    }
+    expected = [
+        (method, t, k)
+        for method, held in offsets.items()
+        for t in range(205)
+        for k in held
+        if 0 <= t + k <= 204
+    ]
+    assert [(line["method"], int(line["step"]), int(line["offset"])) for line in lines] == expected
+    for line in lines:
+        assert int(line["state"]) == int(line["step"]) + int(line["offset"])
+        mass = [float(line[f"field_{i}"]) for i in range(1, 13)]
+        assert min(mass) >= 0
+        assert sum(mass) <= 1 + 12 * 5e-5  # four digits of each
+        if line["method"] == "perfect queue":
+            assert float(line["error_px"]) == float(line["spread_px"]) == 0
+            assert set(mass) <= {0, 1}
+
+
+def test_fields_methods_preset_and_lag_are_those_asked_for(tmp_path):
+    arguments = ("--localizers", "dead-reckoning", "--preset", "sharp", "--lag", "30")
+    assert exit_code("phase", *arguments, "--fields", "7", "--out", tmp_path) == 0
+    assert [line["field"] for line in rows(tmp_path / "fields.csv")] == [*map(str, range(1, 8))]
+    lines = rows(tmp_path / "cycles.csv")
+    assert [name for name in lines[0] if "field" in name] == [f"field_{i}" for i in range(1, 8)]
+    assert {line["method"] for line in lines} == {"perfect queue", "dead-reckoning"}
+    assert {int(line["offset"]) for line in lines} == {*range(-30, 31)}
+    assert "preset sharp, N = 1000, L = 30, seed 0" in (tmp_path / "phase.md").read_text()
+
+
+def test_the_figure_is_a_picture_with_a_row_per_method(drawn):
+    height, width, _ = cv2.imread(str(drawn[1] / "phase.png")).shape
+    assert width == 1100
+    assert height == pytest.approx(130 + 5 * 215)
+
+
+def test_the_same_command_writes_the_same_bytes(drawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert exit_code("phase", *FEW, "--out", "new/out") == 0
+    assert files(tmp_path / "new/out") == files(drawn[1])
+
+
+def test_a_queue_of_the_present_alone_is_drawn_too(tmp_path):
+    arguments = ("--localizers", "deq-mcl", "--particles", "5", "--lag", "0")
+    assert exit_code("phase", *arguments, "--out", tmp_path) == 0
+    assert set(files(tmp_path)) == WRITTEN
+
+
+def test_a_lap_that_fails_leaves_nothing_written(tmp_path, capsys):
+    plug_in = tmp_path / "lost.py"
+    plug_in.write_text(
+        "from localizers import PoseBelief\n"
+        "class Lost:\n"
+        "    def __init__(self, robot): pass\n"
+        "    def reset(self, prior, plan, rng): return PoseBelief(prior.mean)\n"
+        "    def update(self, ranges, action, plan): raise ValueError('no idea')\n"
+    )
+    out = tmp_path / "out"
+    assert exit_code("phase", "--localizers", f"mcl,{plug_in}:Lost", *FEW, "--out", out) == 3
+    assert capsys.readouterr().err == "deqmcl: ValueError: no idea (--debug shows where)\n"
+    assert files(out) == {}
