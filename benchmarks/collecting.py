@@ -44,13 +44,19 @@ def results_in(folder: Path) -> Results:
     """Return what the folder of a sweep or of ``deqmcl paper`` holds, whatever code has made it.
 
     Raises:
-        InputError: the folder is not one of results.
+        InputError: the folder is not one of results, or none of its files can be read.
     """
     content = manifest.read(folder)
     title, trials = _planned(folder, content)
     store = Store(folder)
     finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
     failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
+    if store.rejected and not finished and not failed:
+        name, why = next(iter(store.rejected.items()))
+        raise InputError(
+            f"none of the {len(store.rejected)} trials in {folder} can be read ({name} {why}): "
+            "run them anew, into a new --out."
+        )
     planned = [trial.canonical() for trial in trials]
     records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
     failures = [

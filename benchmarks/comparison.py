@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.auroc import Auroc, auroc_of
 from benchmarks.pairing import (
     METHOD_COLUMNS,
     SETTING_COLUMNS,
@@ -38,6 +39,7 @@ class Comparison:
         means: of the other scores, by name.
         lost_rate, lost_low, lost_high: share of lost runs, with Wilson's 95 % interval for as
             many cases as worlds.
+        detection: how well its quality tells that it is far off; only at offset 0.
         baseline: what it is compared with, at offset 0.
         paired_worlds: worlds that both have run.
         diff, diff_low, diff_high: mean over worlds of error - the baseline's, 95 % bootstrap.
@@ -59,6 +61,7 @@ class Comparison:
     lost_rate: float
     lost_low: float
     lost_high: float
+    detection: Auroc
     baseline: Method
     paired_worlds: int
     diff: float = math.nan
@@ -90,9 +93,11 @@ def baseline_of(method: Method, methods: Iterable[Method]) -> Method:
 
 def results_csv(rows: Iterable[Comparison]) -> str:
     """Return results.csv: one line per setting, method and offset; nothing of the machine."""
-    plain = [f.name for f in fields(Comparison) if f.name not in ("setting", "method", "means")]
+    nested = ("setting", "method", "means", "detection")
+    plain = [f.name for f in fields(Comparison) if f.name not in nested]
     at = plain.index("error_sd") + 1
     header = [*SETTING_COLUMNS, *METHOD_COLUMNS, *plain[:at], *AVERAGED, *plain[at:]]
+    header += [f.name for f in fields(Auroc)]
     lines = []
     for row in rows:
         values = [getattr(row, name) for name in plain]
@@ -104,6 +109,7 @@ def results_csv(rows: Iterable[Comparison]) -> str:
                 *values[:at],
                 *(row.means[name] for name in AVERAGED),
                 *values[at:],
+                *astuple(row.detection),
             ]
         )
     return csv_text(header, lines)
@@ -111,6 +117,7 @@ def results_csv(rows: Iterable[Comparison]) -> str:
 
 def _setting_rows(setting: Setting, methods: dict[Method, list[Record]]) -> list[Comparison]:
     scores = {method: _by_offset(own) for method, own in methods.items()}
+    detections = {method: auroc_of(own) for method, own in methods.items()}
     rows = []
     for method, offsets in scores.items():
         baseline = baseline_of(method, methods)
@@ -135,6 +142,7 @@ def _setting_rows(setting: Setting, methods: dict[Method, list[Record]]) -> list
                 lost_rate=lost,
                 lost_low=lost_low,
                 lost_high=lost_high,
+                detection=Auroc() if offset else detections[method],
                 baseline=baseline,
                 paired_worlds=0,
             )

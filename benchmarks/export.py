@@ -44,11 +44,11 @@ def trajectories(trace: Trace) -> dict[str, str]:
 
 
 def npz(trace: Trace) -> bytes:
-    """Return the trace as npz without pickles: ``truth``, and ``t-20/means`` … per offset.
+    """Return the trace as npz without pickles: ``truth``, ``quality``, ``t-20/means`` ….
 
     For the arrays and their units see ``benchmarks.trace``; read by ``numpy.load(path)``.
     """
-    arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth}
+    arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
     for offset, kept in trace.offsets.items():
         name = f"t{offset:+d}" if offset else "t"
         arrays |= {f"{name}/{key}": value for key, value in vars(kept).items()}

@@ -27,7 +27,8 @@ class Results:
     Attributes:
         title: of the sweep.
         records: finished trials in the sweep's order, as the store keeps them: ``trial``,
-            ``scores``, ``curves``, ``steps_done``, ``scans_used``, ``events``, ``seconds``.
+            ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
+            ``seconds``.
         failures: trials that failed, in the sweep's order.
         missing: trials that neither finished nor failed yet.
         planned: distinct trials asked for.

@@ -62,7 +62,7 @@ def scores(trace: Trace, lag: int) -> list[Scores]:
 
 
 def record(trace: Trace, lag: int) -> dict[str, Any]:
-    """Return a trial's result as JSON-able values: scores, error curves, counts."""
+    """Return a trial's result as JSON-able values: scores, error curves, qualities, counts."""
     return {
         "scores": [_finite(asdict(row)) for row in scores(trace, lag)],
         "curves": {
@@ -72,6 +72,7 @@ def record(trace: Trace, lag: int) -> dict[str, Any]:
             }
             for offset, kept in trace.offsets.items()
         },
+        "quality": _rated(trace.quality),
         "profile": {str(k): _sig(e) for k, e in sorted(profile(trace, lag).items())},
         "steps_done": trace.steps,
         "scans_used": trace.scans_used,
@@ -132,6 +133,12 @@ def _lost(distances: metrics.Floats) -> float:
 
 def _errors(trace: Trace, kept: OffsetTrace) -> metrics.Floats:
     return metrics.state_error(kept.means, trace.truth[kept.states])
+
+
+def _rated(quality: metrics.Floats) -> list[float | None] | None:
+    """P(not lost) after the steps t = 1 … T, with all digits: it is about how near it is to 1."""
+    given = quality[1:]
+    return None if np.isnan(given).all() else [None if np.isnan(q) else q for q in given.tolist()]
 
 
 def _sig(value: float) -> float:

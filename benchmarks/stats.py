@@ -87,6 +87,16 @@ def wilson(share: float, n: int, level: float = 0.95) -> tuple[float, float]:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
+def multiplicities(n: int) -> Floats:
+    """How often each of n worlds is drawn in each of the 10,000 resamples, (10,000, n)."""
+    blocks = []
+    for drawn in _resamples(n, _RESAMPLES):
+        of_resample = np.arange(len(drawn))[:, None] * n + drawn
+        counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
+        blocks.append(counts.reshape(drawn.shape))
+    return np.concatenate(blocks).astype(np.float64)
+
+
 @lru_cache(maxsize=1)
 def _resamples(n: int, count: int) -> list[NDArray[np.int32]]:
     """Worlds drawn with replacement, (block, n) each; kept, as many intervals share their n."""

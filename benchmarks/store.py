@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from deqmcl_gym.validation import InputError
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 class Store:

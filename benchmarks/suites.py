@@ -17,6 +17,8 @@ PAPER_METHODS = (
     "deq-mcl",
     "dead-reckoning",
 )
+CLASSICAL = ("grid", "amcl", "ekf")
+BEYOND = ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
 _PRESETS = ("paper", "matched", "sharp")
 
 
@@ -161,7 +163,7 @@ SUITES = MappingProxyType(
         ),
         "disturbed": Sweep(
             title="Trouble at half of the lap: none, kidnapped, beams lost, plan changed",
-            localizers=_methods(PAPER_METHODS),
+            localizers=_methods((*PAPER_METHODS, *BEYOND, *CLASSICAL)),
             preset="sharp",
             trials=40,
             params=frozen({"particles": 1000}),

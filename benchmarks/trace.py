@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.episode import Moment
 from benchmarks.metrics import CloudScores, cloud_moments, cloud_scores
 from deqmcl_gym.env import RoomEnv
-from localizers import Belief
+from localizers import Belief, quality_of
 
 Floats = NDArray[np.float64]
 Points = tuple[NDArray[np.floating], Floats]
@@ -51,6 +51,7 @@ class Trace:
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
         events: the localizer's counts of trouble, if it keeps any.
+        quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -59,6 +60,7 @@ class Trace:
     offsets: dict[int, OffsetTrace]
     scans_used: int
     seconds: float
+    quality: Floats
     events: dict[str, int] = field(default_factory=dict)
     profile: dict[int, tuple[NDArray[np.intp], Floats]] = field(default_factory=dict)
 
@@ -79,11 +81,14 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], room: RoomEnv) -
     profile: dict[int, list[tuple[int, Floats]]] = {k: [] for k in _between(rows)}
     waiting: dict[int, list[tuple[int, Points]]] = {}
     truth: list[Floats] = []
+    quality: list[float] = []
     scans_used, seconds = 0, 0.0
     belief: Belief | None = None
     for moment in episode:
         belief = moment.belief
         truth.append(np.asarray(moment.truth, dtype=np.float64))
+        rated = quality_of(belief)
+        quality.append(np.nan if rated is None else rated)
         if moment.step > 0:
             seconds += moment.seconds
             with np.errstate(invalid="ignore"):
@@ -105,6 +110,7 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], room: RoomEnv) -
         offsets={offset: _stacked(kept) for offset, kept in rows.items() if kept},
         scans_used=scans_used,
         seconds=seconds,
+        quality=np.array(quality),
         events=_events(belief),
         profile={
             offset: (np.array([state for state, _ in known]), np.array([m for _, m in known]))

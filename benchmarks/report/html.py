@@ -8,7 +8,7 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from benchmarks.report import words
+from benchmarks.report import detection, words
 from benchmarks.report.markdown import describe
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import DARK, LIGHT
@@ -33,6 +33,7 @@ def html(story: Story) -> str:
         panels=[section.panel for section in story.sections],
         curves=story.curves,
         words=words,
+        detection=detection,
         overview=words.overview(results, [section.panel for section in story.sections]),
         progress=words.progress(results),
         failures=[(describe(failure.trial), failure.reason) for failure in results.failures],

@@ -5,7 +5,7 @@ import shlex
 
 from tabulate import tabulate
 
-from benchmarks.report import words
+from benchmarks.report import detection, words
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 
@@ -24,6 +24,8 @@ def markdown(story: Story, folder: str) -> str:
     panels = [section.panel for section in story.sections]
     if len(panels) > 1:
         parts += ["## At a glance", _table(words.glance_table(panels)), _plain(words.GLANCE)]
+        if detection.informative(panels):
+            parts += [_table(detection.detection_glance(panels)), _plain(detection.GLANCE)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
@@ -48,6 +50,8 @@ def _section(section: Section, folder: str) -> list[str]:
             "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time)
         )
     parts += [_table(words.calibration_table(panel)), _table(words.offsets_table(panel))]
+    if detection.informative([panel]):
+        parts += [f"**{detection.HEADING}**", _table(detection.detection_table(panel))]
     for lap in section.laps:
         parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
     if section.no_laps:

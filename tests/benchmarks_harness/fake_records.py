@@ -14,6 +14,7 @@ def record(method, trial, errors, *, filter_seed=0, **scores):
             {"offset": offset, **dict.fromkeys(SCORE_NAMES, 1.0), "error": error, **scores}
             for offset, error in errors.items()
         ],
+        "quality": None,
         "steps_done": 200,
         "scans_used": 199,
         "events": {},

@@ -24,8 +24,8 @@ def trial_of(localizer, number, *, filter_seed=0, params=None, **setting):
     } | setting
 
 
-def finished(localizer, number, error, *, offsets=(0,), scores=None, **setting):
-    """A finished trial whose error is the same at every state and offset."""
+def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=None, **setting):
+    """A finished trial whose error is the same at every state and offset; and its quality."""
     values = dict.fromkeys(SCORE_NAMES, 0.5) | {"error": error, "lost": 0.0} | (scores or {})
     return {
         "trial": trial_of(localizer, number, **setting),
@@ -35,6 +35,7 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, **setting):
             for k in offsets
         },
         "profile": {str(k): error for k in range(min(offsets), max(offsets) + 1, 5)},
+        "quality": quality and [quality] * STEPS,
         "steps_done": STEPS,
         "scans_used": STEPS,
         "events": {},

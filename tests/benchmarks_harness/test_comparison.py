@@ -136,7 +136,8 @@ def test_results_csv_has_fixed_columns_and_nothing_of_the_machine():
         "error,error_low,error_high,error_sd,error_window,error_sd_steps,entropy,"
         "var_x,var_y,var_cos,var_sin,position_rmse,heading_rmse,wall_share,"
         "energy_score,coverage_50,coverage_80,coverage_95,nees,lost_rate,lost_low,lost_high,"
-        "baseline,paired_worlds,diff,diff_low,diff_high,win_rate,p,p_holm"
+        "baseline,paired_worlds,diff,diff_low,diff_high,win_rate,p,p_holm,"
+        "auroc,auroc_low,auroc_high,far_steps,far_worlds"
     )
     assert (line["params"], line["world"], line["error"]) == ('{"particles":10}', "{}", "1.5")
     assert line["diff"] == ""

@@ -66,7 +66,7 @@ def damaged(good):
         "not text": ("cannot be read", b"\xff\xfe\x00" + good),
         "not an object": ("no JSON object", b"[1, 2]\n"),
         "not JSON": ("is torn, or no JSON", b"error,entropy\n1,2\n"),
-        "of another schema": ("has schema 1, not 2", changed(schema=1)),
+        "of another schema": ("has schema 1, not 3", changed(schema=1)),
         "without schema": ("has schema None", without("schema")),
         "of another trial": ("of another trial", changed(key="ffff")),
         "without key": ("of another trial", without("key")),
@@ -78,7 +78,7 @@ def damaged(good):
     }
 
 
-@pytest.mark.parametrize("kind", damaged(b'{"schema": 2, "key": "0123abcd"}'))
+@pytest.mark.parametrize("kind", damaged(b'{"schema": 3, "key": "0123abcd"}'))
 def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
     store, path = stored(tmp_path)
     good = path.read_bytes()

@@ -9,6 +9,7 @@ from benchmarks.spec import Trial
 from benchmarks.suites import PAPER_METHODS, SUITES, with_localizers
 from benchmarks.sweep import check
 from deqmcl_gym.validation import InputError
+from localizers import names
 
 
 def trial(**changes):
@@ -98,6 +99,10 @@ def test_lost_beams_read_infinity_and_do_not_move_the_robot():
     assert np.array_equal([m.truth for m in ours], [m.truth for m in theirs])
     lost = np.isinf([m.ranges for m in theirs])
     assert 0.4 < lost.mean() < 0.6  # 205 x 9 beams: 0.5 within 8 standard deviations
+
+
+def test_the_disturbed_suite_runs_every_localizer():
+    assert {method.name for method in SUITES["disturbed"].localizers} == set(names())
 
 
 def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():

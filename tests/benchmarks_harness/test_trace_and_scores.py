@@ -5,11 +5,22 @@ import math
 
 import numpy as np
 import pytest
-from fake_episode import FREE, IN_WALL, ROOM, USABLE, FakeBelief, mean_error, traced, truth_of
+from fake_episode import (
+    FREE,
+    IN_WALL,
+    ROOM,
+    USABLE,
+    FakeBelief,
+    mean_error,
+    one_point,
+    traced,
+    truth_of,
+)
 
 from benchmarks.episode import Moment
 from benchmarks.scoring import SCORE_NAMES, profile, record, scores
 from benchmarks.trace import trace_of
+from deqmcl_gym.validation import InputError
 
 T, L = 10, 3
 OFFSETS = (0, -L, L)
@@ -176,6 +187,41 @@ def test_scans_used_counts_those_after_the_start_with_at_least_one_usable_beam()
 
 def test_the_time_of_a_trial_leaves_the_reset_out():
     assert traced(4, (0,), seconds=0.25).seconds == 4 * 0.25
+
+
+class RatedBelief(FakeBelief):
+    """Says its quality, or None."""
+
+    def __init__(self, held, quality):
+        super().__init__(held)
+        self.quality = quality
+
+
+def rated(*qualities):
+    """The trace of an episode whose beliefs have these qualities at t = 0, 1, …"""
+    moments = [
+        Moment(t, truth_of(t), USABLE, RatedBelief({0: one_point(t, 0)}, quality), 0.0)
+        for t, quality in enumerate(qualities)
+    ]
+    return trace_of(moments, (0,), ROOM)
+
+
+def test_the_quality_is_kept_of_every_step_and_recorded_from_the_first_with_all_digits():
+    trace = rated(0.99, 0.25, None, 1 - 2**-53)
+    assert np.array_equal(trace.quality, [0.99, 0.25, math.nan, 1 - 2**-53], equal_nan=True)
+    written = json.loads(json.dumps(record(trace, 0)))
+    assert written["quality"] == [0.25, None, 1 - 2**-53]
+
+
+def test_where_no_belief_gives_a_quality_none_is_recorded():
+    assert record(traced(T, OFFSETS), L)["quality"] is None
+    assert record(rated(0.99, None, None), 0)["quality"] is None  # nothing of a scan is known
+
+
+@pytest.mark.parametrize("quality", [1.5, -0.1, math.nan, "good"])
+def test_a_quality_that_is_no_probability_fails_the_trial(quality):
+    with pytest.raises(InputError, match="quality"):
+        rated(0.99, quality)
 
 
 def test_a_record_is_strict_json_with_null_for_what_is_unknown():

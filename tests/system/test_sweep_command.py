@@ -14,12 +14,13 @@ from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 import localizers
-from benchmarks import manifest, plugins
+from benchmarks import manifest, plugins, store
 from benchmarks.collecting import results_in
 from benchmarks.execution import attempt
 from benchmarks.spec import unworded
 from benchmarks.suites import SUITES
 from benchmarks.sweepfile import sweep_of
+from deqmcl_gym.validation import InputError
 from localizers import registry
 
 
@@ -310,6 +311,22 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
     betas = [r["trial"]["params"].get("beta") for r in found.records]
     assert betas == [None, None, "inf", 1.0]  # mcl and dead reckoning have none
+
+
+def test_a_folder_of_another_schema_is_refused_and_not_told_as_empty(finished, monkeypatch):
+    monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
+    words = rf"none of the 4 trials .* has schema {store.SCHEMA - 1}, not {store.SCHEMA}"
+    with pytest.raises(InputError, match=words):
+        results_in(finished)
+
+
+def test_a_trial_is_stored_with_the_quality_at_every_step_if_its_localizer_gives_one(finished):
+    for found in results_in(finished).records:
+        if found["trial"]["localizer"] == "dead-reckoning":
+            assert found["quality"] is None
+        else:
+            assert len(found["quality"]) == found["steps_done"]
+            assert all(0 <= q <= 1 for q in found["quality"])
 
 
 def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):

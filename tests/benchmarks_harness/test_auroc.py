@@ -1,0 +1,225 @@
+"""AUROC of the quality: a count of pairs, and its interval over worlds."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from report_cases import finished, results
+
+from benchmarks.auroc import auroc_interval, auroc_of, in_order, rated_steps
+from benchmarks.comparison import comparisons
+from benchmarks.report import detection
+from benchmarks.report.panels import panels
+from benchmarks.report.writing import write_report
+from benchmarks.stats import multiplicities
+
+NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
+
+
+def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
+    """A record of (quality, error) at t = 1, 2, …"""
+    errors = [at_start, *(error for _, error in steps)][first_state:]
+    return {
+        "trial": {"trial": number, "filter_seed": filter_seed},
+        "curves": {"0": {"first_state": first_state, "error": errors}},
+        "quality": [quality for quality, _ in steps],
+        "steps_done": len(steps),
+    }
+
+
+def random_trials(worlds, *, seed=0, steps=30, seeds=1):
+    """Steps whose quality falls with the error, of 8 values, so that many are equal."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for number, filter_seed in product(range(worlds), range(seeds)):
+        errors = rng.uniform(0, 100, steps)
+        quality = np.round(np.clip(0.5 - (errors - 50) / 200 + rng.normal(0, 0.3, steps), 0, 1) * 7)
+        steps_of = list(zip((quality / 7).tolist(), errors.tolist(), strict=True))
+        made.append(trial(number, steps_of, filter_seed=filter_seed))
+    return made
+
+
+def counted(records):
+    """AUROC by looking at every pair; None without one."""
+    rated = [
+        pair
+        for r in records
+        for pair in zip(r["quality"], r["curves"]["0"]["error"][1:], strict=True)
+    ]
+    far = [q for q, e in rated if e > 50]
+    others = [q for q, e in rated if e <= 50]
+    wins = sum((a < b) + 0.5 * (a == b) for a in far for b in others)
+    return wins / (len(far) * len(others)) if far and others else None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
+    records = random_trials(4, seed=seed, seeds=2)
+    found = auroc_of(records)
+    assert found.auroc == pytest.approx(counted(records), rel=1e-15)  # a ratio of the same counts
+    assert 0.5 < found.auroc < 1
+    assert found.far_worlds == 4
+
+
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        ([(0.7, AWAY), (0.7, NEAR), (0.7, NEAR)], 0.5),  # a constant tells nothing
+        ([(0.1, AWAY), (0.2, AWAY), (0.3, NEAR), (1.0, NEAR)], 1.0),
+        ([(0.9, AWAY), (0.3, NEAR)], 0.0),
+        ([(1 - 1e-15, AWAY), (1.0, NEAR)], 1.0),  # order, not distance
+    ],
+)
+def test_a_constant_quality_has_one_half_a_perfect_one_1_and_a_reversed_one_0(steps, expected):
+    assert auroc_of([trial(w, steps) for w in range(3)]).auroc == expected
+
+
+def test_only_the_order_of_the_qualities_counts():
+    records = random_trials(5)
+    squared = [r | {"quality": [q**2 for q in r["quality"]]} for r in records]
+    assert auroc_of(records) == auroc_of(squared)
+
+
+def test_far_is_above_50_px_and_not_at_it():
+    assert rated_steps(trial(0, [(0.5, 50.0), (0.5, 50.1)]))[1].tolist() == [False, True]
+
+
+def test_the_start_is_not_scored_and_steps_are_matched_with_their_own_states():
+    steps = [(0.1, AWAY), (0.2, NEAR)]
+    whole = rated_steps(trial(0, steps, at_start=AWAY))
+    assert (whole[0].tolist(), whole[1].tolist()) == ([0.1, 0.2], [True, False])
+    later = rated_steps(trial(0, steps, first_state=2))  # x_1 was not estimated
+    assert (later[0].tolist(), later[1].tolist()) == ([0.2], [False])
+
+
+def test_steps_without_a_quality_are_left_out():
+    with_gap = [trial(w, [(None, AWAY), (0.2, AWAY), (0.8, NEAR), (None, NEAR)]) for w in (0, 1)]
+    without = [trial(w, [(0.2, AWAY), (0.8, NEAR)]) for w in (0, 1)]
+    assert auroc_of(with_gap) == auroc_of(without)
+
+
+def test_a_method_without_a_quality_has_nothing_that_could_be_scored():
+    nothing = [trial(w, [(0.2, AWAY)]) | {"quality": None} for w in (0, 1)]
+    found = auroc_of(nothing)
+    assert found.far_worlds is None
+    assert all(math.isnan(x) for x in (found.auroc, found.auroc_low, found.far_steps))
+
+
+@pytest.mark.parametrize(("error", "share", "worlds"), [(NEAR, 0.0, 0), (AWAY, 1.0, 3)])
+def test_with_one_kind_of_step_only_there_is_no_auroc_but_the_share_is_known(error, share, worlds):
+    found = auroc_of([trial(w, [(0.2, error), (0.9, error)]) for w in range(3)])
+    assert math.isnan(found.auroc)
+    assert math.isnan(found.auroc_low)
+    assert (found.far_steps, found.far_worlds) == (share, worlds)
+
+
+def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
+    records = random_trials(6, steps=8)
+    found = auroc_of(records)
+    values = []
+    for counts in multiplicities(6)[:400].astype(int):
+        drawn = [r for r, n in zip(records, counts, strict=True) for _ in range(n)]
+        values.append(counted(drawn))
+    worlds = [rated_steps(r) for r in records]
+    wins = in_order(worlds)
+    far = np.array([f.sum() for _, f in worlds])
+    drawn = multiplicities(6)[:400]
+    ours = ((drawn @ wins) * drawn).sum(axis=1) / ((drawn @ far) * (drawn @ (8 - far)))
+    assert ours == pytest.approx(values, rel=1e-15)
+    assert found.auroc_low < found.auroc < found.auroc_high
+
+
+def test_every_resample_draws_as_many_worlds_as_there_are_and_each_is_as_likely():
+    drawn = multiplicities(7)
+    assert drawn.shape == (10_000, 7)
+    assert (drawn.sum(axis=1) == 7).all()
+    # a mean of 10,000 binomial counts of variance 6/7; five standard deviations
+    assert drawn.mean(axis=0) == pytest.approx(np.ones(7), abs=5 * math.sqrt(6 / 7 / 10_000))
+
+
+def test_the_same_trials_in_any_order_give_the_same_interval():
+    records = random_trials(12, seeds=2)
+    assert auroc_of(records) == auroc_of(records[::-1]) == auroc_of(records)
+
+
+def test_more_steps_of_the_same_worlds_do_not_narrow_the_interval():
+    records = random_trials(8)
+    longer = [
+        trial(
+            r["trial"]["trial"],
+            list(zip(r["quality"], r["curves"]["0"]["error"][1:], strict=True)) * 9,
+        )
+        for r in records
+    ]
+    assert auroc_of(longer) == auroc_of(records)
+
+
+def test_far_steps_in_one_world_only_have_no_interval():
+    records = [trial(w, [(0.2, AWAY if w == 0 else NEAR), (0.9, NEAR)]) for w in range(5)]
+    found = auroc_of(records)
+    assert not math.isnan(found.auroc)
+    assert math.isnan(found.auroc_low)
+    assert (found.far_worlds, found.far_steps) == (1, 0.1)
+
+
+def test_a_resample_without_a_far_step_is_left_out():
+    records = [trial(w, [(0.2, AWAY if w < 2 else NEAR), (0.9, NEAR)]) for w in range(8)]
+    worlds = [rated_steps(r) for r in records]
+    lacking = (multiplicities(8)[:, :2].sum(axis=1) == 0).mean()
+    assert 0.05 < lacking < 0.15  # (6/8)⁸ = 0.10
+    assert all(0 <= bound <= 1 for bound in auroc_interval(in_order(worlds), worlds))
+
+
+KINDS = {
+    "rated": [(0.2, AWAY), (0.9, NEAR)],
+    "never": [(0.2, NEAR), (0.9, NEAR)],
+    "always": [(0.2, AWAY), (0.9, AWAY)],
+}
+
+
+def reported(methods, worlds=3):
+    made = []
+    for name in methods:
+        for w in range(worlds):
+            record = finished(name, w, 20.0)
+            if name in KINDS:
+                steps = KINDS[name] * (record["steps_done"] // 2)
+                record |= {k: v for k, v in trial(w, steps).items() if k != "trial"}
+            made.append(record)
+    return made
+
+
+def test_the_table_says_the_auroc_or_why_there_is_none():
+    records = reported(["rated", "never", "always", "blind"])
+    (panel,) = panels(comparisons(records), records)
+    _, lines = detection.detection_table(panel)
+    assert lines == [
+        ["rated", "1.00 (1.00 to 1.00)", "50.0 %", "3 of 3"],
+        ["never", "n/a: no step is far off", "0.0 %", "0 of 3"],
+        ["always", "n/a: every step is far off", "100.0 %", "3 of 3"],
+        ["blind", "n/a: gives no quality", "n/a", "n/a"],
+    ]
+    header, lines = detection.detection_glance([panel])
+    assert header == ["setting", "rated", "never", "always"]
+    assert lines == [["1. preset paper", "1.00", "n/a", "n/a"]]
+
+
+@pytest.mark.parametrize(("methods", "shown"), [(["rated", "never"], True), (["never"], False)])
+def test_the_report_shows_the_auroc_only_where_there_is_one(tmp_path, monkeypatch, methods, shown):
+    monkeypatch.setattr("benchmarks.report.story.laps", lambda panel: [])
+    write_report(tmp_path, results(reported(methods)))
+    for name in ("report.html", "results.md"):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert (detection.HEADING in text) == shown
+    (line,) = [
+        line
+        for line in (tmp_path / "results.csv").read_text().splitlines()[1:]
+        if ",never," in line
+    ]
+    assert line.endswith(",,,,0.0,0")
+
+
+def test_other_offsets_than_the_present_have_no_auroc():
+    rows = comparisons([finished("x", w, 20.0, offsets=(0, -20), quality=0.5) for w in (0, 1)])
+    assert [row.detection.far_worlds for row in rows] == [0, None]
