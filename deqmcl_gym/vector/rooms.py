@@ -1,7 +1,5 @@
 """The robots of many rooms as flat arrays: all that changes between two resets."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from deqmcl_gym.vector import kernels
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
 
 
 class Rooms:
@@ -31,29 +30,29 @@ class Rooms:
         self._sides = kernels.sides(world.floor_plan.walls)
         self._noise = (world.noise.drive, world.noise.turn, world.noise.drift)
         self._motion = NormalTable(number, 2)
-        self._sensor = NormalTable(number, lidar.beams, lidar.sigma)
+        self._sensor = NormalTable(number, lidar.beams)
         self._scanner = Scanner(world.floor_plan, lidar)
         self.poses = np.tile(setting.course.start, (number, 1))
         self.steps = np.zeros(number, np.intp)
         self.scans = np.zeros((number, lidar.beams), np.float32)
         self._starts = self.poses.copy()
+        self._every = np.arange(number)
         self._arcs = np.zeros(number)
         self._progress = np.zeros(number)
         self._gaps = np.zeros(number)
 
-    def begin(self, rooms: Sequence[int], episodes: Sequence[tuple[int, int]]) -> None:
+    def begin(self, rooms: Ints, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
         Raises:
             InputError: no start drawn is free; then all rooms stay as they were.
         """
-        self.poses[rooms] = [self._setting.start(*episode) for episode in episodes]
-        self._starts[rooms] = self.poses[rooms]
-        self._arcs[rooms] = [self._path.arc((x, y)) for x, y, _ in self.poses[rooms].tolist()]
-        self._progress[rooms] = 0.0
-        self._gaps[rooms] = 0.0
+        starts = [self._setting.start(*episode) for episode in episodes]
+        self.poses[rooms] = self._starts[rooms] = starts
+        self._arcs[rooms] = [self._path.arc((x, y)) for x, y, _ in starts]
+        self._progress[rooms] = self._gaps[rooms] = 0.0
         self.steps[rooms] = 0
-        for room, episode in zip(rooms, episodes, strict=True):
+        for room, episode in zip(rooms.tolist(), episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._sensor.renew(room, episode_stream(*episode, Stream.SENSOR))
 
@@ -64,22 +63,20 @@ class Rooms:
             The progress each made along the path, px; whether a wall stopped it. (n,).
         """
         collided = np.empty(among.size, np.bool_)
+        self._motion.fill()
         kernels.drive(
-            self.poses, self._gaps, commands, self._motion.next(among), among,
-            self._noise, self._sides, self._setting.world.robot.radius, SKIN, collided,
+            self.poses, self._gaps, commands, self._motion.drawn, self._motion.at, among,
+            self._noise, self._sides, self._setting.world.robot.radius, SKIN, self.steps, collided,
         )  # fmt: skip
-        self.steps += among
         progress = self._path.follow(self.poses, self._arcs)
         self._progress += progress
         return progress, collided
 
-    def look(self, among: Bools) -> None:
-        """Take a scan in each of the rooms ``among``."""
-        noise = self._sensor.next(among)
-        if np.count_nonzero(among) == among.size:
-            self.scans = self._scanner.scans(self.poses, noise)
-        else:
-            self.scans[among] = self._scanner.scans(self.poses[among], noise[among])
+    def look(self, rooms: Ints | None = None) -> None:
+        """Take a scan in each of ``rooms``; None: in all."""
+        poses = self.poses if rooms is None else self.poses[rooms]
+        rooms = self._every if rooms is None else rooms
+        self._scanner.scan_rooms(rooms, poses, self._sensor, self.scans)
 
     @property
     def ended(self) -> Bools:
