@@ -77,7 +77,7 @@ class NormalTable:
 
     def fill(self) -> None:
         """Draw the next rows of each room that has none left."""
-        for room in np.flatnonzero(self.at == self.drawn.shape[1]).tolist():
+        for room in (self.at == self.drawn.shape[1]).nonzero()[0].tolist():
             rng = self._rngs[room]
             assert rng is not None  # a room begins before it draws
             rng.standard_normal(out=self.drawn[room])

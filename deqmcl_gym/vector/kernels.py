@@ -130,20 +130,37 @@ def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radi
 
 
 @compiled
-def end(
-    progress: Floats, length: float, poses: Floats, starts: Floats, radius: float, ended: Bools
+def judge(
+    progress: Floats,
+    collided: Bools,
+    penalty: float,
+    sums: Floats,
+    lap: tuple[float, float],
+    poses: Floats,
+    starts: Floats,
+    steps: Ints,
+    most: int,
+    rewards: Floats,
+    ended: Bools,
 ) -> None:
-    """Set ``ended`` where the progress adds up to one lap, rounded, and the start is near.
+    """What a step is worth, and whether the episode ends with it.
 
     Args:
-        progress: (n,) px.
-        length: of a lap, px.
+        progress: made in this step, (n,) px.
+        collided: whether a wall stopped the robot, (n,).
+        penalty: for that, px.
+        sums: progress since reset, (n,) px; ``progress`` is added.
+        lap: its length, px; how near to the start it ends, px, negative if it does not count.
         poses, starts: where the robots are and where they began, (n, 2+) px.
-        radius: what counts as near, px.
-        ended: (n,).
+        steps: carried out, (n,).
+        most: steps of an episode.
+        rewards: filled in, (n,) px.
+        ended: filled in, (n,).
     """
+    length, near = lap
     for i in range(ended.size):
-        if np.rint(progress[i] / length) >= 1.0:
-            dx, dy = poses[i, 0] - starts[i, 0], poses[i, 1] - starts[i, 1]
-            if np.sqrt(dx * dx + dy * dy) <= radius:
-                ended[i] = True
+        rewards[i] = progress[i] - penalty * collided[i]
+        sums[i] += progress[i]
+        dx, dy = poses[i, 0] - starts[i, 0], poses[i, 1] - starts[i, 1]
+        around = np.rint(sums[i] / length) >= 1.0
+        ended[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))

@@ -1,16 +1,32 @@
 """The robots of many rooms as flat arrays: all that changes between two resets."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.lidar import Scanner
 from deqmcl_gym.seeding import NormalTable, Stream, episode_stream
-from deqmcl_gym.setting import SKIN, Setting
+from deqmcl_gym.setting import COLLISION_PENALTY, SKIN, Setting
 from deqmcl_gym.vector import kernels
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
+
+
+class Moved(NamedTuple):
+    """What came of a step.
+
+    Attributes:
+        rewards: progress along the path less the penalty, (n,) px.
+        collided: whether a wall stopped the robot, (n,).
+        ended: whether the plan is used up or, where that counts, the lap is done, (n,).
+    """
+
+    rewards: Floats
+    collided: Bools
+    ended: Bools
 
 
 class Rooms:
@@ -29,6 +45,9 @@ class Rooms:
         self._path = setting.course.path
         self._sides = kernels.sides(world.floor_plan.walls)
         self._noise = (world.noise.drive, world.noise.turn, world.noise.drift)
+        self._radius = world.robot.radius
+        self._lap = (self._path.length, self._radius if setting.ends_at_goal else -1.0)
+        self._most = len(setting.course.actions)
         self._motion = NormalTable(number, 2)
         self._sensor = NormalTable(number, lidar.beams)
         self._scanner = Scanner(world.floor_plan, lidar)
@@ -56,34 +75,23 @@ class Rooms:
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._sensor.renew(room, episode_stream(*episode, Stream.SENSOR))
 
-    def move(self, commands: NDArray[np.float32], among: Bools) -> tuple[Floats, Bools]:
-        """Turn and drive the robots ``among``: one step of noisy motion.
-
-        Returns:
-            The progress each made along the path, px; whether a wall stopped it. (n,).
-        """
-        collided = np.empty(among.size, np.bool_)
+    def move(self, commands: NDArray[np.float32], among: Bools) -> Moved:
+        """Turn and drive the robots ``among``: one step of noisy motion."""
+        moved = Moved(np.empty(among.size), np.empty(among.size, np.bool_), np.empty_like(among))
         self._motion.fill()
         kernels.drive(
             self.poses, self._gaps, commands, self._motion.drawn, self._motion.at, among,
-            self._noise, self._sides, self._setting.world.robot.radius, SKIN, self.steps, collided,
+            self._noise, self._sides, self._radius, SKIN, self.steps, moved.collided,
         )  # fmt: skip
-        progress = self._path.follow(self.poses, self._arcs)
-        self._progress += progress
-        return progress, collided
+        kernels.judge(
+            self._path.follow(self.poses, self._arcs), moved.collided, COLLISION_PENALTY,
+            self._progress, self._lap, self.poses, self._starts, self.steps, self._most,
+            moved.rewards, moved.ended,
+        )  # fmt: skip
+        return moved
 
     def look(self, rooms: Ints | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
         poses = self.poses if rooms is None else self.poses[rooms]
         rooms = self._every if rooms is None else rooms
         self._scanner.scan_rooms(rooms, poses, self._sensor, self.scans)
-
-    @property
-    def ended(self) -> Bools:
-        """Whether the plan is used up or, where that counts, the lap is done, (n,)."""
-        ended: Bools = self.steps >= len(self._setting.course.actions)
-        if self._setting.ends_at_goal:
-            radius = self._setting.world.robot.radius
-            length = self._path.length
-            kernels.end(self._progress, length, self.poses, self._starts, radius, ended)
-        return ended
