@@ -11,6 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.entropy import Seeds
+
 
 class Stream(enum.IntEnum):
     """Sources of randomness. The numbers are part of what a seed means: never change them."""
@@ -32,7 +34,7 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
         twin: how many sources of this kind come before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+    return np.random.Generator(np.random.PCG64(Seeds(seed, key)))
 
 
 class NormalRows:
@@ -63,22 +65,32 @@ class NormalTable:
         at: the next row of each room, (n,).
     """
 
-    def __init__(self, rooms: int, width: int) -> None:
-        """Draw rows (width,) from each room's stream; :meth:`renew` names it."""
-        # Few calls of NumPy, and few numbers drawn in vain at the end of an episode.
-        self.drawn = np.empty((rooms, max(1, min(256, 512 // width)), width))
+    def __init__(self, rooms: int, width: int, lap: int) -> None:
+        """Draw rows (width,) from each room's stream, some ``lap`` of them in an episode.
+
+        :meth:`renew` names the stream.
+        """
+        # Few calls of NumPy for a lap, and few numbers drawn in vain at its end.
+        blocks = -(-lap * width // 512)
+        self.drawn = np.empty((rooms, -(-lap // blocks), width))
         self.at = np.zeros(rooms, np.intp)
+        self._sure = 0  # calls of fill() before a room may have none left
         self._rngs: list[np.random.Generator | None] = [None] * rooms
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
         """Let a room draw from another stream from now on."""
         self._rngs[room] = rng
         self.at[room] = self.drawn.shape[1]
+        self._sure = 0
 
     def fill(self) -> None:
-        """Draw the next rows of each room that has none left."""
-        for room in (self.at == self.drawn.shape[1]).nonzero()[0].tolist():
-            rng = self._rngs[room]
-            assert rng is not None  # a room begins before it draws
-            rng.standard_normal(out=self.drawn[room])
-            self.at[room] = 0
+        """Draw the next rows of each room that has none left; between two calls it takes one."""
+        if self._sure == 0:
+            rows = self.drawn.shape[1]
+            for room in (self.at == rows).nonzero()[0].tolist():
+                rng = self._rngs[room]
+                assert rng is not None  # a room begins before it draws
+                rng.standard_normal(out=self.drawn[room])
+                self.at[room] = 0
+            self._sure = rows - int(self.at.max())
+        self._sure -= 1

@@ -48,8 +48,8 @@ class Rooms:
         self._radius = world.robot.radius
         self._lap = (self._path.length, self._radius if setting.ends_at_goal else -1.0)
         self._most = len(setting.course.actions)
-        self._motion = NormalTable(number, 2)
-        self._sensor = NormalTable(number, lidar.beams)
+        self._motion = NormalTable(number, 2, self._most)
+        self._sensor = NormalTable(number, lidar.beams, self._most + 1)
         self._scanner = Scanner(world.floor_plan, lidar)
         self.poses = np.tile(setting.course.start, (number, 1))
         self.steps = np.zeros(number, np.intp)
@@ -67,8 +67,8 @@ class Rooms:
             InputError: no start drawn is free; then all rooms stay as they were.
         """
         starts = [self._setting.start(*episode) for episode in episodes]
-        self.poses[rooms] = self._starts[rooms] = starts
-        self._arcs[rooms] = [self._path.arc((x, y)) for x, y, _ in starts]
+        self.poses[rooms] = self._starts[rooms] = np.array(starts)
+        self._arcs[rooms] = np.array([self._path.arc((x, y)) for x, y, _ in starts])
         self._progress[rooms] = self._gaps[rooms] = 0.0
         self.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
