@@ -31,13 +31,13 @@ class Scanner:
         noise: NormalTable,
         scans: NDArray[np.float32],
     ) -> None:
-        """Overwrite the ``scans`` (n, B) of some ``rooms`` (k,) by what is seen from their ``poses``.
+        """Take a scan in each of some ``rooms``.
 
         Args:
-            rooms: numbers of the rooms.
-            poses: theirs, (k, 3).
+            rooms: their numbers, (k,).
+            poses: in these, (k, 3).
             noise: ε / σ of all rooms; each of ``rooms`` takes its next row.
-            scans: of all rooms, px.
+            scans: of all rooms, (n, B) px; those of ``rooms`` are overwritten.
         """
         exact = self._floor_plan.ranges(poses, self._bearings)
         noise.fill()

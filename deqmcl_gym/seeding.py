@@ -7,6 +7,7 @@ wrapper, has the key (i, k, j).
 
 import enum
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,9 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
         twin: how many sources of this kind come before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
-    return np.random.Generator(np.random.PCG64(Seeds(seed, key)))
+    # NumPy takes any ISeedSequence; its annotations do not say so.
+    seeds = cast(np.random.SeedSequence, Seeds(seed, key))
+    return np.random.Generator(np.random.PCG64(seeds))
 
 
 class NormalRows:

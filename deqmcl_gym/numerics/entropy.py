@@ -1,7 +1,6 @@
-"""What ``np.random.SeedSequence`` says, in a tenth of the time: a room gets new streams each lap.
+"""``np.random.SeedSequence`` in a kernel: a room of many gets new streams with every lap.
 
-NumPy has frozen the algorithm: O'Neill's seed_seq (2015) with a pool of four words. The tests
-compare with NumPy's own.
+O'Neill's seed_seq (2015) with a pool of four words, which NumPy promises not to change.
 """
 
 from functools import cached_property
@@ -42,7 +41,7 @@ class Seeds(ISpawnableSeedSequence):
         _fill(np.array([*words, *self._key], np.uint64), state)
         return state
 
-    def spawn(self, n_children: int) -> list[np.random.SeedSequence]:
+    def spawn(self, n_children: int) -> list[Any]:
         """Return further sequences, as NumPy's would."""
         return self._numpy.spawn(n_children)
 
