@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.seeding import NormalRows
+from deqmcl_gym.seeding import NormalRows, NormalTable
 
 
 class Scanner:
@@ -15,7 +15,7 @@ class Scanner:
         """Mount ``lidar`` on robots in a room."""
         self._floor_plan = floor_plan
         self._bearings = lidar.bearings.astype(np.float32)  # as the caster takes them
-        self._max_range = lidar.max_range
+        self._max_range, self._sigma = lidar.max_range, lidar.sigma
 
     def scans(self, poses: NDArray[np.floating], noise: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the ranges seen from poses (n, 3) with ``noise`` ε (n, B): fresh, (n, B) px."""
@@ -23,6 +23,25 @@ class Scanner:
         seen = np.empty(exact.shape, np.float32)
         _report(exact, noise, self._max_range, seen)
         return seen
+
+    def scan_rooms(
+        self,
+        rooms: NDArray[np.intp],
+        poses: NDArray[np.floating],
+        noise: NormalTable,
+        scans: NDArray[np.float32],
+    ) -> None:
+        """Take a scan in each of some ``rooms``.
+
+        Args:
+            rooms: their numbers, (k,).
+            poses: in these, (k, 3).
+            noise: ε / σ of all rooms; each of ``rooms`` takes its next row.
+            scans: of all rooms, (n, B) px; those of ``rooms`` are overwritten.
+        """
+        exact = self._floor_plan.ranges(poses, self._bearings)
+        noise.fill()
+        _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, scans)
 
 
 class LidarSensor:
@@ -52,4 +71,24 @@ def _report(
     for room in range(out.shape[0]):
         for beam in range(out.shape[1]):
             seen = exact[room, beam] + noise[room, beam]
+            out[room, beam] = min(max(seen, 0.0), max_range)
+
+
+@compiled
+def _report_rooms(
+    rooms: NDArray[np.intp],
+    exact: NDArray[np.float32],
+    normals: NDArray[np.float64],
+    at: NDArray[np.intp],
+    sigma: float,
+    max_range: float,
+    out: NDArray[np.float32],
+) -> None:
+    """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers."""
+    for i in range(rooms.size):
+        room = rooms[i]
+        row = at[room]
+        at[room] = row + 1
+        for beam in range(out.shape[1]):
+            seen = exact[i, beam] + sigma * normals[room, row, beam]
             out[room, beam] = min(max(seen, 0.0), max_range)

@@ -76,7 +76,7 @@ class FixedPlan:
 
     def after_each(self, steps: NDArray[np.intp]) -> tuple[Actions, NDArray[np.intp]]:
         """Return what :meth:`after` says after each of ``steps`` (n,): (n, h, 2) and (n,)."""
-        return self._windows[steps], np.minimum(self.horizon, len(self.actions) - steps)
+        return self._windows[steps], self._counts[steps]
 
     def replaced(self, step: int, actions: Actions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
@@ -91,3 +91,8 @@ class FixedPlan:
         """Row t shows what follows step t, (T + 1, h, 2); a view."""
         windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
         return windows.transpose(0, 2, 1)
+
+    @cached_property
+    def _counts(self) -> NDArray[np.intp]:
+        """How many actions row t of the windows shows, (T + 1,)."""
+        return np.minimum(self.horizon, np.arange(len(self.actions), -1, -1))

@@ -7,11 +7,12 @@ wrapper, has the key (i, k, j).
 
 import enum
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.entropy import Seeds
 
 
 class Stream(enum.IntEnum):
@@ -34,7 +35,9 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
         twin: how many sources of this kind come before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+    # NumPy takes any ISeedSequence; its annotations do not say so.
+    seeds = cast(np.random.SeedSequence, Seeds(seed, key))
+    return np.random.Generator(np.random.PCG64(seeds))
 
 
 class NormalRows:
@@ -56,65 +59,41 @@ class NormalRows:
 
 
 class NormalTable:
-    """One row of normal numbers for each of many rooms: what its own :class:`NormalRows` gives."""
+    """Normal numbers for each of many rooms: the rows that its own :class:`NormalRows` gives it.
 
-    def __init__(self, rooms: int, width: int, sd: float = 1.0) -> None:
-        """Draw rows (width,) of N(0, sd²) from each room's stream; :meth:`renew` names it."""
-        self._sd = sd
-        # Few calls of NumPy, and few numbers drawn in vain at the end of an episode.
-        self._drawn = np.empty((rooms, max(1, min(256, 512 // width)), width))
-        self._at = np.zeros(rooms, np.intp)
+    A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``: no copy between.
+
+    Attributes:
+        drawn: N(0, 1), (n, rows, width).
+        at: the next row of each room, (n,).
+    """
+
+    def __init__(self, rooms: int, width: int, lap: int) -> None:
+        """Draw rows (width,) from each room's stream, some ``lap`` of them in an episode.
+
+        :meth:`renew` names the stream.
+        """
+        # Few calls of NumPy for a lap, and few numbers drawn in vain at its end.
+        blocks = -(-lap * width // 512)
+        self.drawn = np.empty((rooms, -(-lap // blocks), width))
+        self.at = np.zeros(rooms, np.intp)
+        self._sure = 0  # calls of fill() before a room may have none left
         self._rngs: list[np.random.Generator | None] = [None] * rooms
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
         """Let a room draw from another stream from now on."""
         self._rngs[room] = rng
-        self._at[room] = self._drawn.shape[1]
+        self.at[room] = self.drawn.shape[1]
+        self._sure = 0
 
-    def next(self, among: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the next row of each room ``among``, (n, width); the others' rows mean nothing."""
-        rows = np.empty((among.size, self._drawn.shape[2]))
-        used_up = np.empty(among.size, np.intp)
-        count = _take(self._drawn, self._at, among, self._sd, rows, used_up)
-        if count:
-            late = np.zeros_like(among)
-            late[used_up[:count]] = True
-            self._draw(used_up[:count])
-            _take(self._drawn, self._at, late, self._sd, rows, used_up)
-        return rows
-
-    def _draw(self, rooms: NDArray[np.intp]) -> None:
-        for room in rooms.tolist():
-            rng = self._rngs[room]
-            assert rng is not None  # a room begins before it draws
-            rng.standard_normal(out=self._drawn[room])
-        self._at[rooms] = 0
-
-
-@compiled
-def _take(
-    drawn: NDArray[np.float64],
-    at: NDArray[np.intp],
-    among: NDArray[np.bool_],
-    sd: float,
-    out: NDArray[np.float64],
-    used_up: NDArray[np.intp],
-) -> int:
-    """Fill in sd times each room's next row, (n, width), and go on to the one after it.
-
-    Returns:
-        How many rooms have none left; ``used_up`` begins with those.
-    """
-    count = 0
-    for room in range(among.size):
-        if not among[room]:
-            continue
-        row = at[room]
-        if row == drawn.shape[1]:
-            used_up[count] = room
-            count += 1
-            continue
-        for column in range(out.shape[1]):
-            out[room, column] = sd * drawn[room, row, column]
-        at[room] = row + 1
-    return count
+    def fill(self) -> None:
+        """Draw the next rows of each room that has none left; between two calls it takes one."""
+        if self._sure == 0:
+            rows = self.drawn.shape[1]
+            for room in (self.at == rows).nonzero()[0].tolist():
+                rng = self._rngs[room]
+                assert rng is not None  # a room begins before it draws
+                rng.standard_normal(out=self.drawn[room])
+                self.at[room] = 0
+            self._sure = rows - int(self.at.max())
+        self._sure -= 1

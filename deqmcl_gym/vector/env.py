@@ -10,8 +10,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from deqmcl_gym.info import RoomInfo
 from deqmcl_gym.plan import FixedPlan, Plan
-from deqmcl_gym.setting import COLLISION_PENALTY, Setting
+from deqmcl_gym.setting import Setting
 from deqmcl_gym.validation import InputError, integer, one_of
 from deqmcl_gym.vector.rooms import Rooms
 
@@ -21,6 +22,7 @@ Bools = NDArray[np.bool_]
 Info = dict[str, Any]
 StepResult = tuple[Scans, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
+_MASKS = tuple(f"_{key}" for key in RoomInfo.__annotations__)
 _MODES = {mode.value: mode for mode in AutoresetMode}
 
 
@@ -108,8 +110,9 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
             InputError: a bad seed or option, or no free start. All episodes go on.
         """
         chosen = self._chosen(options)
-        self._begin(chosen, self._checked_seeds(seed))
-        self._rooms.look(chosen)
+        rooms = np.flatnonzero(chosen)
+        self._begin(rooms, self._checked_seeds(seed))
+        self._rooms.look(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
         return self._rooms.scans.copy(), self._info(chosen, nothing, np.zeros_like(chosen))
 
@@ -120,27 +123,26 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
             InputError: bad actions. No room has taken its step.
         """
         self._check_begun("step")
-        again = self._ended  # none are left by SAME_STEP
-        among = ~again
-        if np.count_nonzero(again) and self._mode is AutoresetMode.DISABLED:
+        again = self._ended.nonzero()[0]  # none are left by SAME_STEP
+        if again.size and self._mode is AutoresetMode.DISABLED:
             raise RuntimeError(
-                f"the episode in room {again.argmax()} has ended: call reset() with its "
+                f"the episode in room {again[0]} has ended: call reset() with its "
                 "reset_mask before step()."
             )
+        among = ~self._ended
         commands = self._setting.commands.checked_each(actions, among)
-        if np.count_nonzero(again):
+        if again.size:
             self._begin(again)
-            commands[~among] = 0.0
-        progress, collided = self._rooms.move(commands, among)
-        self._rooms.look(self._all)
-        terminated, truncated = self._rooms.ended, self._rooms.steps >= self._limit
+            commands[again] = 0.0
+        rewards, collided, terminated = self._rooms.move(commands, among)
+        self._rooms.look()
+        truncated = self._rooms.steps >= self._limit
         self._ended = terminated | truncated
-        reward = progress - COLLISION_PENALTY * collided
         final: Info = {}
         if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             final = self._begun_again(commands, collided)
         info = self._info(self._all, commands, collided)
-        return self._rooms.scans.copy(), reward, terminated, truncated, final | info
+        return self._rooms.scans.copy(), rewards, terminated, truncated, final | info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return each room as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -152,12 +154,12 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
         return tuple(self._setting.picture(*room) for room in seen)
 
-    def _begin(self, chosen: Bools, seeds: Sequence[int | None] | None = None) -> None:
-        """Begin an episode in the ``chosen`` rooms: of these seeds, or each room's next one."""
-        rooms = np.flatnonzero(chosen).tolist()
-        episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in rooms]
+    def _begin(self, rooms: NDArray[np.intp], seeds: Sequence[int | None] | None = None) -> None:
+        """Begin an episode in each of ``rooms``: of these seeds (n,), or the room's next one."""
+        numbers = rooms.tolist()
+        episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in numbers]
         self._rooms.begin(rooms, episodes)
-        for room, episode in zip(rooms, episodes, strict=True):
+        for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
         self._all_begun = self._all_begun or None not in self._episodes
         self._ended[rooms] = False
@@ -174,29 +176,37 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
     def _begun_again(self, commands: Actions, collided: Bools) -> Info:
         """Begin the next episode where one ended; return what was last seen of that."""
         ended = self._ended.copy()
+        rooms = np.flatnonzero(ended)
         last = np.full(self.num_envs, None, dtype=object)
-        for room in np.flatnonzero(ended).tolist():
+        for room in rooms.tolist():
             last[room] = self._rooms.scans[room].copy()
-        final: Info = {"final_obs": last, "final_info": self._info(ended, commands, collided)}
-        self._begin(ended)
-        self._rooms.look(ended)
+        said = self._info(ended, commands.copy(), collided.copy())
+        final: Info = {"final_obs": last, "final_info": said}
+        self._begin(rooms)
+        self._rooms.look(rooms)
         commands[ended], collided[ended] = 0.0, False
         return final | {f"_{key}": ended.copy() for key in final}
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
-        """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``."""
+        """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
+
+        It keeps ``commands`` and ``collided``: they are to be its own.
+        """
         planned, count = self._plan.after_each(self._rooms.steps)
-        told: dict[str, NDArray[Any]] = {
+        told: Info = {
             "planned_actions": planned,
             "planned_count": count,
-            "action": commands.copy(),
-            "collided": collided.copy(),
+            "action": commands,
+            "collided": collided,
             "truth": self._rooms.poses.copy(),
         }
-        if np.count_nonzero(among) < among.size:
+        if among is not self._all:
             for values in told.values():
                 values[~among] = 0
-        return told | {f"_{key}": among.copy() for key in told}
+        masks = np.empty((len(told), among.size), np.bool_)
+        masks[:] = among
+        told.update(zip(_MASKS, masks, strict=True))
+        return told
 
     def _chosen(self, options: object) -> Bools:
         if options is not None and not isinstance(options, Mapping):

@@ -11,6 +11,7 @@ from deqmcl_gym.numerics.elementary import cos64, sin64
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
 
 
 def sides(walls: Floats) -> Floats:
@@ -30,39 +31,46 @@ def drive(
     gaps: Floats,
     commands: NDArray[np.float32],
     normals: Floats,
+    at: Ints,
     among: Bools,
     noise: tuple[float, float, float],
     walls: Floats,
     radius: float,
     skin: float,
+    steps: Ints,
     collided: Bools,
 ) -> None:
-    """Turn and drive the robots ``among``, in place; say which were stopped by a wall.
+    """Turn and drive the robots ``among``, in place: one step.
 
     Args:
         poses: x px, y px, θ rad in [-π, π), (n, 3).
         gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,)
             px; 0 if nobody knows.
         commands: distance px, turn rad, (n, 2).
-        normals: N(0, 1) for the drive and the turn, (n, 2).
+        normals: N(0, 1) for the drive and the turn, (n, rows, 2).
+        at: the row of these that each robot takes, (n,); goes on to the next one.
         among: which robots move, (n,).
         noise: σ_dd, σ_φφ, σ_φd.
         walls: as :func:`sides` returns them; free space to their left.
         radius: of the robots, px.
         skin: how far before the contact they stop, px.
-        collided: filled in, (n,).
+        steps: carried out, (n,); one more.
+        collided: filled in: whether a wall stopped the robot, (n,).
     """
     of_drive, of_turn, of_drift = noise
     for i in range(among.size):
         collided[i] = False
         if not among[i]:
             continue
+        normal_drive, normal_turn = normals[i, at[i]]
+        at[i] += 1
+        steps[i] += 1
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
         sd_turn = of_turn * abs(turn) + of_drift * distance
-        heading = poses[i, 2] + turn + sd_turn * normals[i, 1]
+        heading = poses[i, 2] + turn + sd_turn * normal_turn
         heading = (heading + np.pi) % (2 * np.pi) - np.pi
         poses[i, 2] = heading
-        driven = distance * (1 + of_drive * normals[i, 0])
+        driven = distance * (1 + of_drive * normal_drive)
         way = abs(driven)
         if way == 0.0:
             continue
@@ -122,20 +130,37 @@ def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radi
 
 
 @compiled
-def end(
-    progress: Floats, length: float, poses: Floats, starts: Floats, radius: float, ended: Bools
+def judge(
+    progress: Floats,
+    collided: Bools,
+    penalty: float,
+    sums: Floats,
+    lap: tuple[float, float],
+    poses: Floats,
+    starts: Floats,
+    steps: Ints,
+    most: int,
+    rewards: Floats,
+    ended: Bools,
 ) -> None:
-    """Set ``ended`` where the progress adds up to one lap, rounded, and the start is near.
+    """What a step is worth, and whether the episode ends with it.
 
     Args:
-        progress: (n,) px.
-        length: of a lap, px.
+        progress: made in this step, (n,) px.
+        collided: whether a wall stopped the robot, (n,).
+        penalty: for that, px.
+        sums: progress since reset, (n,) px; ``progress`` is added.
+        lap: its length, px; how near to the start it ends, px, negative if it does not count.
         poses, starts: where the robots are and where they began, (n, 2+) px.
-        radius: what counts as near, px.
-        ended: (n,).
+        steps: carried out, (n,).
+        most: steps of an episode.
+        rewards: filled in, (n,) px.
+        ended: filled in, (n,).
     """
+    length, near = lap
     for i in range(ended.size):
-        if np.rint(progress[i] / length) >= 1.0:
-            dx, dy = poses[i, 0] - starts[i, 0], poses[i, 1] - starts[i, 1]
-            if np.sqrt(dx * dx + dy * dy) <= radius:
-                ended[i] = True
+        rewards[i] = progress[i] - penalty * collided[i]
+        sums[i] += progress[i]
+        dx, dy = poses[i, 0] - starts[i, 0], poses[i, 1] - starts[i, 1]
+        around = np.rint(sums[i] / length) >= 1.0
+        ended[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))
