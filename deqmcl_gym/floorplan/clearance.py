@@ -39,9 +39,7 @@ def clearance_of(walls: Floats) -> Clearance:
     margin = _MARGIN * max(float(np.abs(x).max()), float(np.abs(y).max()), width, height)
     # Points beyond the grid count as in the ring: the ring keeps clear of the walls.
     corner = float(x.min()) - side - 2 * margin, float(y.min()) - side - 2 * margin
-    columns, rows = (
-        math.ceil((length + 4 * margin) / side) + 2 for length in (width, height)
-    )
+    columns, rows = (math.ceil((length + 4 * margin) / side) + 2 for length in (width, height))
     centre_x = corner[0] + (np.arange(columns) + 0.5) * side
     centre_y = corner[1] + (np.arange(rows) + 0.5) * side
     centres = np.array([g.ravel() for g in np.meshgrid(centre_x, centre_y)]).astype(np.float32)

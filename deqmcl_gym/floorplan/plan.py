@@ -139,7 +139,9 @@ class FloorPlan:
             kernels.wind(centres, self._walls32, windings)
             np.equal(windings, 1, out=free)
         else:
-            kernels.feasible(centres, centres, self._walls32, np.float32(radius), *self._clearance, free)
+            kernels.feasible(
+                centres, centres, self._walls32, np.float32(radius), *self._clearance, free
+            )
         return free
 
     @cached_property

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ class Rollout:
     def log_g_of(self, path: Sequence[States]) -> LogWeights:
         """Log Π g of a path of states, (d, n) each, (n,)."""
         total = np.zeros(path[0].shape[1])
-        for before, after in zip(path[:-1], path[1:], strict=True):
+        for before, after in pairwise(path):
             total += self.feasibility.log_g(before, after)
         return total
 

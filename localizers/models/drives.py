@@ -35,7 +35,7 @@ class ChargedDrives:
         *,
         keep: bool,
     ) -> tuple[list[Poses], NDArray[np.float64]]:
-        """Draw one path of poses from each of ``states``; see ``localizers.inference.parts.Walk``."""
+        """Draw one path of poses from each of ``states``; see ``Walk``."""
         n = states.shape[1]
         collisions = np.zeros(n, np.intp)
         path: list[Poses] = []

@@ -90,7 +90,10 @@ class LookaheadGrid:
 
     def _reach(self, window: Floats) -> int:
         """More nodes than any drive of a window goes to a side, counted to the border at most."""
-        farthest = max((abs(d) + _SIGMAS[-1] * self.motion.spread((d, 0.0))[0] for d in window[:, 0]), default=0.0)
+        farthest = 0.0
+        for action in window:
+            sd, _ = self.motion.spread(action)
+            farthest = max(farthest, abs(float(action[0])) + _SIGMAS[-1] * sd)
         _, ny, nx = self.shape
         return math.ceil(min(farthest / self.cell, max(ny, nx) + 1.0)) + 1
 
