@@ -17,6 +17,7 @@ Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 Single = Any  # a float32
 LANES = 64
+BLOCK = 512
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -438,18 +439,113 @@ def sweep(starts: Floats, ends: Floats, walls: Floats, out: Floats) -> None:
 
 
 @compiled
+def _look_up(
+    points: Floats, corner: Floats, per_side: Single, bounds: Floats, squares: Ints, out: Floats
+) -> None:
+    """Fill in the bound of the square (and its index) that each point is in; see ``Clearance``."""
+    rows, columns = bounds.shape
+    x, y, left, low = points[0], points[1], corner[0], corner[1]
+    last_column, last_row = np.float32(columns - 1), np.float32(rows - 1)
+    for i in range(out.size):
+        column, row = (x[i] - left) * per_side, (y[i] - low) * per_side
+        column = column if column > _ZERO else _ZERO  # also if it is NaN
+        row = row if row > _ZERO else _ZERO
+        column = column if column < last_column else last_column
+        row = row if row < last_row else last_row
+        squares[i] = np.int32(row) * np.int32(columns) + np.int32(column)
+    flat = bounds.ravel()
+    for i in range(out.size):
+        out[i] = flat[squares[i]]
+
+
+@compiled
 def feasible(
-    starts: Floats, ends: Floats, walls: Floats, radius: np.float32, out: NDArray[np.bool_]
+    starts: Floats,
+    ends: Floats,
+    walls: Floats,
+    radius: np.float32,
+    corner: Floats,
+    per_side: np.float32,
+    bounds: Floats,
+    out: NDArray[np.bool_],
 ) -> None:
     """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
 
-    Args: as ``sweep``; ``radius`` px; ``out`` (n,). Free space is what the walls wind around once.
+    Free space is what the walls wind around once. No point of a path of length d between places a
+    and b away from all walls is nearer to them than (a + b - d) / 2: only where the bounds leave
+    it open are the walls looked at.
+
+    Args:
+        starts, ends, walls: as ``sweep``.
+        radius: px.
+        corner, per_side, bounds: ``deqmcl_gym.floorplan.clearance.Clearance``.
+        out: (n,).
     """
     n = starts.shape[1]
-    square = np.empty(n, np.float32)
-    windings = np.empty(n, np.int32)
-    sweep(starts, ends, walls, square)
-    wind(ends, walls, windings)
-    limit = radius * radius
+    from_x, from_y, to_x, to_y = starts[0], starts[1], ends[0], ends[1]
+    before, after = np.empty(n, np.float32), np.empty(n, np.float32)
+    unsure = np.empty(n, np.int32)
+    _look_up(starts, corner, per_side, bounds, unsure, before)
+    _look_up(ends, corner, per_side, bounds, unsure, after)
     for i in range(n):
-        out[i] = (square[i] > limit) & (windings[i] == 1)
+        dx, dy = to_x[i] - from_x[i], to_y[i] - from_y[i]
+        spare = before[i] + after[i] - (radius + radius)
+        out[i] = (spare > _ZERO) & (spare * spare > dx * dx + dy * dy)
+    count = 0
+    for i in range(n):
+        unsure[count] = i
+        count += not (out[i] | (after[i] < _ZERO))
+    if count == 0:
+        return
+    some_starts, some_ends = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
+    for k in range(count):
+        i = unsure[k]
+        some_starts[0, k], some_starts[1, k] = from_x[i], from_y[i]
+        some_ends[0, k], some_ends[1, k] = to_x[i], to_y[i]
+    square = np.empty(count, np.float32)
+    windings = np.empty(count, np.int32)
+    sweep(some_starts, some_ends, walls, square)
+    wind(some_ends, walls, windings)
+    limit = radius * radius
+    for k in range(count):
+        out[unsure[k]] = (square[k] > limit) & (windings[k] == 1)
+
+
+@compiled
+def roll_out(
+    poses: Floats,
+    moves: Floats,
+    walls: Floats,
+    radius: np.float32,
+    corner: Floats,
+    per_side: np.float32,
+    bounds: Floats,
+    collisions: Ints,
+    out: Floats,
+) -> None:
+    """Drive poses through several moves; fill in where they come to and which steps collide.
+
+    A block of poses at a time goes all the way, so that it stays in the processor's cache.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        moves: distances and turns, (F, 2, n) px, rad; as ``drive``.
+        walls, radius, corner, per_side, bounds: as ``feasible``.
+        collisions: how many steps of each collide, (n,).
+        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
+    """
+    n = poses.shape[1]
+    for start in range(0, n, BLOCK):
+        end = min(start + BLOCK, n)
+        before, after = poses[:, start:end].copy(), np.empty((3, end - start), np.float32)
+        clear = np.empty(end - start, np.bool_)
+        hits = collisions[start:end]
+        hits[:] = 0
+        for step in range(len(moves)):
+            drive(before, moves[step, 0, start:end], moves[step, 1, start:end], after)
+            feasible(before, after, walls, radius, corner, per_side, bounds, clear)
+            for i in range(end - start):
+                hits[i] += not clear[i]
+            if len(out) > 1 or step == len(moves) - 1:
+                out[step if len(out) > 1 else 0, :, start:end] = after
+            before, after = after, before

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import kernels
 from deqmcl_gym.floorplan.casting import Caster, caster_of
+from deqmcl_gym.floorplan.clearance import Clearance, clearance_of
 from deqmcl_gym.floorplan.polygons import Polygon, oriented_edges, parse_polygon
 from deqmcl_gym.validation import InputError
 
@@ -98,8 +99,28 @@ class FloorPlan:
         """
         before, after = _rows(starts, 2), _rows(ends, 2)
         clear = np.empty(after.shape[1], np.bool_)
-        kernels.feasible(before, after, self._walls32, np.float32(radius), clear)
+        kernels.feasible(before, after, self._walls32, np.float32(radius), *self._clearance, clear)
         return ~clear
+
+    def rolled_out(
+        self, poses: Floats, moves: Floats, radius: float, *, kept: int
+    ) -> tuple[Floats, NDArray[np.int32]]:
+        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
+
+        Args:
+            poses: rows x px, y px, θ rad, (3, n) float32.
+            moves: distances and turns of each step, (F, 2, n) px, rad, float32.
+            radius: of the disc, px.
+            kept: F to return the poses after each step, 1 for those after the last alone.
+
+        Returns:
+            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        """
+        paths = np.empty((kept, *poses.shape), np.float32)
+        hits = np.empty(poses.shape[1], np.int32)
+        size = np.float32(radius)
+        kernels.roll_out(poses, moves, self._walls32, size, *self._clearance, hits, paths)
+        return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> NDArray[np.bool_]:
         """Whether a disc at each point lies in free space, clear of the walls.
@@ -118,12 +139,18 @@ class FloorPlan:
             kernels.wind(centres, self._walls32, windings)
             np.equal(windings, 1, out=free)
         else:
-            kernels.feasible(centres, centres, self._walls32, np.float32(radius), free)
+            kernels.feasible(
+                centres, centres, self._walls32, np.float32(radius), *self._clearance, free
+            )
         return free
 
     @cached_property
     def _walls32(self) -> Floats:
         return np.ascontiguousarray(self.walls, dtype=np.float32)
+
+    @cached_property
+    def _clearance(self) -> Clearance:
+        return clearance_of(self._walls32)
 
     @cached_property
     def _caster(self) -> Caster:

@@ -84,5 +84,5 @@ class Pilots:
         if len(window) == 0:
             return belief
         stream = rng.spawn(1)[0]
-        _, log_g = self.rollout.futures(belief.present, window, self.pilots, stream)
+        log_g = self.rollout.log_g(belief.present, window, self.pilots, stream)
         return belief.foreseeing(log_mean(log_g))

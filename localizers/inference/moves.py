@@ -50,14 +50,13 @@ class RenewedFuture:
         if belief.queue.ahead == 0:
             return belief
         proposed, log_new = self.rollout.futures(belief.present, belief.drawn, 1, rng)
-        log_old = self.rollout.queued_log_g(belief)
+        queued = belief.queue.since(0)
+        log_old = self.rollout.log_g_of(queued)
         accepted = arrays.log(rng.random(log_old.size)) + log_old < log_new[0]
-        queued = map(belief.queue.at, range(1, belief.queue.ahead + 1))
         return belief.followed(
             [
                 np.where(accepted, new[:, 0], old)
-                for new, old in zip(proposed, queued, strict=True)
-                if old is not None
+                for new, old in zip(proposed, queued[1:], strict=True)
             ]
         )
 

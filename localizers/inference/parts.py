@@ -48,6 +48,21 @@ class Feasibility(Protocol):
         ...
 
 
+class Walk(Protocol):
+    """Several steps of p(x_s | x_{s-1}, u_s), each charged by g."""
+
+    def __call__(
+        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
+    ) -> tuple[list[States], LogWeights]:
+        """Draw one path from each state, (d, n).
+
+        Returns:
+            The states after each step, (d, n) each, or none if they are not to be kept, and
+            log Π g of each path, (n,). Same draws, and same bits, as ``StepByStep``.
+        """
+        ...
+
+
 class Resampling(Protocol):
     """When to resample, and how; draws one uniform number or row whether or not it triggers."""
 

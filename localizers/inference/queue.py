@@ -103,10 +103,13 @@ class Queue(NamedTuple):
 
         They are stored as if drawn today, so that nothing links them to the order of the past.
         """
-        queue = self.cut(0)
-        for states in future:
-            queue = queue.appended(states)
-        return queue
+        present = self.cut(0)
+        first, *later = present.appended(future[0]), *future[1:]
+        kept = (None,) * len(later)
+        links = SlidingComposition(new=(present.pending, *kept), running=present.pending)
+        return first._replace(
+            slots=(*first.slots, *later), links=(*first.links, *kept), future=links
+        )
 
     def at(self, offset: int) -> States | None:
         """Return the states ``offset`` steps after the present (before it if negative), (d, n).
@@ -119,6 +122,18 @@ class Queue(NamedTuple):
         order = self._order(index)
         states = self.slots[index]
         return states.copy() if order is None else np.take(states, order, axis=1)
+
+    def since(self, offset: int) -> list[States]:
+        """Return the states from ``offset`` ≥ 0 steps after the present on, (d, n) each.
+
+        As ``at`` of each, in one pass over the links.
+        """
+        order, found = self.pending, []
+        for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
+            states = self.slots[index]
+            found.append(states.copy() if order is None else np.take(states, order, axis=1))
+            order = compose(self.links[index - 1], order) if index else order
+        return found[::-1]
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""

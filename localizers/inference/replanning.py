@@ -64,7 +64,7 @@ class Redraw:
     ) -> NDArray[np.float64]:
         if pilots == 0:
             return np.empty((0, anchor.shape[1]))
-        return self.rollout.futures(anchor, actions, pilots, rng)[1]
+        return self.rollout.log_g(anchor, actions, pilots, rng)
 
 
 def _shared_steps(drawn: Actions, actions: Actions) -> int:

@@ -1,19 +1,26 @@
 """Futures drawn from given states by planned actions, and how feasible they are."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States
+from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States, Walk
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s)."""
+    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
+
+    A feasibility that can take all steps of a motion in one pass says so by a method
+    ``walk(motion)``, which returns a ``Walk``, or None for a motion that it does not know.
+    """
 
     motion: Motion
     feasibility: Feasibility
@@ -27,25 +34,53 @@ class Rollout:
             The states of each step, (d, K, n), and log Π g of each future, (K, n).
         """
         d, n = anchor.shape
-        states = np.tile(anchor, (1, copies))
-        log_g = np.zeros(copies * n)
-        paths = []
-        for action in actions:
-            before, states = states, self.motion.sample(states, action, rng)
-            log_g += self.feasibility.log_g(before, states)
-            paths.append(states.reshape(d, copies, n))
-        return paths, log_g.reshape(copies, n)
+        paths, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=True)
+        return [states.reshape(d, copies, n) for states in paths], log_g.reshape(copies, n)
+
+    def log_g(
+        self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Log Π g of the same futures, (K, n), without their states."""
+        _, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=False)
+        return log_g.reshape(copies, anchor.shape[1])
 
     def queued_log_g(self, belief: ParticleBelief, shared: int = 0) -> LogWeights:
         """Log Π g of each particle's own future from ``shared`` steps ahead on, (n,)."""
-        total = np.zeros(belief.log_weights.size)
-        after = belief.queue.at(shared)
-        for offset in range(shared, belief.queue.ahead):
-            before, after = after, belief.queue.at(offset + 1)
-            assert before is not None, "the future is held"
-            assert after is not None, "the future is held"
+        return self.log_g_of(belief.queue.since(shared))
+
+    def log_g_of(self, path: Sequence[States]) -> LogWeights:
+        """Log Π g of a path of states, (d, n) each, (n,)."""
+        total = np.zeros(path[0].shape[1])
+        for before, after in pairwise(path):
             total += self.feasibility.log_g(before, after)
         return total
+
+    @cached_property
+    def _walk(self) -> Walk:
+        offer = getattr(self.feasibility, "walk", None)
+        walk: Walk | None = offer(self.motion) if offer is not None else None
+        return StepByStep(self.motion, self.feasibility) if walk is None else walk
+
+
+@dataclass(frozen=True)
+class StepByStep:
+    """The ``Walk`` of any motion and any feasibility."""
+
+    motion: Motion
+    feasibility: Feasibility
+
+    def __call__(
+        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
+    ) -> tuple[list[States], LogWeights]:
+        """Draw and charge one step after the other."""
+        log_g = np.zeros(states.shape[1])
+        path = []
+        for action in actions:
+            before, states = states, self.motion.sample(states, action, rng)
+            log_g += self.feasibility.log_g(before, states)
+            if keep:
+                path.append(states)
+        return path, log_g
 
 
 def log_mean(log_values: NDArray[np.float64]) -> LogWeights:

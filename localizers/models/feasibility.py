@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan
 from deqmcl_gym.validation import number
+from localizers.models.drives import ChargedDrives
+from localizers.models.motion import OdometryMotion
 
 Poses = NDArray[np.float32]  # (3, n)
 
@@ -44,3 +46,11 @@ class FreeSpace:
         """-β for each step that collides, else 0, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
         return np.where(collides, -self.beta, 0.0)
+
+    def walk(self, motion: object) -> ChargedDrives | None:
+        """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
+        if type(motion) is not OdometryMotion:  # a subclass may draw in another way
+            return None
+        return ChargedDrives(
+            motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
+        )

@@ -14,92 +14,122 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 _ZERO = np.float32(0.0)
+_BLOCK = 512  # nodes
+_TOGETHER = 8  # headings that are added at a time
 
 
 @compiled
-def driven_back(
+def stepped_back(
     h: Singles,
+    width: int,
+    pad: int,
     cells: Ints,
     parts: Singles,
     shares: Singles,
     collides: NDArray[np.bool_],
     charge: np.float32,
+    first: int,
+    weights: Singles,
+    least: np.float32,
     out: Singles,
 ) -> None:
-    """Fill in Σ_q p_q g(x, x + s_q) h(x + s_q), h linear between nodes and constant outside.
+    """Fill in max(Σ_k w_k d(θ + first + k, ·), least), d(x) = Σ_q p_q g(x, x + s_q) h(x + s_q).
+
+    h is linear between nodes and constant outside. Planes are extended by ``pad`` nodes on all
+    sides, their rows one behind the other: so a shift is one offset for a whole plane, and the
+    loop over its nodes one long one. It is cut into blocks whose planes stay in the cache.
 
     Args:
-        h: (H, ny, nx).
+        h: (H, (ny + 2 pad) · width).
+        width: nx + 2 pad.
+        pad: nodes, more than any shift.
         cells, parts: the shifts s_q, whole cells and the rest in [0, 1) along x and y, (Q, H, 2).
         shares: p_q, (Q,).
-        collides: whether x to x + s_q collides, (Q, H, ny, nx).
+        collides: whether x to x + s_q collides, (Q, H, ny · width), from the first node on.
         charge: g of a step that does.
-        out: (H, ny, nx).
-    """
-    headings, ny, nx = h.shape
-    pad = _largest(cells) + 1
-    padded = np.empty((ny + 2 * pad, nx + 2 * pad), np.float32)
-    for heading in range(headings):
-        _extend(h[heading], pad, padded)
-        plane = out[heading]
-        for y in range(ny):
-            row = plane[y]
-            for x in range(nx):
-                row[x] = _ZERO
-            for q in range(shares.size):
-                fx, fy = parts[q, heading, 0], parts[q, heading, 1]
-                left, low = pad + cells[q, heading, 0], pad + y + cells[q, heading, 1]
-                a, b = padded[low, left : left + nx + 1], padded[low + 1, left : left + nx + 1]
-                blocked = collides[q, heading, y]
-                clear, charged = shares[q], shares[q] * charge
-                for x in range(nx):
-                    below = a[x] + fx * (a[x + 1] - a[x])
-                    above = b[x] + fx * (b[x + 1] - b[x])
-                    g = charged if blocked[x] else clear
-                    row[x] += g * (below + fy * (above - below))
-
-
-@compiled
-def _largest(cells: Ints) -> int:
-    """Largest absolute value."""
-    largest = 0
-    for cell in cells.flat:
-        largest = max(largest, int(abs(cell)))
-    return largest
-
-
-@compiled
-def _extend(plane: Singles, pad: int, out: Singles) -> None:
-    """Fill in the plane with its border repeated ``pad`` times around it."""
-    ny, nx = plane.shape
-    for y in range(out.shape[0]):
-        row = plane[min(max(y - pad, 0), ny - 1)]
-        for x in range(out.shape[1]):
-            out[y, x] = row[min(max(x - pad, 0), nx - 1)]
-
-
-@compiled
-def turned_back(h: Singles, weights: Singles, first: int, least: np.float32, out: Singles) -> None:
-    """Fill in max(Σ_k w_k h(θ + first + k, ·), least), headings counted round the circle.
-
-    Args:
-        h: (H, ny · nx).
+        first: headings from the old to the first new one, counted round the circle.
         weights: (K,).
-        first: headings from the old to the first new one.
         least: see ``LookaheadGrid``.
-        out: (H, ny · nx).
+        out: as h.
     """
-    headings, size = h.shape
+    headings = len(h)
+    node = pad * width + pad  # the first one that is no extension
+    last = h.shape[1] - 2 * node
+    padded = np.zeros(_TOGETHER * (1 + (weights.size - 1) // _TOGETHER), np.float32)
+    padded[: weights.size] = weights  # a weight of 0 changes no bit of a sum
+    rows = (first + np.arange(headings + padded.size)) % headings
+    driven, turned = np.empty((headings, _BLOCK), np.float32), np.empty(_BLOCK, np.float32)
+    for start in range(0, last, _BLOCK):
+        end = min(start + _BLOCK, last)
+        for heading in range(headings):
+            total = driven[heading]
+            total[:] = _ZERO
+            for q in range(shares.size):
+                shift = cells[q, heading, 1] * width + cells[q, heading, 0]
+                ahead = h[heading, node + shift + start :]
+                blocked = collides[q, heading, start:end]
+                _drive(ahead, width, parts[q, heading], blocked, shares[q], charge, total)
+        for heading in range(headings):
+            turned[:] = _ZERO
+            for k in range(0, padded.size, _TOGETHER):
+                _turn(driven, rows[heading + k :], padded[k:], turned)
+            _raise(turned, least, out[heading, node + start : node + end])
     for heading in range(headings):
-        plane = out[heading]
-        for i in range(size):
-            plane[i] = _ZERO
-        for k in range(weights.size):
-            seen, weight = h[(heading + first + k) % headings], weights[k]
-            for i in range(size):
-                plane[i] += weight * seen[i]
-        for i in range(size):
-            plane[i] = max(plane[i], least)
+        _extend(out[heading].reshape(-1, width), pad)
+
+
+@compiled
+def _drive(
+    ahead: Singles,
+    width: int,
+    part: Singles,
+    blocked: NDArray[np.bool_],
+    share: np.float32,
+    charge: np.float32,
+    total: Singles,
+) -> None:
+    """Add p g(x, x + s) h(x + s) for a row of nodes x; ``ahead`` starts left below x + s."""
+    fx, fy = part[0], part[1]
+    a, b = ahead, ahead[width:]
+    charged = share * charge
+    for i in range(blocked.size):
+        below = a[i] + fx * (a[i + 1] - a[i])
+        above = b[i] + fx * (b[i + 1] - b[i])
+        g = charged if blocked[i] else share
+        total[i] += g * (below + fy * (above - below))
+
+
+@compiled
+def _turn(driven: Singles, rows: Ints, weights: Singles, total: Singles) -> None:
+    """Add w_k d(θ_k, ·) of the next ``_TOGETHER`` headings to a row of nodes."""
+    a, b, c, d = driven[rows[0]], driven[rows[1]], driven[rows[2]], driven[rows[3]]
+    e, f, g, h = driven[rows[4]], driven[rows[5]], driven[rows[6]], driven[rows[7]]
+    p, q, r, s = weights[0], weights[1], weights[2], weights[3]
+    t, u, v, w = weights[4], weights[5], weights[6], weights[7]
+    for i in range(total.size):
+        half = (((total[i] + p * a[i]) + q * b[i]) + r * c[i]) + s * d[i]
+        total[i] = (((half + t * e[i]) + u * f[i]) + v * g[i]) + w * h[i]
+
+
+@compiled
+def _raise(values: Singles, least: np.float32, out: Singles) -> None:
+    """Fill in the values, or ``least`` where they are below it."""
+    for i in range(out.size):
+        out[i] = values[i] if values[i] > least else least
+
+
+@compiled
+def _extend(plane: Singles, pad: int) -> None:
+    """Repeat the border of the plane inside ``pad`` nodes over those."""
+    ny, nx = plane.shape[0] - 2 * pad, plane.shape[1] - 2 * pad
+    for y in range(pad, pad + ny):
+        for x in range(pad):
+            plane[y, x] = plane[y, pad]
+            plane[y, pad + nx + x] = plane[y, pad + nx - 1]
+    for y in range(pad):
+        for x in range(plane.shape[1]):
+            plane[y, x] = plane[pad, x]
+            plane[pad + ny + y, x] = plane[pad + ny - 1, x]
 
 
 @compiled

@@ -72,18 +72,30 @@ class LookaheadGrid:
 
     def table(self, window: Floats) -> Singles:
         """Compute h at the nodes under a window of actions (F, 2), (H, ny, nx)."""
-        h = np.ones(self.shape, np.float32)
-        driven = np.empty_like(h)
-        flat = self.headings, -1
+        headings, ny, nx = self.shape
+        pad = self._reach(window)
+        height, width = ny + 2 * pad, nx + 2 * pad
+        h = np.ones((headings, height * width), np.float32)
+        out = np.ones_like(h)
         charge = np.float32(math.exp(-self.beta))
         for action in window[::-1]:
             distance, turn = action.tolist()
             sd_distance, sd_turn = self.motion.spread(action)
-            drives = _drives(self, distance, sd_distance)
-            grid_kernels.driven_back(h, *drives, charge, driven)
-            first, weights = _turn_weights(turn, sd_turn, self.headings)
-            grid_kernels.turned_back(driven.reshape(flat), weights, first, LEAST, h.reshape(flat))
-        return h
+            drives = _drives(self, distance, sd_distance, pad)
+            turns = _turn_weights(turn, sd_turn, headings)
+            grid_kernels.stepped_back(h, width, pad, *drives, charge, *turns, LEAST, out)
+            h, out = out, h
+        inner = h.reshape(headings, height, width)[:, pad : pad + ny, pad : pad + nx]
+        return np.ascontiguousarray(inner)
+
+    def _reach(self, window: Floats) -> int:
+        """More nodes than any drive of a window goes to a side, counted to the border at most."""
+        farthest = 0.0
+        for action in window:
+            sd, _ = self.motion.spread(action)
+            farthest = max(farthest, abs(float(action[0])) + _SIGMAS[-1] * sd)
+        _, ny, nx = self.shape
+        return math.ceil(min(farthest / self.cell, max(ny, nx) + 1.0)) + 1
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -115,8 +127,8 @@ def _tables(grid: LookaheadGrid) -> Callable[[bytes], Singles]:
 
 
 @lru_cache(maxsize=8)
-def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
-    """Return shifts, their shares and which collide, as ``grid_kernels.driven_back`` has them."""
+def _drives(grid: LookaheadGrid, distance: float, sd: float, pad: int) -> Drives:
+    """Return shifts, their shares and which collide, as ``grid_kernels.stepped_back`` has them."""
     distances = np.array([distance + sd * z for z in (_SIGMAS if sd > 0 else (0.0,))])
     shares = np.array(_SHARES if sd > 0 else (1.0,), dtype=np.float32)
     angles = np.arange(grid.headings) * (2 * math.pi / grid.headings)
@@ -126,15 +138,16 @@ def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
     x0, y0 = grid.origin
     x, y = np.meshgrid(x0 + grid.cell * np.arange(nx), y0 + grid.cell * np.arange(ny))
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    collides = np.empty((*shifts.shape[:2], len(nodes)), np.bool_)
+    collides = np.zeros((*shifts.shape[:2], ny, nx + 2 * pad), np.bool_)
     for q, heading in np.ndindex(shifts.shape[:2]):
         ends = nodes + shifts[q, heading]
-        collides[q, heading] = grid.floor_plan.collides(nodes, ends, grid.radius)
+        blocked = grid.floor_plan.collides(nodes, ends, grid.radius)
+        collides[q, heading, :, :nx] = blocked.reshape(ny, nx)
     far = max(ny, nx) + 1.0  # from there on all is the border
     shifts = np.clip(shifts / grid.cell, -far, far)
     cells = np.floor(shifts)
     parts = (shifts - cells).astype(np.float32)
-    return cells.astype(np.int64), parts, shares, collides.reshape(-1, *grid.shape)
+    return cells.astype(np.int64), parts, shares, collides.reshape(*shifts.shape[:2], -1)
 
 
 def _turn_weights(turn: float, sd: float, headings: int) -> tuple[int, Singles]:

@@ -58,6 +58,20 @@ class OdometryMotion:
         kernels.scaled(turns, np.float32(sd_turn), np.float32(turn))
         return driven(states, distances, turns)
 
+    def moves(
+        self, actions: NDArray[np.float64], n: int, rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Draw d + ε_d and φ + ε_φ of several actions for n poses: as ``sample``, step by step.
+
+        Returns:
+            (F, 2, n) px, rad.
+        """
+        spread = np.array([self.spread(action) for action in actions], np.float32).reshape(-1, 2, 1)
+        moves = rng.standard_normal((len(actions), 2, n), dtype=np.float32)
+        moves *= spread
+        moves += actions.astype(np.float32)[:, :, None]
+        return moves
+
 
 def odometry(motion: object, method: str) -> OdometryMotion:
     """Return a motion model if its noise is known in closed form, else refuse it for a method."""

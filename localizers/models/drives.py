@@ -1,0 +1,52 @@
+"""Whole roll-outs of odometry among walls: the draws of ``OdometryMotion``, charged as they go."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.floorplan import FloorPlan
+from localizers.models.motion import OdometryMotion
+
+Poses = NDArray[np.float32]  # (3, n)
+
+_DRAWS = 2**16  # numbers drawn at once: more would not stay in the processor's cache
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChargedDrives:
+    """Several steps of p and g in one compiled pass: the draws and bits of one after the other.
+
+    Attributes:
+        motion: p(x_t | x_{t-1}, a_t).
+        floor_plan, radius, beta: of g, as in ``FreeSpace``.
+    """
+
+    motion: OdometryMotion
+    floor_plan: FloorPlan
+    radius: float
+    beta: float
+
+    def __call__(
+        self,
+        states: Poses,
+        actions: NDArray[np.float64],
+        rng: np.random.Generator,
+        *,
+        keep: bool,
+    ) -> tuple[list[Poses], NDArray[np.float64]]:
+        """Draw one path of poses from each of ``states``; see ``Walk``."""
+        n = states.shape[1]
+        collisions = np.zeros(n, np.intp)
+        path: list[Poses] = []
+        block = max(1, _DRAWS // (2 * n))
+        for first in range(0, len(actions), block):
+            moves = self.motion.moves(actions[first : first + block], n, rng)
+            kept = len(moves) if keep else 1
+            poses, hits = self.floor_plan.rolled_out(states, moves, self.radius, kept=kept)
+            collisions += hits
+            states = poses[-1]
+            path.extend(poses if keep else ())
+        # Added up one by one, as the steps are: c · β is rounded otherwise.
+        charges = np.cumsum(np.append(0.0, np.full(len(actions), -self.beta)))
+        return path, charges[collisions]
