@@ -1,6 +1,5 @@
 """Pictures of beliefs in the paper's colours: orange present, pink past, light-blue future."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,16 +79,20 @@ def write_png(path: Path, image: Image) -> None:
 
 def write_webp(path: Path, frames: Sequence[Image], milliseconds: int) -> None:
     """Write RGB images as an animated, endless WebP, whole or not at all."""
+    write_bytes(path, webp(frames, milliseconds))
+
+
+def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
+    """Return RGB images as an animated, endless WebP."""
     animation = cv2.Animation()
     animation.frames = [np.ascontiguousarray(frame[:, :, ::-1]) for frame in frames]
     animation.durations = [milliseconds] * len(frames)
     animation.loop_count = 0
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "animation.webp"
-        quality = [cv2.IMWRITE_WEBP_QUALITY, 101]  # above 100: lossless; lossy leaves ghosts
-        if not cv2.imwriteanimation(str(made), animation, quality):
-            raise RuntimeError(f"OpenCV could not encode the animation {path}.")
-        write_bytes(path, made.read_bytes())
+    quality = [cv2.IMWRITE_WEBP_QUALITY, 101]  # above 100: lossless; lossy leaves ghosts
+    done, content = cv2.imencodeanimation(".webp", animation, quality)
+    if not done:
+        raise RuntimeError("OpenCV could not encode the animation.")
+    return content.tobytes()
 
 
 def side_by_side(images: Sequence[Image]) -> Image:

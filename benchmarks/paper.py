@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.figures import FIG_4_METHODS, write_figures
+from benchmarks.figures import FIG_4_METHODS
+from benchmarks.gallery import Gallery
 from benchmarks.manifest import seeds
 from benchmarks.presets import ASSUMED
 from benchmarks.provenance import environment
@@ -71,16 +72,17 @@ def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Seq
     )
     check(sweep)
     suite = sweep.distinct()
-    records = run_trials(suite, Store(out), jobs=jobs)
+    shown = [t for t in suite if t.trial == 0 and t.localizer in FIG_4_METHODS]
+    figures = Gallery(shown, out / "figures")
+    draw = None if figures.current() else figures.draw
+    records = run_trials(suite, Store(out), jobs=jobs, errand=draw)
     rows = table_rows(records)
     write_text(out / "table.csv", table_csv(rows))
     write_text(out / "trials.csv", trials_csv(records))
     write_text(out / "timings.csv", timings_csv(records))
     write_text(out / "table.md", _markdown(rows, experiment))
     write_text(out / "manifest.json", _manifest(experiment, command))
-    shown = [t for t in suite if t.trial == 0 and t.localizer in FIG_4_METHODS]
-    figures = write_figures(shown, out / "figures")
-    listing = ", ".join(str(path.relative_to(out)) for path in figures)
+    listing = ", ".join(str(path.relative_to(out)) for path in figures.files)
     return "\n\n".join(
         part
         for part in (

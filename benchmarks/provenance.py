@@ -27,15 +27,19 @@ def provenance() -> str:
 @cache
 def code_digest() -> str:
     """Return a digest of the source that a trial's numbers depend on."""
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        root = _folder(package)
-        for path in sorted(root.rglob("*.py")):
-            digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
-            digest.update(path.read_bytes())
+    digest = hashlib.sha256("".join(map(source_of, _PACKAGES)).encode())
     for name in HARNESS:
         digest.update(f"benchmarks/{name}.py\0".encode())
         digest.update((_folder("benchmarks") / f"{name}.py").read_bytes())
+    return digest.hexdigest()
+
+
+def source_of(package: str) -> str:
+    """Return a digest of all source files of a package."""
+    digest, root = hashlib.sha256(), _folder(package)
+    for path in sorted(root.rglob("*.py")):
+        digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -90,12 +90,24 @@ def check(sweep: Sweep) -> None:
 
 
 def run_trials(
-    trials: Sequence[Trial], store: Store, *, jobs: int, progress: bool = True
+    trials: Sequence[Trial],
+    store: Store,
+    *,
+    jobs: int,
+    progress: bool = True,
+    errand: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the record of every trial, in the given order; run those the store lacks.
 
     A record depends on its trial alone: not on ``jobs``, nor on the order, nor on what was
     resumed. A failing trial does not stop the others.
+
+    Args:
+        trials: what to run.
+        store: where the records are kept.
+        jobs: processes.
+        progress: show a bar, if someone watches.
+        errand: something else for one of the processes to do, picklable.
 
     Raises:
         TrialsFailedError: with each failed trial and its reason; the finished ones are kept.
@@ -103,7 +115,7 @@ def run_trials(
     named = {key_of(trial): trial for trial in trials}
     options = Options(where=Where(jobs=jobs), retry_failed=True, progress=progress)
     with locked(store.out):
-        run_missing(named, store, options)
+        run_missing(named, store, options, errand)
     results = collected("", named, store, [])
     if results.failures:
         raise TrialsFailedError(failed_sentence(results))
@@ -115,11 +127,16 @@ def run_trials(
     return results.records
 
 
-def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> None:
+def run_missing(
+    trials: Mapping[str, Trial],
+    store: Store,
+    options: Options,
+    errand: Callable[[], None] | None = None,
+) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
     All methods run on one world before any runs on the next, so that whenever this is stopped,
-    what is there can be compared.
+    what is there can be compared. An errand is begun before any, for it may take the longest.
     """
     missing = {
         key: trial
@@ -128,10 +145,10 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
     }
     _say_rejected(store)
     waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
-    if not waiting:
+    if not waiting and errand is None:
         return
     with (
-        options.where.engine(len(waiting)) as engine,
+        options.where.engine(len(waiting) + (errand is not None)) as engine,
         tqdm(
             total=len(trials),
             initial=len(trials) - len(waiting),
@@ -140,11 +157,14 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
         ) as bar,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
+        errands = [] if errand is None else [engine.executor.submit(errand)]
         for key, outcome in finished:
             _keep(store, key, missing[key], outcome)
             bar.update()
             if options.fail_fast and outcome.reason is not None:
                 return
+        for done in errands:
+            done.result()
 
 
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:

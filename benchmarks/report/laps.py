@@ -1,11 +1,9 @@
 """Best, median and worst trial as animations: trials run again, which gives the same again."""
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -13,7 +11,7 @@ import cv2
 from benchmarks.comparison import Comparison
 from benchmarks.episode import trial_moments
 from benchmarks.figures import camera_of
-from benchmarks.frames import side_by_side, write_webp
+from benchmarks.frames import side_by_side, webp
 from benchmarks.report.panels import Panel
 from benchmarks.report.samples import world_scores
 from benchmarks.spec import Trial, frozen, unworded
@@ -108,10 +106,7 @@ def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
         )
         for images in zip_longest(*rows)
     ]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "lap.webp"
-        write_webp(path, frames, _MILLISECONDS)
-        animation = path.read_bytes()
+    animation = webp(frames, _MILLISECONDS)
     done, still = cv2.imencode(".png", frames[len(frames) // 2][:, :, ::-1])
     assert done, "OpenCV encodes any RGB image as PNG"
     return {"animation": animation, "still": still.tobytes()}

@@ -10,8 +10,8 @@ from localizers import registry
 FULL_DISK = """
 import resource, signal, sys
 from benchmarks.cli import main
-from benchmarks import paper
-paper.write_figures = lambda *_: []
+from benchmarks import gallery
+gallery.write_figures = lambda *_: []
 out, quota = sys.argv[1], int(sys.argv[2])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 def run(trials):

@@ -9,7 +9,7 @@ import shutil
 import pytest
 from deqmcl_command import METHODS, SMALL, exit_code, files
 
-from benchmarks import paper
+from benchmarks import gallery
 from benchmarks.execution import attempt
 
 FIGURES = (
@@ -43,7 +43,7 @@ def test_all_promised_files_are_there_and_no_other(small_run):
     assert len(trials) == 2 * len(METHODS)
     assert names - trials == {
         *("table.csv", "trials.csv", "table.md", "manifest.json", "timings.csv"),
-        *(f"figures/{name}" for name in FIGURES),
+        *(f"figures/{name}" for name in (*FIGURES, "drawn.json")),
         *(name.replace("trials/", "timings/") for name in trials),
     }
 
@@ -130,14 +130,14 @@ def test_the_manifests_of_two_runs_differ_in_the_command_only(small_run, one_wor
 
 
 def test_a_second_run_computes_nothing_and_writes_the_same_bytes(one_worker, tmp_path, monkeypatch):
-    def fail(trial):
-        raise AssertionError(f"{trial} was run again")
+    def fail(*given):
+        raise AssertionError(f"{given} was run or drawn again")
 
     out = tmp_path / "copy"
     shutil.copytree(one_worker, out)
     (out / "table.csv").write_text("spoiled")
     monkeypatch.setattr(attempt, "trial_moments", fail)
-    monkeypatch.setattr(paper, "write_figures", lambda *_: [])  # they are drawn anew
+    monkeypatch.setattr(gallery, "write_figures", fail)
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
     before, after = files(one_worker), files(out)
     changed = {name for name in before if before[name] != after[name]}

@@ -1,0 +1,82 @@
+"""Kernels work, and quietly, wherever machine code may be kept, and where it may not."""
+
+import os
+import tempfile
+
+import numba
+import numpy as np
+import pytest
+
+from deqmcl_gym.numerics import compiling
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The system's folder of temporary files, and a fresh look at it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    compiling.private_folder.cache_clear()
+    yield tmp_path
+    compiling.private_folder.cache_clear()
+
+
+@pytest.fixture
+def nowhere(monkeypatch):
+    """Numba finds none of its own places writable."""
+    monkeypatch.setattr("numba.core.caching.InTreeCacheLocator.from_function", lambda *_: None)
+    monkeypatch.setattr("numba.core.caching.UserWideCacheLocator.from_function", lambda *_: None)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+
+
+def kernel():
+    def double(x):
+        return 2 * x
+
+    return compiling.compiled(double)
+
+
+def test_where_nothing_else_is_writable_the_code_is_kept_in_a_private_temporary_folder(
+    nowhere, temporary
+):
+    double = kernel()
+    assert double(np.float64(21)) == 42
+    (folder,) = temporary.iterdir()
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert list(folder.rglob("*.nbc"))
+    assert numba.config.CACHE_DIR == ""  # other people's kernels stay where they were
+
+
+def test_without_any_folder_the_kernel_is_compiled_in_each_process(nowhere, temporary, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", "/proc/nowhere")
+    assert kernel()(np.float64(21)) == 42
+    assert list(temporary.iterdir()) == []
+
+
+def test_nothing_is_kept_in_the_working_folder(temporary, monkeypatch):
+    monkeypatch.chdir(temporary)
+    assert compiling.private_folder() is None
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="temporary folders are private there")
+def test_a_folder_that_others_could_write_to_or_have_made_is_not_trusted(temporary, monkeypatch):
+    folder = temporary / f"deqmcl-gym-{os.getuid()}"
+    folder.mkdir()
+    for mode in (0o770, 0o707, 0o755):
+        folder.chmod(mode)
+        compiling.private_folder.cache_clear()
+        assert compiling.private_folder() is None, oct(mode)
+    folder.chmod(0o700)
+    compiling.private_folder.cache_clear()
+    assert compiling.private_folder() == str(folder)
+
+    elsewhere = temporary / "elsewhere"
+    folder.rename(elsewhere)
+    folder.symlink_to(elsewhere)
+    compiling.private_folder.cache_clear()
+    assert compiling.private_folder() is None
+
+    other = os.getuid() + 1
+    (temporary / f"deqmcl-gym-{other}").mkdir(mode=0o700)
+    monkeypatch.setattr(os, "getuid", lambda: other)
+    compiling.private_folder.cache_clear()
+    assert compiling.private_folder() is None

@@ -1,0 +1,81 @@
+"""An install that nobody can write to works, and keeps quiet, for who has no home."""
+
+import ctypes
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MAKE = """
+import tempfile, sys
+tempfile.tempdir = sys.argv[1]
+import gymnasium as gym, deqmcl_gym
+env = gym.make("deqmcl_gym/Room-v0")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+print(deqmcl_gym.__file__)
+"""
+COMMAND = "import sys; from benchmarks.cli import main; sys.exit(main(sys.argv[1:]))"
+DROP_FROM_BOUNDING_SET, DAC_OVERRIDE = 24, 1  # prctl(2), capabilities(7)
+
+
+def heed_permissions() -> None:
+    """Make them hold for root, too, from the next program on."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(DROP_FROM_BOUNDING_SET, DAC_OVERRIDE, 0, 0, 0)
+
+
+@pytest.fixture(scope="module")
+def locked(tmp_path_factory):
+    """The three packages, and a home, in folders without permission to write."""
+    root = tmp_path_factory.mktemp("install")
+    for package in ("benchmarks", "deqmcl_gym", "localizers"):
+        left = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / package, root / package, ignore=left)
+    (root / "home").mkdir()
+    folders = [path for path in (root, *root.rglob("*")) if path.is_dir()]
+    for path in folders:
+        path.chmod(0o555)
+    yield root
+    for path in folders:
+        path.chmod(0o755)
+
+
+def run(locked, temporary, *arguments):
+    bare = {"PATH": os.environ["PATH"], "PYTHONPATH": str(locked), "HOME": str(locked / "home")}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=locked,
+        env=bare | {"TMPDIR": str(temporary)},
+        preexec_fn=heed_permissions,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def untouched(locked):
+    return not list(locked.rglob("__pycache__")) and not list((locked / "home").iterdir())
+
+
+@pytest.mark.slow
+def test_an_environment_can_be_made_where_nothing_at_all_can_be_written(locked):
+    said = run(locked, locked / "home", MAKE, locked / "home")
+    assert said.strip() == str(locked / "deqmcl_gym" / "__init__.py")
+    assert untouched(locked)
+
+
+@pytest.mark.slow
+def test_the_papers_run_keeps_its_kernels_among_the_temporary_files(locked, tmp_path):
+    paper = ("paper", "--trials", "1", "--particles", "10", "--out", tmp_path / "out")
+    said = run(locked, tmp_path, COMMAND, *paper, "--jobs", "2")
+    assert "figures/lap.webp" in said
+    (kept,) = tmp_path.glob("deqmcl-gym-*")
+    assert list(kept.rglob("*.nbc"))
+    assert untouched(locked)
