@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from benchmarks.provenance import environment
 from benchmarks.results import Failure, Results
 from benchmarks.spec import Trial, unworded
 from benchmarks.store import Store
-from benchmarks.suites import paper_suite
+from benchmarks.suites import paper_sweep
 from benchmarks.sweepfile import sweep_of
 from deqmcl_gym.validation import InputError
 
@@ -40,6 +41,18 @@ def collected(
     )
 
 
+def of_sweep(sweep: Sweep, results: Results) -> Results:
+    """Return the results with the trials of the limit set apart, and with the sweep's baseline."""
+    compared = {_name(trial.canonical()) for trial in sweep.compared()}
+    limits = {_name(trial.canonical()) for trial in sweep.limits()}
+    return replace(
+        results,
+        records=[record for record in results.records if _name(record["trial"]) in compared],
+        limits=[record for record in results.records if _name(record["trial"]) in limits],
+        baseline=sweep.baseline,
+    )
+
+
 def results_in(folder: Path) -> Results:
     """Return what the folder of a sweep or of ``deqmcl paper`` holds, whatever code has made it.
 
@@ -47,7 +60,7 @@ def results_in(folder: Path) -> Results:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     content = manifest.read(folder)
-    title, trials = _planned(folder, content)
+    sweep, title, trials = _planned(folder, content)
     store = Store(folder)
     finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
     failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
@@ -64,7 +77,7 @@ def results_in(folder: Path) -> Results:
         for trial in planned
         if (name := _name(trial)) in failed and name not in finished
     ]
-    return Results(
+    results = Results(
         title=title,
         records=records,
         failures=failures,
@@ -73,17 +86,19 @@ def results_in(folder: Path) -> Results:
         command=content["command"],
         environment=content["environment"],
     )
+    return of_sweep(sweep, results)
 
 
-def _planned(folder: Path, content: Mapping[str, Any]) -> tuple[str, Sequence[Trial]]:
-    """Return the title and the trials that a manifest speaks of."""
+def _planned(folder: Path, content: Mapping[str, Any]) -> tuple[Sweep, str, Sequence[Trial]]:
+    """Return the sweep that a manifest speaks of, its title and its trials."""
     if "identity" in content:
         sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
-        return sweep.title, list(sweep.distinct())
+        return sweep, sweep.title, sweep.distinct()
     try:
         configuration = content["configuration"]
         title = f"The paper's experiment, preset {configuration['preset']}"
-        return title, paper_suite(**configuration)
+        sweep = paper_sweep(**configuration)
+        return sweep, title, sweep.distinct()
     except (KeyError, TypeError):
         raise InputError(
             f"{folder / manifest.NAME} does not say what was run: give a folder of results."
@@ -92,7 +107,8 @@ def _planned(folder: Path, content: Mapping[str, Any]) -> tuple[str, Sequence[Tr
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
     """Say how far a sweep has come, and where that is written."""
-    parts = [f"{sweep.title}: {len(results.records):,} of {results.planned:,} trials finished"]
+    done = results.planned - len(results.failures) - results.missing
+    parts = [f"{sweep.title}: {done:,} of {results.planned:,} trials finished"]
     if results.failures:
         parts.append(f"{len(results.failures):,} failed")
     if results.missing:
@@ -107,9 +123,9 @@ def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) ->
 
 def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
-    if len(results.records) == results.planned:
+    if not results.failures and not results.missing:
         return []
-    there = {_name(record["trial"]) for record in results.records}
+    there = {_name(record["trial"]) for record in results.finished}
     planned: Counter[str] = Counter()
     done: Counter[str] = Counter()
     for trial in sweep.distinct():

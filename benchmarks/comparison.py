@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.auroc import Auroc, auroc_of
 from benchmarks.pairing import (
+    BASELINE,
     METHOD_COLUMNS,
     SETTING_COLUMNS,
     Method,
@@ -19,7 +20,7 @@ from benchmarks.pairing import (
 )
 from benchmarks.scoring import SCORE_NAMES
 from benchmarks.stats import holm, paired_bootstrap, sample_sd, wilcoxon, wilson, win_rate
-from benchmarks.tables import BASELINE, csv_text
+from benchmarks.tables import csv_text
 
 Floats = NDArray[np.float64]
 Run = tuple[int, int]  # trial, filter seed
@@ -72,7 +73,7 @@ class Comparison:
     p_holm: float = math.nan
 
 
-def comparisons(records: Sequence[Record]) -> list[Comparison]:
+def comparisons(records: Sequence[Record], baseline: str = BASELINE) -> list[Comparison]:
     """Compare what was run: settings, methods and offsets in the order in which they appear."""
     settings: dict[Setting, dict[Method, list[Record]]] = {}
     for record in records:
@@ -80,15 +81,15 @@ def comparisons(records: Sequence[Record]) -> list[Comparison]:
         methods.setdefault(method_of(record["trial"]), []).append(record)
     rows = []
     for setting, methods in settings.items():
-        rows += _corrected(_setting_rows(setting, methods))
+        rows += _corrected(_setting_rows(setting, methods, baseline))
     return rows
 
 
-def baseline_of(method: Method, methods: Iterable[Method]) -> Method:
-    """MCL with the parameters that the method shares with it; without MCL, the first method."""
+def baseline_of(method: Method, methods: Iterable[Method], name: str = BASELINE) -> Method:
+    """The localizer of that name with the parameters it shares with the method; else the first."""
     listed = list(methods)
-    candidates = [m for m in listed if m.localizer == BASELINE and m.agrees(method)]
-    return (candidates or [m for m in listed if m.localizer == BASELINE] or listed)[0]
+    candidates = [m for m in listed if m.localizer == name and m.agrees(method)]
+    return (candidates or [m for m in listed if m.localizer == name] or listed)[0]
 
 
 def results_csv(rows: Iterable[Comparison]) -> str:
@@ -115,12 +116,14 @@ def results_csv(rows: Iterable[Comparison]) -> str:
     return csv_text(header, lines)
 
 
-def _setting_rows(setting: Setting, methods: dict[Method, list[Record]]) -> list[Comparison]:
+def _setting_rows(
+    setting: Setting, methods: dict[Method, list[Record]], name: str
+) -> list[Comparison]:
     scores = {method: _by_offset(own) for method, own in methods.items()}
     detections = {method: auroc_of(own) for method, own in methods.items()}
     rows = []
     for method, offsets in scores.items():
-        baseline = baseline_of(method, methods)
+        baseline = baseline_of(method, methods, name)
         present = _column(scores[baseline].get(0, {}), "error")
         for offset, runs in offsets.items():
             errors = _column(runs, "error")

@@ -3,61 +3,16 @@
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from benchmarks.factors import GROUPS, SCALARS, Axis, Limit, Method
+from benchmarks.pairing import BASELINE
 from benchmarks.plugins import takes
 from benchmarks.presets import ASSUMED
 from benchmarks.spec import Params, Trial, frozen, thawed
 from deqmcl_gym.validation import InputError, integer, one_of
-
-_GROUPS = ("world", "assumed", "params")  # of dotted names
-_SCALARS = ("preset", "lag", "disturbance")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Method:
-    """A localizer by name, with parameters that are its own; shared ones stand in the sweep."""
-
-    name: str
-    params: Params = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Axis:
-    """What is varied together: k values for each of one or more names.
-
-    Attributes:
-        values: by name: "preset", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
-    """
-
-    values: Mapping[str, tuple[Any, ...]]
-
-    def __post_init__(self) -> None:
-        lengths = {name: len(values) for name, values in self.values.items()}
-        for name, length in lengths.items():
-            group, _, rest = name.partition(".")
-            if not (group in _GROUPS and rest):
-                one_of("name in [[vary]]", name, (*_SCALARS, *(f"{g}.…" for g in _GROUPS)))
-            if length == 0:
-                raise InputError(f"[[vary]] {name} is empty: give one value or more.")
-        if len(set(lengths.values())) > 1:
-            raise InputError(
-                f"one [[vary]] has lists of different lengths ({_counted(lengths)}): they are "
-                "walked together; write a [[vary]] for each to have all combinations."
-            )
-        if not lengths:
-            raise InputError("a [[vary]] is empty: give a name and its values.")
-
-    def __len__(self) -> int:
-        """Points on the axis."""
-        return len(next(iter(self.values.values())))
-
-    def points(self) -> list[dict[str, Any]]:
-        """Return the values of each point by name."""
-        rows = zip(*self.values.values(), strict=True)
-        return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +32,8 @@ class Sweep:
         trials: worlds per setting.
         filter_seeds: runs of each method on each world.
         vary: axes; the last one turns fastest.
+        baseline: localizer that the report compares the others with.
+        limit: what the optimality gap is measured from; None if it is not asked for.
     """
 
     title: str
@@ -91,6 +48,8 @@ class Sweep:
     trials: int = 10
     filter_seeds: int = 1
     vary: tuple[Axis, ...] = field(default=())
+    baseline: str = BASELINE
+    limit: Limit | None = None
 
     def __post_init__(self) -> None:
         one_of("preset", self.preset, ASSUMED)
@@ -111,37 +70,40 @@ class Sweep:
                 integer("lag", value)
         for method in self.localizers:
             takes(method.name)
+        if self.baseline != BASELINE:
+            one_of("baseline", self.baseline, [method.name for method in self.localizers])
+        if self.limit is not None:
+            takes(self.limit.method.name)
+            integer("trials of the limit", self.limit.trials, low=1, high=self.trials)
 
     @property
     def combinations(self) -> int:
         """How many trials are asked for, counted without listing them; equal ones count twice."""
         points = math.prod(len(axis) for axis in self.vary)
-        return points * len(self.localizers) * self.trials * self.filter_seeds
+        runs = len(self.localizers) * self.trials * self.filter_seeds
+        limit = 0 if self.limit is None else self.limit.trials * self.limit.filter_seeds
+        return points * (runs + limit)
+
+    def compared(self) -> Iterator[Trial]:
+        """Yield the trials of the methods: by setting, then method, world, filter seed."""
+        for base in self._points():
+            for method in self.localizers:
+                yield from self._runs(base, method, self.trials, self.filter_seeds)
+
+    def limits(self) -> Iterator[Trial]:
+        """Yield the trials of the limit, in the same order."""
+        if (limit := self.limit) is not None:
+            for base in self._points():
+                yield from self._runs(base, limit.method, limit.trials, limit.filter_seeds)
 
     def listed(self) -> Iterator[Trial]:
-        """Yield all combinations: by setting, then method, world, filter seed."""
-        for point in itertools.product(*(axis.points() for axis in self.vary)):
-            base = self._at(dict(itertools.chain.from_iterable(part.items() for part in point)))
-            for method in self.localizers:
-                params = self._params_of(method, base)
-                for number in range(self.trials):
-                    for filter_seed in range(self.filter_seeds):
-                        yield Trial(
-                            preset=base["preset"],
-                            world=frozen(base["world"]),
-                            assumed=frozen(base["assumed"]),
-                            disturbance=base["disturbance"],
-                            localizer=method.name,
-                            params=params,
-                            lag=base["lag"],
-                            seed=self.seed,
-                            trial=number,
-                            filter_seed=filter_seed,
-                        )
+        """Yield all combinations: the methods', then the limit's."""
+        return itertools.chain(self.compared(), self.limits())
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        return replace(self, trials=1, filter_seeds=1).listed()
+        limit = self.limit and replace(self.limit, trials=1, filter_seeds=1)
+        return replace(self, trials=1, filter_seeds=1, limit=limit).listed()
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""
@@ -150,11 +112,15 @@ class Sweep:
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
+        further: dict[str, Any] = {}
+        if self.baseline != BASELINE:
+            further["baseline"] = self.baseline
+        if (limit := self.limit) is not None:
+            runs = {"trials": limit.trials, "filter_seeds": limit.filter_seeds}
+            further["limit"] = _jsonable_method(limit.method) | runs
         return {
             "title": self.title,
-            "localizers": [
-                {"name": method.name, "params": thawed(method.params)} for method in self.localizers
-            ],
+            "localizers": [_jsonable_method(method) for method in self.localizers],
             "preset": self.preset,
             "lag": self.lag,
             "world": thawed(self.world),
@@ -168,12 +134,36 @@ class Sweep:
                 {name: _jsonable_values(name, values) for name, values in axis.values.items()}
                 for axis in self.vary
             ],
-        }
+        } | further
+
+    def _points(self) -> Iterator[dict[str, Any]]:
+        """Yield the base with the values of each point of the design."""
+        for point in itertools.product(*(axis.points() for axis in self.vary)):
+            yield self._at(dict(itertools.chain.from_iterable(part.items() for part in point)))
+
+    def _runs(
+        self, base: dict[str, Any], method: Method, trials: int, filter_seeds: int
+    ) -> Iterator[Trial]:
+        params = self._params_of(method, base)
+        for number in range(trials):
+            for filter_seed in range(filter_seeds):
+                yield Trial(
+                    preset=base["preset"],
+                    world=frozen(base["world"]),
+                    assumed=frozen(base["assumed"]),
+                    disturbance=base["disturbance"],
+                    localizer=method.name,
+                    params=params,
+                    lag=base["lag"],
+                    seed=self.seed,
+                    trial=number,
+                    filter_seed=filter_seed,
+                )
 
     def _at(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return the base with the values of one point of the design."""
-        base: dict[str, Any] = {name: getattr(self, name) for name in _SCALARS}
-        base |= {group: dict(getattr(self, group)) for group in _GROUPS}
+        base: dict[str, Any] = {name: getattr(self, name) for name in SCALARS}
+        base |= {group: dict(getattr(self, group)) for group in GROUPS}
         for name, value in point.items():
             group, _, rest = name.partition(".")
             if rest:
@@ -189,11 +179,11 @@ class Sweep:
         return frozen(useful | dict(method.params))
 
 
+def _jsonable_method(method: Method) -> dict[str, Any]:
+    return {"name": method.name, "params": thawed(method.params)}
+
+
 def _jsonable_values(name: str, values: tuple[Any, ...]) -> list[Any]:
     if name == "disturbance":
         return [[thawed(wrapper) for wrapper in stack] for stack in values]
     return [thawed((("value", value),))["value"] for value in values]
-
-
-def _counted(lengths: Mapping[str, int]) -> str:
-    return ", ".join(f"{name}: {length}" for name, length in lengths.items())

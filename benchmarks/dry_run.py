@@ -10,11 +10,12 @@ from benchmarks.design import Sweep
 from benchmarks.execution.attempt import attempt
 from benchmarks.execution.engines import available_cpus
 from benchmarks.plugins import key_of
-from benchmarks.spec import Trial
+from benchmarks.spec import Params, Trial
 from benchmarks.sweep import Options
 
 BUDGET = 20.0  # seconds spent on measuring
 _SHOWN = 60  # cells
+_USUAL = 1000  # particles, where none are named
 
 
 def dry_run(sweep: Sweep, options: Options) -> str:
@@ -41,39 +42,55 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     part = "" if share == 1 else f" for this shard of {share}"
     lines.append(
         f"About {_duration(total / jobs / share)} with {jobs} jobs{part}: estimated from one "
-        f"measured trial in each of {count} cells; ≈ is the mean of the localizer's others. "
+        f"measured trial in each of {count} cells; ≈ is the localizer's mean per particle. "
         "Nothing was written."
     )
     return "\n\n".join(lines)
 
 
 def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool]]:
-    """Return for each cell the seconds of a trial (None: it failed) and whether it was measured."""
+    """Return for each cell the seconds of a trial (None: it failed) and whether it was measured.
+
+    Every form of a localizer is measured in at least one cell; in others its time is taken to be
+    that per particle.
+    """
     began = time.perf_counter()
     attempt(cells[0][0], key_of(cells[0][0]))  # compile first
     known: dict[int, float | None] = {}
-    by_localizer: dict[str, list[float]] = {}
-    # first one cell of each localizer, then the others
-    seen: Counter[str] = Counter()
+    rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
+    # first one cell of each form, then the others
+    seen: Counter[tuple[str, Params]] = Counter()
     turn = []
     for cell in cells:
-        turn.append(seen[cell[0].localizer])
-        seen[cell[0].localizer] += 1
+        turn.append(seen[_form(cell[0])])
+        seen[_form(cell[0])] += 1
     order = sorted(range(len(cells)), key=turn.__getitem__)
     for index in order:
         trial = cells[index][0]
-        if time.perf_counter() - began > BUDGET and trial.localizer in by_localizer:
+        if time.perf_counter() - began > BUDGET and _form(trial) in rates:
             continue
         started = time.perf_counter()
         outcome = attempt(trial, key_of(trial))
         took = time.perf_counter() - started
         known[index] = None if outcome.record is None else took
-        by_localizer.setdefault(trial.localizer, []).extend([took] if outcome.record else [])
-    means = {name: sum(own) / len(own) for name, own in by_localizer.items() if own}
+        rate = took / _particles(trial)
+        rates.setdefault(_form(trial), []).extend([rate] if outcome.record else [])
     return [
-        (known[i], True) if i in known else (means.get(cell[0].localizer), False)
+        (known[i], True) if i in known else (_scaled(rates[_form(cell[0])], cell[0]), False)
         for i, cell in enumerate(cells)
     ]
+
+
+def _scaled(rates: Sequence[float], trial: Trial) -> float | None:
+    return sum(rates) / len(rates) * _particles(trial) if rates else None
+
+
+def _form(trial: Trial) -> tuple[str, Params]:
+    return trial.localizer, tuple((k, v) for k, v in trial.params if k != "particles")
+
+
+def _particles(trial: Trial) -> int:
+    return int(dict(trial.params).get("particles", _USUAL))
 
 
 def _duration(seconds: float) -> str:

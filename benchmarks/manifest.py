@@ -63,7 +63,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 def identity(sweep: Sweep) -> dict[str, Any]:
     """Return everything that the numbers of a sweep depend on, as JSON-able values."""
-    digests = {method.name: source_digest(method.name) for method in sweep.localizers}
+    digests = {trial.localizer: source_digest(trial.localizer) for trial in sweep.cells()}
     return {
         "schema": SCHEMA,
         "sweep": sweep.canonical(),

@@ -1,10 +1,14 @@
 """Which trials belong together: the setting they share, the method they differ in."""
 
 import json
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
 Record = dict[str, Any]
+
+BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,26 @@ def setting_of(trial: dict[str, Any]) -> Setting:
 def method_of(trial: dict[str, Any]) -> Method:
     """Return the method of a canonical trial."""
     return Method(trial["localizer"], _json(trial.get("params") or {}))
+
+
+def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
+    """Means over the filter seeds of each world; NaN where one is not available."""
+    worlds: dict[int, list[float]] = {}
+    for (world, _), value in sorted(values.items()):
+        worlds.setdefault(world, []).append(math.nan if value is None else value)
+    return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
+
+
+def world_scores(records: Sequence[Record], name: str, offset: int = 0) -> dict[int, float]:
+    """A score at an offset by world."""
+    return per_world(
+        {
+            (record["trial"]["trial"], record["trial"]["filter_seed"]): score.get(name)
+            for record in records
+            for score in record["scores"]
+            if score["offset"] == offset
+        }
+    )
 
 
 def identity(trial: dict[str, Any]) -> tuple[Any, ...]:

@@ -1,7 +1,9 @@
 """What a sweep hands to its report: records of finished trials, failures, and what is missing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+from benchmarks.pairing import BASELINE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +31,8 @@ class Results:
         records: finished trials in the sweep's order, as the store keeps them: ``trial``,
             ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
             ``seconds``.
+        limits: those of the sweep's limit, which are compared with nothing.
+        baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
         missing: trials that neither finished nor failed yet.
         planned: distinct trials asked for.
@@ -43,3 +47,11 @@ class Results:
     planned: int
     command: list[str]
     environment: dict[str, Any]
+    limits: list[dict[str, Any]] = field(default_factory=list)
+    baseline: str = BASELINE
+
+    @property
+    def finished(self) -> list[dict[str, Any]]:
+        """All finished trials; one that is the limit's, too, once."""
+        own = {id(record) for record in self.records}
+        return [*self.records, *(record for record in self.limits if id(record) not in own)]

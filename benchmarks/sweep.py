@@ -10,7 +10,7 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import manifest
-from benchmarks.collecting import collected, failed_sentence
+from benchmarks.collecting import collected, failed_sentence, of_sweep
 from benchmarks.design import Sweep
 from benchmarks.episode import check_params, check_setting
 from benchmarks.execution.attempt import Outcome
@@ -67,7 +67,7 @@ def run_sweep(
         manifest.begin(out, sweep, command)
         _say_strays(store, trials, remove=shard is None)
         run_missing(_part(trials, options.shard), store, options)
-        results = collected(sweep.title, trials, store, command)
+        results = of_sweep(sweep, collected(sweep.title, trials, store, command))
         return results, write_report(out, results)
 
 

@@ -6,16 +6,28 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.design import Axis, Method, Sweep
+from benchmarks.design import Sweep
+from benchmarks.factors import Axis, Limit, Method
 from benchmarks.plugins import takes
 from benchmarks.spec import Params, frozen
-from benchmarks.suites import SUITES, with_localizers
+from benchmarks.suites import FAMILIES, SUITES, with_localizers
 from deqmcl_gym.validation import InputError, one_of
 
 _KEYS = (
     *("title", "preset", "lag", "seed", "trials", "filter_seeds"),
-    *("localizers", "world", "assumed", "disturbance", "params", "vary"),
+    *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
 )
+
+
+def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
+    """Return the sweeps of a name by their folder within --out: one, or those of a family.
+
+    Raises:
+        InputError: there is no such suite, family or file.
+    """
+    if name in FAMILIES:
+        return {member: sweep_named(member, added) for member in FAMILIES[name]}
+    return {"": sweep_named(name, added)}
 
 
 def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
@@ -27,7 +39,7 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
     try:
-        return with_localizers(SUITES[one_of("suite", name, SUITES)], added)
+        return with_localizers(SUITES[one_of("suite", name, (*SUITES, *FAMILIES))], added)
     except InputError as error:
         raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
 
@@ -63,7 +75,8 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
     for key in given:
         one_of("key", key, _KEYS)
     _refuse_nan(given, "")
-    plain = {k: given[k] for k in ("preset", "lag", "seed", "trials", "filter_seeds") if k in given}
+    scalars = ("preset", "lag", "seed", "trials", "filter_seeds", "baseline")
+    plain = {k: given[k] for k in scalars if k in given}
     return Sweep(
         title=_text("title", given.get("title", title)),
         localizers=tuple(_method(entry) for entry in _list("localizers", given.get("localizers"))),
@@ -72,6 +85,7 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
         params=frozen(_dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
+        limit=_limit(given["limit"]) if "limit" in given else None,
         **plain,
     )
 
@@ -93,8 +107,20 @@ def _method(entry: Any) -> Method:
     table = _table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
     for key in table:
         one_of("key in localizers", key, ("name", "params"))
+    return _named("an entry of localizers", table)
+
+
+def _limit(entry: Any) -> Limit:
+    table = _table("limit", entry, "a table [limit] with name, params, trials, filter_seeds")
+    for key in table:
+        one_of("key in limit", key, ("name", "params", "trials", "filter_seeds"))
+    runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
+    return Limit(method=_named("limit", table), **runs)
+
+
+def _named(what: str, table: Mapping[str, Any]) -> Method:
     if "name" not in table:
-        raise InputError("an entry of localizers has no name: write {name = …, params = {…}}.")
+        raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
     params = _table("params of a localizer", table.get("params", {}), "a table")
     return Method(name=_text("name of a localizer", table["name"]), params=frozen(params))
 

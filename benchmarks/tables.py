@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from tabulate import tabulate
 
-from benchmarks.pairing import METHOD_COLUMNS, SETTING_COLUMNS, Record, identity
+from benchmarks.pairing import BASELINE, METHOD_COLUMNS, SETTING_COLUMNS, Record, identity
 from benchmarks.published import TABLE_1
 from benchmarks.scoring import SCORE_NAMES
 from benchmarks.stats import paired_bootstrap, sample_sd
 
 _IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
 
-BASELINE = "mcl"
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-map-smoother": "map-based MCL with smoother",
     "deq-mcl-rejuvenated": "DEQ-MCL, rejuvenated",

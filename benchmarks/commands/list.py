@@ -17,10 +17,11 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del options, given
     from benchmarks.presets import ASSUMED
-    from benchmarks.suites import SUITES
+    from benchmarks.suites import FAMILIES, SUITES
     from localizers import names
 
-    suites = ((name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items())
+    suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]
+    suites += [(name, f"all of {', '.join(members)}") for name, members in FAMILIES.items()]
     localizers = ((name, _parameters(name)) for name in names())
     return "\n\n".join(
         (

@@ -17,7 +17,7 @@ DESCRIPTION = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("suite", metavar="SUITE|FILE.toml", help="name of a suite, or a sweep file")
+    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of them, or a sweep file")
     add("--out", type=Path, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
@@ -51,10 +51,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         run_sweep,
         shard_of,
     )
-    from benchmarks.sweepfile import sweep_named
+    from benchmarks.sweepfile import sweeps_named
 
     added = [name for listed in options.added for name in comma_separated(listed)]
-    sweep = sweep_named(options.suite, added)
+    sweeps = sweeps_named(options.suite, added)
     how = Options(
         where=Where(
             jobs=options.jobs,
@@ -66,15 +66,19 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         retry_failed=options.retry_failed,
         fail_fast=options.fail_fast,
     )
-    refuse_too_many(sweep, yes=options.yes)
     how.where.check()
-    check(sweep)
+    for sweep in sweeps.values():
+        refuse_too_many(sweep, yes=options.yes)
+        check(sweep)
     if options.dry_run:
-        return dry_run(sweep, how)
+        return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
-    results, files = run_sweep(sweep, out, how, command=["deqmcl", *given])
-    text = summary(sweep, results, out, files)
-    if results.failures:
-        print(text)
-        raise TrialsFailedError(failed_sentence(results))
-    return text
+    texts, failed = [], []
+    for folder, sweep in sweeps.items():
+        results, files = run_sweep(sweep, out / folder, how, command=["deqmcl", *given])
+        texts.append(summary(sweep, results, out / folder, files))
+        failed += [failed_sentence(results)] if results.failures else []
+    if failed:
+        print("\n\n".join(texts))
+        raise TrialsFailedError(" ".join(failed))
+    return "\n\n".join(texts)

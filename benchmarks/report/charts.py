@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.comparison import Comparison
-from benchmarks.pairing import Method
+from benchmarks.pairing import Method, per_world, world_scores
 from benchmarks.report.panels import Panel
-from benchmarks.report.samples import curves, milliseconds_per_step, per_world, world_scores
+from benchmarks.report.samples import curves, milliseconds_per_step
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, legend, picture
 from benchmarks.scoring import LEVELS

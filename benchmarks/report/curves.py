@@ -2,17 +2,52 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.comparison import Comparison
-from benchmarks.report.panels import short_name
+from benchmarks.report.panels import as_number, short_name
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, legend, picture
 
 Facts = dict[str, Any]
 _LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What a curve shows of a comparison: a value with its interval, and its words."""
+
+    name: str
+    title: str
+    axis: str
+    caption: str
+    of: Callable[[Comparison], tuple[float, float, float]]
+    left_out: str = ""  # a localizer
+
+    def shows(self, row: Comparison) -> bool:
+        """Whether a row has it, and is not of the localizer that is left out."""
+        return row.method.localizer != self.left_out and not math.isnan(self.of(row)[0])
+
+
+ERROR = Quantity(
+    name="curve",
+    title="Error",
+    axis="error e of x[t]",
+    caption="Bars: 95 % bootstrap intervals over worlds. A dash-dotted line is a method "
+    "without this parameter.",
+    of=lambda row: (row.error, row.error_low, row.error_high),
+)
+DIFFERENCE = Quantity(
+    name="difference",
+    title="Difference to the baseline",
+    axis="error e of x[t] - the baseline's",
+    caption="Below 0: better than the baseline on the same worlds. Bars: 95 % bootstrap intervals "
+    "over worlds. Dead reckoning is left out, as its scale hides the others.",
+    of=lambda row: (row.diff, row.diff_low, row.diff_high),
+    left_out="dead-reckoning",
+)
 
 
 @dataclass(frozen=True)
@@ -21,9 +56,11 @@ class _Line:
     rows: list[tuple[float | None, Comparison]]
 
 
-def swept_charts(rows: Sequence[Comparison], look: Mapping[Any, Look]) -> list[Picture]:
-    """Draw the error about x_t over each numeric key of at least two values."""
-    present = [(row, _facts(row)) for row in rows if row.offset == 0]
+def swept_charts(
+    rows: Sequence[Comparison], look: Mapping[Any, Look], quantity: Quantity = ERROR
+) -> list[Picture]:
+    """Draw a quantity about x_t over each numeric key of at least two values."""
+    present = [(row, _facts(row)) for row in rows if row.offset == 0 and quantity.shows(row)]
     charts: list[Picture] = []
     for key, followers in _swept(facts for _, facts in present):
         groups: dict[str, dict[str, _Line]] = {}
@@ -34,18 +71,19 @@ def swept_charts(rows: Sequence[Comparison], look: Mapping[Any, Look]) -> list[P
             name = _line_name(rest, [f for _, f in present], {key, *followers})
             lines = groups.setdefault(json.dumps(world, sort_keys=True), {})
             line = lines.setdefault(name, _Line(look[row.method], []))
-            line.rows.append((_number(facts.get(key)), row))
+            line.rows.append((as_number(facts.get(key)), row))
         for world_words, lines in groups.items():
             values = {v for line in lines.values() for v, _ in line.rows if v is not None}
             if len(values) > 1:
                 where = _where(world_words, list(groups))
-                name = f"curve-{len(charts) + 1}"
-                charts.append(_chart(name, key, followers, where, lines, values))
+                name = f"{quantity.name}-{len(charts) + 1}"
+                charts.append(_chart(name, quantity, key, followers, where, lines, values))
     return charts
 
 
 def _chart(
     name: str,
+    quantity: Quantity,
     key: str,
     followers: Sequence[str],
     where: str,
@@ -57,15 +95,19 @@ def _chart(
         known = sorted(
             ((value, row) for value, row in line.rows if value is not None), key=lambda p: p[0]
         )
+        if not known and quantity is DIFFERENCE:  # to which of the baseline's values?
+            continue
         if not known:  # it has no such parameter: the same at every value
             for _, row in line.rows:
-                axes.axhline(row.error, color=line.look.color, linestyle="-.", label=label)
+                level, _, _ = quantity.of(row)
+                axes.axhline(level, color=line.look.color, linestyle="-.", label=label)
             continue
-        ends = [(row.error - row.error_low, row.error_high - row.error) for _, row in known]
+        shown = [quantity.of(row) for _, row in known]
+        ends = [(middle - low, high - middle) for middle, low, high in shown]
         bars = None if any(math.isnan(low) for low, _ in ends) else list(zip(*ends, strict=True))
         axes.errorbar(
             [value for value, _ in known],
-            [row.error for _, row in known],
+            [middle for middle, _, _ in shown],
             yerr=bars,
             fmt=f"-{line.look.mark}",
             color=line.look.color,
@@ -80,16 +122,17 @@ def _chart(
         axes.set_xticks([], minor=True)
     words = _words(key)
     together = "".join(f" = {_words(follower)}" for follower in followers)
-    axes.set(xlabel=words + together, ylabel="error e of x[t]", ylim=(0, None))
+    axes.set(xlabel=words + together, ylabel=quantity.axis)
+    if quantity is ERROR:
+        axes.set_ylim(0, None)
     legend(figure, axes, lines)
     axes.axhline(0, color=INK, linewidth=0.8)
-    title = f"Error over {words}" + (f": {where}" if where else "")
+    title = f"{quantity.title} over {words}" + (f": {where}" if where else "")
     return picture(
         figure,
         name=name,
         title=title,
-        caption="Bars: 95 % bootstrap intervals over worlds. A dash-dotted line is a method "
-        "without this parameter.",
+        caption=quantity.caption,
         alt=title,
     )
 
@@ -113,7 +156,7 @@ def _swept(all_facts: Any) -> list[tuple[str, list[str]]]:
     keys = dict.fromkeys(key for facts in listed for key in facts)
     varying = []
     for key in keys:
-        values = {_number(facts[key]) for facts in listed if key in facts} - {None}
+        values = {as_number(facts[key]) for facts in listed if key in facts} - {None}
         if key != "seed" and len(values) > 1:
             varying.append(key)
     found: list[tuple[str, list[str]]] = []
@@ -167,11 +210,3 @@ def _words(key: str) -> str:
     if key == "lag":
         return "lag L"
     return key.removeprefix("params.").removeprefix("world.").replace("assumed.", "assumed ")
-
-
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool):
-        return None
-    if value in ("inf", "-inf"):
-        return float(value)
-    return float(value) if isinstance(value, int | float) else None

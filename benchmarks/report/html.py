@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from benchmarks.report import detection, words
 from benchmarks.report.markdown import describe
+from benchmarks.report.panels import full_name
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import DARK, LIGHT
 from benchmarks.report.svg import Picture
@@ -34,6 +35,7 @@ def html(story: Story) -> str:
         curves=story.curves,
         words=words,
         detection=detection,
+        baseline=full_name(results.baseline),
         overview=words.overview(results, [section.panel for section in story.sections]),
         progress=words.progress(results),
         failures=[(describe(failure.trial), failure.reason) for failure in results.failures],

@@ -12,8 +12,8 @@ from benchmarks.comparison import Comparison
 from benchmarks.episode import trial_moments
 from benchmarks.figures import camera_of
 from benchmarks.frames import side_by_side, webp
+from benchmarks.pairing import world_scores
 from benchmarks.report.panels import Panel
-from benchmarks.report.samples import world_scores
 from benchmarks.spec import Trial, frozen, unworded
 from deqmcl_gym.drawing import Image
 

@@ -44,12 +44,21 @@ def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {_plain(panel.title)}", _table(words.verdict_table(panel))]
     parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
+    if section.rivals:
+        parts += [f"**Against the paper's methods.** {words.RIVALS}", *map(_table, section.rivals)]
+    if section.gap[1]:
+        parts += [f"**Optimality gap.** {words.GAP}", _table(section.gap)]
     parts += [_image(chart, folder) for chart in section.charts]
     if section.over_time:
         parts.append(
             "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time)
         )
-    parts += [_table(words.calibration_table(panel)), _table(words.offsets_table(panel))]
+    parts += [
+        f"**What the beliefs are worth.** {words.WORTH}",
+        _table(words.calibration_table(panel)),
+        "**Errors at every offset.**",
+        _table(words.offsets_table(panel)),
+    ]
     if detection.informative([panel]):
         parts += [f"**{detection.HEADING}**", _table(detection.detection_table(panel))]
     for lap in section.laps:

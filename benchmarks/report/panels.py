@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
-from benchmarks.comparison import Comparison
-from benchmarks.pairing import Method, Record, Setting, method_of, setting_of
+from benchmarks.comparison import Comparison, comparisons
+from benchmarks.pairing import BASELINE, Method, Record, Setting, method_of, setting_of
 from benchmarks.tables import TITLES
 
 Params = dict[str, Any]
@@ -42,7 +42,9 @@ class Panel:
         return self.records.get(method, [])
 
 
-def panels(rows: Sequence[Comparison], records: Sequence[Record]) -> list[Panel]:
+def panels(
+    rows: Sequence[Comparison], records: Sequence[Record], baseline: str = BASELINE
+) -> list[Panel]:
     """Split the results into panels, in their order."""
     finished: dict[tuple[Setting, Method], list[Record]] = {}
     for record in records:
@@ -56,7 +58,8 @@ def panels(rows: Sequence[Comparison], records: Sequence[Record]) -> list[Panel]
         methods = list(dict.fromkeys(row.method for row in own))
         for swept in _swept_values(methods):
             members = [m for m in methods if _agrees(_params(m), swept)]
-            labels = _labels(members, swept)
+            labels = _labels(members)
+            kept = {method: finished.get((setting, method), []) for method in labels}
             words = [named[setting], *(f"{name} {value}" for name, value in swept.items())]
             found.append(
                 Panel(
@@ -64,16 +67,37 @@ def panels(rows: Sequence[Comparison], records: Sequence[Record]) -> list[Panel]
                     title=", ".join(words),
                     setting=setting,
                     labels=labels,
-                    rows=[row for row in own if row.method in labels],
-                    records={method: finished.get((setting, method), []) for method in labels},
+                    rows=_within([row for row in own if row.method in labels], kept, baseline),
+                    records=kept,
                 )
             )
     return found
 
 
+def _within(
+    rows: list[Comparison], records: dict[Method, list[Record]], baseline: str
+) -> list[Comparison]:
+    """The rows, those of methods without the swept parameter anew: their baseline is here, too."""
+    strayed = {(row.method, row.offset) for row in rows if row.baseline not in records}
+    if not strayed:
+        return rows
+    anew = comparisons([record for own in records.values() for record in own], baseline)
+    here = {(row.method, row.offset): row for row in anew}
+    return [here[at] if (at := (row.method, row.offset)) in strayed else row for row in rows]
+
+
 def short_name(localizer: str) -> str:
     """A name for pictures: a plug-in's class or file without the way to it."""
     return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
+
+
+def as_number(value: Any) -> float | None:
+    """The number that a value of JSON stands for, infinity among them; None if it is none."""
+    if isinstance(value, bool):
+        return None
+    if value in ("inf", "-inf"):
+        return float(value)
+    return float(value) if isinstance(value, int | float) else None
 
 
 def full_name(localizer: str) -> str:
@@ -82,11 +106,15 @@ def full_name(localizer: str) -> str:
 
 
 def _swept_values(methods: Sequence[Method]) -> list[Params]:
-    """Values of the parameters of which one localizer has several; [{}] if there are none."""
+    """Values of the numbers of which one localizer has several; [{}] if there are none.
+
+    Words tell the forms of a localizer apart, which stand side by side.
+    """
     seen: dict[tuple[str, str], set[str]] = {}
     for method in methods:
         for name, value in _params(method).items():
-            seen.setdefault((method.localizer, name), set()).add(json.dumps(value))
+            if as_number(value) is not None:
+                seen.setdefault((method.localizer, name), set()).add(json.dumps(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken: list[Params] = []
     for method in methods:
@@ -101,19 +129,21 @@ def _swept_values(methods: Sequence[Method]) -> list[Params]:
     ]
 
 
-def _labels(methods: Sequence[Method], swept: Params) -> dict[Method, str]:
-    short = {method: short_name(method.localizer) for method in methods}
-    if len(set(short.values())) == len(short):
-        return short
-    names = {method: method.localizer for method in methods}
-    if len(set(names.values())) == len(names):
-        return names
-    return {
-        method: " ".join(
-            [short[method], *(f"{k}={v}" for k, v in _params(method).items() if k not in swept)]
-        )
-        for method in methods
-    }
+def _labels(methods: Sequence[Method]) -> dict[Method, str]:
+    names = {method: short_name(method.localizer) for method in methods}
+    if len(set(names.values())) < len({method.localizer for method in methods}):
+        names = {method: method.localizer for method in methods}
+    return {method: " ".join([name, *_form(method, methods)]) for method, name in names.items()}
+
+
+def _form(method: Method, methods: Sequence[Method]) -> list[str]:
+    """Its parameters that tell it from the methods of the same localizer."""
+    same = [_params(other) for other in methods if other.localizer == method.localizer]
+    return [
+        f"{name}={value}"
+        for name, value in _params(method).items()
+        if any(other.get(name) != value for other in same)
+    ]
 
 
 def _names(settings: Sequence[Setting]) -> dict[Setting, str]:

@@ -1,7 +1,7 @@
 """Numbers of trials, gathered for charts."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,26 +9,6 @@ from numpy.typing import NDArray
 from benchmarks.pairing import Record
 
 Floats = NDArray[np.float64]
-
-
-def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
-    """Means over the filter seeds of each world; NaN where one is not available."""
-    worlds: dict[int, list[float]] = {}
-    for (world, _), value in sorted(values.items()):
-        worlds.setdefault(world, []).append(math.nan if value is None else value)
-    return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
-
-
-def world_scores(records: Sequence[Record], name: str, offset: int = 0) -> dict[int, float]:
-    """A score at an offset by world."""
-    return per_world(
-        {
-            (record["trial"]["trial"], record["trial"]["filter_seed"]): score.get(name)
-            for record in records
-            for score in record["scores"]
-            if score["offset"] == offset
-        }
-    )
 
 
 def milliseconds_per_step(records: Sequence[Record]) -> float:

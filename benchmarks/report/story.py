@@ -1,9 +1,10 @@
 """All that a report shows, before it is HTML or Markdown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from benchmarks.comparison import Comparison
+from benchmarks.gap import Gap
 from benchmarks.pairing import Method
 from benchmarks.report.charts import (
     calibration_chart,
@@ -12,9 +13,10 @@ from benchmarks.report.charts import (
     speed_chart,
     time_charts,
 )
-from benchmarks.report.curves import swept_charts
+from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.panels import Panel, panels
+from benchmarks.report.rivals import Table, gap_table, rival_tables
 from benchmarks.report.style import Look, looks
 from benchmarks.report.svg import Picture, house_style
 from benchmarks.results import Results
@@ -33,6 +35,8 @@ class Section:
         over_time: one per method.
         laps: animations.
         no_laps: why there are none, if they failed.
+        rivals: tables of differences to the paper's methods.
+        gap: table of differences to the limit, without lines if there is none.
     """
 
     panel: Panel
@@ -40,6 +44,8 @@ class Section:
     over_time: list[Picture] = field(default_factory=list)
     laps: list[Lap] = field(default_factory=list)
     no_laps: str = ""
+    rivals: list[Table] = field(default_factory=list)
+    gap: Table = field(default_factory=lambda: ([], []))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,15 +57,23 @@ class Story:
     curves: list[Picture]
 
 
-def story_of(rows: Sequence[Comparison], results: Results) -> Story:
+def story_of(rows: Sequence[Comparison], gaps: Sequence[Gap], results: Results) -> Story:
     """Draw everything, and run again the trials that are shown as animations."""
-    look = looks(row.method for row in rows)
-    shown = panels(rows, results.records)
+    shown = panels(rows, results.records, results.baseline)
+    look = looks(label for panel in shown for label in panel.labels.items())
     with house_style():
         return Story(
             results=results,
-            sections=[_section(panel, look) for panel in shown],
-            curves=swept_charts(rows, look),
+            sections=[
+                replace(
+                    _section(panel, look), rivals=rival_tables(panel), gap=gap_table(panel, gaps)
+                )
+                for panel in shown
+            ],
+            curves=[
+                *swept_charts(rows, look, ERROR),
+                *swept_charts(rows, look, DIFFERENCE),
+            ],
         )
 
 

@@ -33,6 +33,9 @@ _MORE = (
     Look("violet", "#6a51a3", "<"),
     Look("brown", "#8c510a", ">"),
     Look("rose", "#b2185d", "p"),
+    Look("slate", "#44596e", "d"),
+    Look("lime", "#6b9a00", "H"),
+    Look("navy", "#1f3b8f", "8"),
 )
 LIGHT = {look.name: look.color for look in (*_LOOKS.values(), *_MORE)}
 DARK = {
@@ -48,12 +51,15 @@ DARK = {
     "violet": "#a994e0",
     "brown": "#d69a5b",
     "rose": "#f277ad",
+    "slate": "#9db4cb",
+    "lime": "#b5e04a",
+    "navy": "#8aa6ff",
 }
 
 
-def looks(methods: Iterable[Method]) -> dict[Method, Look]:
-    """Give each method a look; localizers that we do not know take what is left, in order."""
-    listed = list(methods)
-    strangers = dict.fromkeys(m.localizer for m in listed if m.localizer not in _LOOKS)
-    taken = {name: _MORE[i % len(_MORE)] for i, name in enumerate(strangers)}
-    return {method: (_LOOKS | taken)[method.localizer] for method in listed}
+def looks(labels: Iterable[tuple[Method, str]]) -> dict[Method, Look]:
+    """Give each label a look; those that we do not know take what is left, in order."""
+    listed = list(labels)
+    strangers = dict.fromkeys(label for _, label in listed if label not in _LOOKS)
+    taken = {label: _MORE[i % len(_MORE)] for i, label in enumerate(strangers)}
+    return {method: (_LOOKS | taken)[label] for method, label in listed}

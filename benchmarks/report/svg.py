@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_LONG = 16  # characters of which three do not fit beside each other
 _RC: Any = {
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
@@ -98,7 +99,7 @@ def legend(figure: "Figure", axes: "Axes", order: Iterable[str]) -> None:
         [handles[label] for label in labels],
         labels,
         loc="outside lower center",
-        ncols=2 if len(labels) in (2, 4) else 3,
+        ncols=2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3,
         handlelength=1.8,
         frameon=False,
         columnspacing=1.2,

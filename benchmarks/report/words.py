@@ -3,15 +3,26 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from benchmarks.comparison import Comparison
+from benchmarks.pairing import Record, world_scores
 from benchmarks.report.panels import Panel, full_name
 from benchmarks.results import Results
+from benchmarks.scoring import LEVELS
+from benchmarks.stats import paired_bootstrap
 from benchmarks.tables import state_name
 
 GLANCE = (
     "Error e of x[t]. ▼ smaller than the baseline's, ▲ larger (95 % interval without 0 and "
     "Holm's p < 0.05), ○ cannot be told."
 )
+RIVALS = "Differences of the errors on the same worlds, with 95 % intervals; negative: better."
+GAP = (
+    "Error minus the limit's on the same worlds. The limit is what ever more particles come to, "
+    "as far as its own runs agree."
+)
+WORTH = "Calibration, with 95 % intervals over worlds; n/a: a method without a spread."
 FEW = 20  # worlds below which an interval is called rough
 _ALPHA = 0.05
 
@@ -87,14 +98,15 @@ def calibration_table(panel: Panel) -> tuple[list[str], list[list[str]]]:
     header += ["NEES (3)", "entropy, nats", "in walls"]
     lines = []
     for row in panel.rows:
-        means = row.means
+        means, own = row.means, panel.own(row.method)
+        inside = [f"coverage_{level}" for level in LEVELS]
         lines.append(
             [
                 panel.labels[row.method],
                 state_name(row.offset),
                 fixed(means["energy_score"]),
-                *(percent(means[f"coverage_{level}"]) for level in (50, 80, 95)),
-                fixed(means["nees"], 1),
+                *(_ranged(own, name, row.offset, scale=100, unit=" %") for name in inside),
+                _ranged(own, "nees", row.offset, digits=1),
                 fixed(means["entropy"]),
                 percent(means["wall_share"], 1),
             ]
@@ -150,18 +162,37 @@ def overview(results: Results, panels: Sequence[Panel]) -> str:
         f"{_range({len(methods)}, 'localizer', 'localizers')} ({named}) on {settings}, "
         f"{count} per setting{several}. On the same world all methods see the same true path and "
         "the same scans, and filters start from the same cloud: differences are taken world by "
-        "world."
+        f"world, with {full_name(results.baseline)} as the baseline."
     )
 
 
 def progress(results: Results) -> str:
     """How far the sweep has come."""
-    words = f"{len(results.records)} of {results.planned} trials finished"
+    done = results.planned - len(results.failures) - results.missing
+    words = f"{done} of {results.planned} trials finished"
     if results.failures:
         words += f", {len(results.failures)} failed"
     if results.missing:
         words += f", {results.missing} not run yet: this report is partial"
     return words + "."
+
+
+def _ranged(
+    records: Sequence[Record],
+    name: str,
+    offset: int,
+    *,
+    scale: float = 1,
+    unit: str = "",
+    digits: int = 0,
+) -> str:
+    """A score's mean over worlds with its bootstrap interval."""
+    values = scale * np.array(list(world_scores(records, name, offset).values()))
+    mean = float(values.mean())
+    if math.isnan(mean):
+        return "n/a"
+    ends = interval(*paired_bootstrap(values), digits)
+    return f"{mean:.{digits}f}{unit} ({ends})".replace(" ()", "")
 
 
 def _mark(row: Comparison) -> str:

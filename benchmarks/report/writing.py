@@ -4,6 +4,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.comparison import comparisons, results_csv
+from benchmarks.gap import gaps, gaps_csv
 from benchmarks.results import Results
 from benchmarks.store import writable_folder, write_bytes
 from benchmarks.tables import timings_csv, trials_csv
@@ -36,12 +37,15 @@ def write_report(out: Path, results: Results) -> list[Path]:
         InputError: ``out`` cannot be written to, or the extra ``report`` is not installed.
     """
     writable_folder(out)
-    rows = comparisons(results.records)
+    rows = comparisons(results.records, results.baseline)
+    held = gaps(results.records, results.limits)
     contents = {
         "results.csv": results_csv(rows).encode(),
-        "trials.csv": trials_csv(results.records).encode(),
-        "timings.csv": timings_csv(results.records).encode(),
+        "trials.csv": trials_csv(results.finished).encode(),
+        "timings.csv": timings_csv(results.finished).encode(),
     }
+    if held:
+        contents["gaps.csv"] = gaps_csv(held).encode()
     for name, content in contents.items():
         write_bytes(out / name, content)
     require_report()
@@ -49,7 +53,7 @@ def write_report(out: Path, results: Results) -> list[Path]:
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(rows, results)
+    story = story_of(rows, held, results)
     told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
     told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     for name, content in told.items():

@@ -11,7 +11,7 @@ from report_cases import THREE, finished, paired, results, trial_of
 
 from benchmarks.comparison import comparisons
 from benchmarks.report import story, writing
-from benchmarks.report.curves import swept_charts
+from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
 from benchmarks.report.style import DARK, LIGHT, looks
@@ -127,7 +127,7 @@ def test_pictures_have_words_for_those_who_do_not_see_them(page):
 
 
 def test_tables_have_captions_and_headings_with_a_scope(page):
-    assert page.count("table") == page.count("caption") == 4
+    assert page.count("table") == page.count("caption") == 5
     headings = [attributes for tag, attributes in page.tags if tag == "th"]
     assert all(attributes.get("scope") in ("col", "row") for attributes in headings)
 
@@ -214,10 +214,11 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
-def curves(records):
+def curves(records, quantity=ERROR):
     rows = comparisons(records)
+    look = looks((row.method, row.method.localizer) for row in rows)
     with house_style():
-        return swept_charts(rows, looks(row.method for row in rows))
+        return swept_charts(rows, look, quantity)
 
 
 def words_of(chart):
@@ -236,6 +237,21 @@ def test_a_swept_parameter_has_a_curve_per_localizer_and_a_line_for_who_lacks_it
     assert chart.title == "Error over particles"
     for word in ("mcl", "deq-mcl", "dead-reckoning", "30", "300"):
         assert word in words_of(chart).split()
+
+
+def test_differences_have_curves_without_the_baseline_and_without_who_lacks_the_parameter():
+    records = [
+        finished(name, w, 1.0 + n / 100, params={"particles": n})
+        for name in ("mcl", "deq-mcl")
+        for n in (30, 300)
+        for w in range(3)
+    ]
+    records += [finished("dead-reckoning", w, 4.0) for w in range(3)]
+    (chart,) = curves(records, DIFFERENCE)
+    assert chart.title == "Difference to the baseline over particles"
+    assert chart.name == "difference-1"
+    assert "deq-mcl" in words_of(chart).split()
+    assert not {"mcl", "dead-reckoning"} & set(words_of(chart).split())
 
 
 def test_what_changes_together_is_one_curve():

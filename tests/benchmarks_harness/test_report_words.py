@@ -2,12 +2,19 @@
 
 import re
 
+import numpy as np
 import pytest
 from report_cases import finished, paired, results, trial_of
 
 from benchmarks.comparison import comparisons
+from benchmarks.gap import gaps
 from benchmarks.report import words
 from benchmarks.report.panels import panels, short_name
+from benchmarks.report.rivals import gap_table, rival_tables
+from benchmarks.report.style import looks
+from benchmarks.stats import paired_bootstrap
+
+WORLDS = (0, 1, 2)
 
 
 def panel_of(records):
@@ -166,3 +173,69 @@ def test_at_a_glance_every_error_has_the_mark_of_its_finding():
     assert [cell[-1] for cell in lines[0][2:]] == ["▼", "▲"]
     assert lines[0][1][-1].isdigit()  # the baseline
     assert [cell[-1] for cell in lines[1][2:]] == ["○", "–"]
+
+
+def test_forms_of_a_localizer_stand_side_by_side_with_names_and_looks_of_their_own():
+    forms = [("mcl-h", {}), ("mcl-h", {"form": "twisted"}), ("mcl", {})]
+    records = [
+        finished(name, 0, 1.0, params=params | {"particles": n})
+        for n in (300, 1000)
+        for name, params in forms
+    ]
+    found = panels(comparisons(records), records)
+    assert [list(panel.labels.values()) for panel in found] == 2 * [
+        ["mcl-h", "mcl-h form=twisted", "mcl"]
+    ]
+    look = looks(item for panel in found for item in panel.labels.items())
+    one, other = (list(panel.labels) for panel in found)
+    assert [look[method] for method in one] == [look[method] for method in other]
+    assert len({look[method] for method in one}) == 3
+
+
+def test_a_method_without_the_swept_parameter_is_compared_with_the_baseline_beside_it():
+    records = [
+        finished("mcl", w, e + w, params={"particles": n})
+        for n, e in ((1, 9), (2, 5))
+        for w in WORLDS
+    ]
+    records += [finished("ekf", w, 2.0 + w) for w in WORLDS]
+    for panel, difference in zip(panels(comparisons(records), records), (-7.0, -3.0), strict=True):
+        (row,) = [row for row in panel.present if row.method.localizer == "ekf"]
+        assert row.baseline in panel.labels
+        assert row.diff == difference
+
+
+def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_world():
+    both = (0, -20)
+    records = [
+        finished(name, w, e + w) for name, e in (("mcl", 5.0), ("mcl-map", 4.0)) for w in WORLDS
+    ]
+    records += [finished("deq-mcl", w, 3.0 + w, offsets=both) for w in (1, 2, 3)]
+    records += [finished("mcl-pilots", w, 1.0 + w, offsets=both) for w in WORLDS]
+    now, past = rival_tables(panel_of(records))
+    assert now[0][2:] == [f"difference to {n}" for n in ("mcl", "mcl-map", "deq-mcl")]
+    assert past[0][2:] == ["difference to deq-mcl"]
+    mine = {line[0]: line for line in now[1]}["mcl-pilots"]
+    assert mine[2:] == [f"−{d}.00 (−{d}.00 to −{d}.00)" for d in (4, 3, 2)]
+    assert [line[0] for line in past[1]] == ["deq-mcl", "mcl-pilots"]
+
+
+def test_coverage_and_nees_have_the_interval_over_worlds():
+    records = [
+        finished("mcl", w, 1.0, scores={"coverage_80": 0.7 + 0.1 * w, "nees": 3.0 + w})
+        for w in WORLDS
+    ]
+    _, ((_, _, _, _, inside, _, nees, *_),) = words.calibration_table(panel_of(records))
+    low, high = paired_bootstrap(np.array([70.0, 80.0, 90.0]))
+    assert inside == f"80 % ({low:.0f} to {high:.0f})"
+    assert nees.startswith("4.0 (3.")
+
+
+def test_the_gap_table_has_the_limit_first_and_no_line_without_one():
+    records = [finished("mcl", w, 5.0 + w) for w in WORLDS]
+    limits = [finished("mcl-pilots", w, 3.0 + w, params={"particles": 9}) for w in (0, 1)]
+    panel = panel_of(records)
+    _, (limit, mcl) = gap_table(panel, gaps(records, limits))
+    assert (limit[0], limit[-2:]) == ("limit: mcl-pilots particles=9", ["–", "2"])
+    assert (mcl[0], mcl[-2:]) == ("mcl", ["+2.00 (2.00 to 2.00)", "2"])
+    assert gap_table(panel, [])[1] == []

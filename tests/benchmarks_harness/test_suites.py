@@ -1,13 +1,17 @@
 """The built-in suites, and what a sweep makes of its settings."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks.episode import room_of, trial_moments
 from benchmarks.presets import ASSUMED
 from benchmarks.spec import Trial
-from benchmarks.suites import PAPER_METHODS, SUITES, with_localizers
+from benchmarks.suites import FAMILIES, PAPER_METHODS, SUITES, with_localizers
 from benchmarks.sweep import check
+from benchmarks.sweepfile import sweeps_named
 from deqmcl_gym.validation import InputError
 from localizers import names
 
@@ -33,7 +37,11 @@ def test_the_suites_are_those_promised():
     assert list(SUITES) == [
         *("quick", "paper", "headline"),
         *("particles", "lag", "beta", "sensor", "noise", "disturbed"),
+        *("lookahead", "guided", "matched", "sharp"),
+        *("study-sensor", "study-noise", "study-assumed", "study-particles"),
+        *("study-lag", "study-beta", "study-plan"),
     ]
+    assert not set(FAMILIES) & set(SUITES)
 
 
 def test_the_headline_is_200_paired_worlds_with_three_runs_each_of_all_presets():
@@ -45,6 +53,61 @@ def test_the_headline_is_200_paired_worlds_with_three_runs_each_of_all_presets()
         worlds.setdefault((t.preset, t.localizer), []).append((t.trial, t.filter_seed))
     assert {t.localizer for t in trials} == set(PAPER_METHODS)
     assert len({tuple(own) for own in worlds.values()}) == 1
+
+
+LOOKAHEAD = {  # preset, runs on each world, whether it has the classical methods and the limit
+    "lookahead": ("paper", 3, False, True),
+    "guided": ("guided", 1, True, True),
+    "matched": ("matched", 1, True, False),
+    "sharp": ("sharp", 1, False, False),
+}
+
+
+@pytest.mark.parametrize("name", LOOKAHEAD)
+def test_every_way_to_look_ahead_runs_on_200_paired_worlds_at_both_numbers_of_particles(name):
+    preset, seeds, classical, limited = LOOKAHEAD[name]
+    sweep, runs = SUITES[name], {}
+    for t in {json.dumps(t.canonical()): t for t in sweep.compared()}.values():
+        runs.setdefault((t.localizer, t.params), []).append((t.trial, t.filter_seed))
+    assert {t.preset for t in sweep.listed()} == {preset}
+    assert all(own == [(w, s) for w in range(200) for s in range(seeds)] for own in runs.values())
+    filters = {*PAPER_METHODS, "deq-mcl-rejuvenated", "mcl-h", "mcl-pilots"}
+    others = {"grid", "amcl", "ekf"} if classical else set()
+    assert {name for name, _ in runs} == filters | others
+    for method in filters - {"dead-reckoning"}:
+        particles = [dict(p)["particles"] for name, p in runs if name == method]
+        assert particles == ([300, 300, 1000, 1000] if method == "mcl-h" else [300, 1000])
+    assert {dict(p).get("form") for name, p in runs if name == "mcl-h"} == {None, "twisted"}
+    limits = {(t.localizer, dict(t.params)["particles"]) for t in sweep.limits()}
+    assert limits == ({("mcl-pilots", 100_000)} if limited else set())
+    worlds = {t.trial for t in sweep.limits()}
+    assert worlds == (set(range(20)) if limited else set())
+
+
+def test_the_study_is_its_suites_around_the_same_two_centres():
+    assert FAMILIES["study"] == tuple(name for name in SUITES if name.startswith("study-"))
+    centres = set()
+    for name in FAMILIES["study"]:
+        sweep = SUITES[name]
+        assert (sweep.baseline, sweep.trials, sweep.filter_seeds) == ("mcl-map", 25, 2)
+        presets = {t.preset for t in sweep.cells()}
+        assert presets == ({"matched"} if name == "study-plan" else {"matched", "guided"})
+        assert 300 in {dict(t.params).get("particles") for t in sweep.cells()}
+        assert 20 in {t.lag for t in sweep.cells()}
+        centres |= {t.preset for t in sweep.cells() if not (t.world or t.disturbance)}
+    assert centres == {"matched", "guided"}
+
+
+def test_the_documents_name_every_suite_of_the_study():
+    text = (Path(__file__).parents[2] / "docs" / "study.md").read_text(encoding="utf-8")
+    assert [name for name in FAMILIES["study"] if f"`{name}`" not in text] == []
+
+
+def test_a_family_is_its_suites_in_folders_of_their_names_and_a_suite_is_itself():
+    assert list(sweeps_named("study")) == list(FAMILIES["study"])
+    assert sweeps_named("quick") == {"": SUITES["quick"]}
+    added = sweeps_named("study", ["ekf"])
+    assert all("ekf" in {m.name for m in sweep.localizers} for sweep in added.values())
 
 
 def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():

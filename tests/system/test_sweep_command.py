@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 import localizers
-from benchmarks import manifest, plugins, store
+from benchmarks import dry_run, manifest, plugins, store, sweepfile
 from benchmarks.collecting import results_in
 from benchmarks.execution import attempt
 from benchmarks.spec import unworded
@@ -282,7 +283,7 @@ def test_a_localizer_added_stands_in_the_tables_beside_the_others(file, tmp_path
     ]
 
 
-@pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed"])
+@pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed", "guided", "study-plan"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = SUITES[name]
     text = json.dumps(manifest.identity(sweep)["sweep"], allow_nan=False)
@@ -338,6 +339,18 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
     assert re.search(r"sharp L=4 mcl particles=15 +50 +\d", said)
     assert re.search(r"About \d+ (s|min) with 1 jobs: estimated from one measured trial", said)
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
+
+
+def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dry_run, "BUDGET", 0.0)
+    more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
+    file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
+    assert sweep(file, tmp_path / "out", "--dry-run") == 0
+    said = capsys.readouterr().out
+    assert "small: 103 trials in 3 cells" in said
+    one = float(re.search(r"mcl particles=15 +50 +([\d.]+) s", said)[1])
+    many = float(re.search(r"mcl particles=1500000 +3 +≈ ([\d.]+) s", said)[1])
+    assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
 
 
 def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, ran):
@@ -423,7 +436,7 @@ def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_load
     for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
     assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
-    assert "  headline   10,800 trials: " in said
+    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
 
 
 def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
@@ -523,3 +536,17 @@ def test_a_sweep_without_home_display_or_our_locale_gives_the_same_numbers(
     done = process(DEQMCL, "sweep", file, "--out", tmp_path / "out", "--jobs", "1", env=bare)
     assert done.returncode == 0, done.stderr
     assert tables(tmp_path / "out") == tables(finished)
+
+
+def test_a_family_writes_each_of_its_suites_into_a_folder_of_its_name(
+    tmp_path, monkeypatch, capsys
+):
+    small = replace(SUITES["quick"], localizers=SUITES["quick"].localizers[-1:], trials=1)
+    suites = {"one": small, "two": replace(small, seed=1)}
+    monkeypatch.setattr(sweepfile, "SUITES", suites)
+    monkeypatch.setattr(sweepfile, "FAMILIES", {"both": tuple(suites)})
+    assert sweep("both", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    for name in suites:
+        assert str(tmp_path / "out" / name) in said
+        assert len(trial_files(tmp_path / "out" / name)) == 1

@@ -1,0 +1,137 @@
+"""The optimality gap: what is held against the limit, and over which worlds."""
+
+import math
+
+import numpy as np
+import pytest
+from fake_records import parsed
+from report_cases import finished, results
+
+from benchmarks.collecting import of_sweep
+from benchmarks.design import Sweep
+from benchmarks.factors import Limit, Method
+from benchmarks.gap import gaps, gaps_csv, limit_of
+from benchmarks.pairing import Method as Named
+from benchmarks.spec import frozen
+from benchmarks.stats import paired_bootstrap
+from benchmarks.sweepfile import sweep_of
+from deqmcl_gym.validation import InputError
+
+MANY = {"particles": 100_000}
+
+
+def limit_run(world, error, *, seed=0, **setting):
+    return finished("mcl-pilots", world, error, filter_seed=seed, params=MANY, **setting)
+
+
+def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
+    limits = [limit_run(w, 10.0 + w, seed=s) for w in range(3) for s in (0, 1)]
+    for records in ([], [*limits, limit_run(3, 99.0)]):
+        (row,) = gaps(records, limits)
+        assert (row.gap, row.gap_low, row.gap_high, row.worlds) == (0.0, 0.0, 0.0, 3)
+
+
+def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before():
+    limits = [limit_run(w, 10.0 * w + s, seed=s) for w in (0, 1, 2) for s in (0, 1)]
+    records = [finished("mcl", w, 10.0 * w + 4.0 + w) for w in (1, 2, 3, 4)]
+    _, row = gaps(records, limits)
+    differences = np.array([15.0 - 10.5, 26.0 - 20.5])
+    assert (row.method.localizer, row.worlds) == ("mcl", 2)
+    assert row.error == (15.0 + 26.0) / 2
+    assert row.gap == pytest.approx(differences.mean())
+    assert (row.gap_low, row.gap_high) == pytest.approx(paired_bootstrap(differences))
+
+
+def test_the_spread_between_runs_is_that_on_the_same_world():
+    limits = [limit_run(w, 100.0 * w + e, seed=s) for w in (0, 1) for s, e in enumerate((1, 3))]
+    (row,) = gaps([], limits)
+    assert row.seed_sd == pytest.approx(math.sqrt(2))  # of 1 and 3; worlds lie 100 apart
+    (alone,) = gaps([], [limit_run(0, 1.0), limit_run(1, 5.0)])
+    assert math.isnan(alone.seed_sd)
+
+
+def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
+    limits = [limit_run(0, 1.0, offsets=(0, -20))]
+    records = [finished("deq-mcl", 0, 2.0, offsets=(0, -20, 20))]
+    records += [finished("deq-mcl", 0, 2.0, preset="sharp"), finished("mcl", 7, 2.0)]
+    found = [(row.method.localizer, row.offset) for row in gaps(records, limits)]
+    assert found == [("mcl-pilots", 0), ("mcl-pilots", -20), ("deq-mcl", 0), ("deq-mcl", -20)]
+
+
+def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
+    limits = [Named("mcl-pilots", f'{{"beta":{b},"particles":100000}}') for b in (1, 10)]
+    assert limit_of(Named("mcl-map", '{"beta":10,"particles":300}'), limits) == limits[1]
+    assert limit_of(Named("mcl-map", '{"beta":5,"particles":300}'), limits) is None
+    assert limit_of(Named("mcl", '{"particles":300}'), limits) == limits[0]
+    assert limit_of(Named("mcl", "{}"), []) is None
+
+
+def test_gaps_csv_names_setting_method_and_limit():
+    limits = [limit_run(w, 1.0) for w in (0, 1)]
+    lines = parsed(gaps_csv(gaps([finished("mcl", w, 3.0) for w in (0, 1)], limits)))
+    assert [line["method"] for line in lines] == ["mcl-pilots", "mcl"]
+    assert lines[1]["limit_params"] == '{"particles":100000}'
+    assert (float(lines[1]["gap"]), lines[1]["preset"], lines[1]["seed_sd"]) == (2.0, "paper", "")
+
+
+SWEEP = Sweep(
+    title="t",
+    localizers=(Method(name="mcl"), Method(name="dead-reckoning")),
+    trials=5,
+    filter_seeds=3,
+    params=frozen({"particles": 10}),
+    limit=Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),
+)
+
+
+def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
+    assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
+    limits = list(SWEEP.limits())
+    assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
+    assert {t.params for t in limits} == {frozen(MANY)}
+    records = [{"trial": t.canonical(), "scores": []} for t in SWEEP.distinct()]
+    apart = of_sweep(SWEEP, results(records))
+    assert [len(apart.records), len(apart.limits), len(apart.finished)] == [30, 8, 38]
+
+
+def test_an_axis_over_what_the_limit_fixes_runs_it_once():
+    sweep = sweep_of(
+        SWEEP.canonical() | {"vary": [{"params.particles": [10, 20, 30]}]}, title="varied"
+    )
+    assert len({t.params for t in sweep.limits()}) == 1
+    assert sweep.combinations - len(sweep.distinct()) == 2 * 8 + 2 * 15  # and dead reckoning
+
+
+def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
+    own = Limit(method=Method(name="mcl"), trials=2, filter_seeds=1)
+    sweep = sweep_of(SWEEP.canonical(), title="t")
+    sweep = Sweep(**vars(sweep) | {"limit": own})
+    records = [{"trial": t.canonical(), "scores": []} for t in sweep.distinct()]
+    apart = of_sweep(sweep, results(records))
+    assert [len(apart.records), len(apart.limits), len(apart.finished)] == [30, 2, 30]
+
+
+def test_what_is_written_of_a_limit_is_read_again():
+    again = sweep_of(SWEEP.canonical(), title="")
+    assert again == SWEEP
+    assert "limit" not in Sweep(title="t", localizers=SWEEP.localizers).canonical()
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"limit": {"name": "mcl", "trials": 6}}, ["trials of the limit", "6", "5"]),
+        ({"limit": {"name": "mcl", "filter_seeds": 0}}, ["filter_seeds of the limit", "0"]),
+        ({"limit": {"name": "mlc"}}, ["'mlc'"]),
+        ({"limit": {"trials": 2}}, ["limit has no name"]),
+        ({"limit": {"name": "mcl", "seeds": 2}}, ["'seeds'", "limit"]),
+        ({"limit": 3}, ["limit", "3", "table"]),
+        ({"baseline": "mcl-map"}, ["baseline", "'mcl-map'", "dead-reckoning"]),
+        ({"baseline": 3}, ["baseline", "3"]),
+    ],
+)
+def test_a_limit_or_a_baseline_that_cannot_be_is_refused(changes, named):
+    with pytest.raises(InputError) as caught:
+        sweep_of(SWEEP.canonical() | changes, title="t")
+    for words in named:
+        assert words in str(caught.value)
