@@ -90,11 +90,30 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
 
 
 @compiled
+def systematic(weights: Floats, offset: float, out: NDArray[np.intp]) -> None:
+    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1."""
+    n = weights.size
+    total = 0.0
+    last = 0  # of weight above zero
+    for i in range(n):
+        total += weights[i]
+        last = i if weights[i] > 0.0 else last
+    reached = weights[0]
+    particle = 0
+    for k in range(n):
+        goal = (k + offset) / n * total
+        while reached <= goal and particle < last:
+            particle += 1
+            reached += weights[particle]
+        out[k] = particle
+
+
+@compiled
 def strata(offsets: Floats, out: Floats) -> None:
-    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``: one for all, or one for each."""
+    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``."""
     n = out.size
     for k in range(n):
-        out[k] = (k + offsets[k if offsets.size > 1 else 0]) / n
+        out[k] = (k + offsets[k]) / n
 
 
 @compiled
@@ -116,19 +135,47 @@ def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None
 
 
 @compiled
-def scaled(noise: Singles, scale: np.float32, shift: np.float32) -> None:
-    """Turn standard noise into shift + scale · noise, in place, (n,)."""
-    for i in range(noise.size):
-        noise[i] = noise[i] * scale + shift
+def commands(
+    noise: Singles, sd_distance: float, distance: float, sd_turn: float, turn: float
+) -> None:
+    """Turn standard noise (2, n) into distances and turns, mean + sd · noise, in place."""
+    distances, turns = noise[0], noise[1]
+    scale, shift = np.float32(sd_distance), np.float32(distance)
+    for i in range(distances.size):
+        distances[i] = distances[i] * scale + shift
+    scale, shift = np.float32(sd_turn), np.float32(turn)
+    for i in range(turns.size):
+        turns[i] = turns[i] * scale + shift
 
 
 @compiled
-def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> int:
-    """Fill in which ranges are numbers in [0, max_range], (B,); return how many."""
+def finite(values: Floats) -> bool:
+    """Whether all numbers are, in an array of any shape."""
+    sound = True
+    for value in values.flat:
+        sound &= np.isfinite(value)
+    return sound
+
+
+@compiled
+def usable(range_: float, max_range: float) -> bool:
+    """Whether a range is a number in [0, max_range]."""
+    return (range_ >= 0.0) & (range_ <= max_range)  # both are false for NaN
+
+
+@compiled
+def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> None:
+    """Fill in which ranges are usable, (B,)."""
+    for i in range(ranges.size):
+        out[i] = usable(ranges[i], max_range)
+
+
+@compiled
+def count_usable(ranges: Floats, max_range: float) -> int:
+    """How many ranges (B,) are usable."""
     count = 0
     for i in range(ranges.size):
-        out[i] = (ranges[i] >= 0.0) & (ranges[i] <= max_range)  # both are false for NaN
-        count += out[i]
+        count += usable(ranges[i], max_range)
     return count
 
 

@@ -12,8 +12,6 @@ dataclass.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from localizers.inference.parts import Indices, States
 
 Link = Indices | None  # None: the identity
@@ -116,9 +114,14 @@ class Queue(NamedTuple):
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
+        states = self.held(index)
+        return states.copy() if states is self.slots[index] else states
+
+    def held(self, index: int) -> States:
+        """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
         order = self._order(index)
         states = self.slots[index]
-        return states.copy() if order is None else np.take(states, order, axis=1)
+        return states if order is None else states.take(order, axis=1)
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""

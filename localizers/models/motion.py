@@ -50,13 +50,10 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        distance, turn = float(action[0]), float(action[1])
         sd_distance, sd_turn = self.spread(action)
         noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
-        distances, turns = noise
-        kernels.scaled(distances, np.float32(sd_distance), np.float32(distance))
-        kernels.scaled(turns, np.float32(sd_turn), np.float32(turn))
-        return driven(states, distances, turns)
+        kernels.commands(noise, sd_distance, float(action[0]), sd_turn, float(action[1]))
+        return driven(states, noise[0], noise[1])
 
 
 def odometry(motion: object, method: str) -> OdometryMotion:
