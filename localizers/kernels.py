@@ -35,16 +35,22 @@ def normalize(log_weights: Floats, out: Floats) -> float:
 def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
     """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh 0."""
     stride = (log_weights.size - 1) // most + 1
+    before = log_weights[::stride].copy()
+    after = before + log_likelihoods[::stride]
     top, top_both = -np.inf, -np.inf
-    for i in range(0, log_weights.size, stride):
-        top = max(top, log_weights[i])
-        top_both = max(top_both, log_weights[i] + log_likelihoods[i])
+    for i in range(before.size):
+        top = max(top, before[i])
+        top_both = max(top_both, after[i])
     if not (top > -np.inf and top_both > -np.inf):
         return top_both - top  # -inf, or NaN
+    for i in range(before.size):
+        before[i] = exp64(before[i] - top)
+    for i in range(after.size):
+        after[i] = exp64(after[i] - top_both)
     weights, both = 0.0, 0.0
-    for i in range(0, log_weights.size, stride):
-        weights += exp64(log_weights[i] - top)
-        both += exp64(log_weights[i] + log_likelihoods[i] - top_both)
+    for i in range(before.size):
+        weights += before[i]
+        both += after[i]
     return float(top_both - top + log64(both / weights))
 
 
