@@ -4,12 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.elementary import cos32, exp64, log32, log64, sin32
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 LANES = 64
 _FOLD = 16  # beams multiplied before a logarithm is taken
+_HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
+_TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
 LEAST_FLOOR = 1e-19  # so that the product of _FOLD densities is a normal float64
 
 
@@ -141,17 +143,37 @@ def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None
 
 
 @compiled
-def commands(
-    noise: Singles, sd_distance: float, distance: float, sd_turn: float, turn: float
+def normal_pairs(
+    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, out: Singles
 ) -> None:
-    """Turn standard noise (2, n) into distances and turns, mean + sd · noise, in place."""
-    distances, turns = noise[0], noise[1]
-    scale, shift = np.float32(sd_distance), np.float32(distance)
-    for i in range(distances.size):
-        distances[i] = distances[i] * scale + shift
-    scale, shift = np.float32(sd_turn), np.float32(turn)
-    for i in range(turns.size):
-        turns[i] = turns[i] * scale + shift
+    """Fill in pairs of independent normal numbers, each made of one uniform number.
+
+    Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
+    v of its other 29. The largest is 5.9 standard deviations.
+
+    Args:
+        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
+        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
+        out: (2, n).
+    """
+    n = uniforms.size
+    radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
+    for i in range(n):
+        scaled = uniforms[i] * 16777216.0
+        whole = np.int32(scaled)
+        radius[i] = np.float32(whole)
+        angle[i] = np.float32(scaled - whole)
+    for i in range(n):
+        radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
+    for i in range(n):
+        angle[i] = angle[i] * _TURN
+    first, second = out[0], out[1]
+    shift, scale = np.float32(first_mean), np.float32(first_sd)
+    for i in range(n):
+        first[i] = shift + scale * (radius[i] * cos32(angle[i]))
+    shift, scale = np.float32(mean), np.float32(sd)
+    for i in range(n):
+        second[i] = shift + scale * (radius[i] * sin32(angle[i]))
 
 
 @compiled

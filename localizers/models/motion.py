@@ -45,15 +45,18 @@ class OdometryMotion:
         Args:
             states: rows x px, y px, θ rad, (3, n).
             action: (d px, φ rad).
-            rng: draws 2 n normal numbers.
+            rng: draws n uniform numbers, each of which makes two normal ones.
 
         Returns:
             (3, n), θ in [-π, π].
         """
         sd_distance, sd_turn = self.spread(action)
-        noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
-        kernels.commands(noise, sd_distance, float(action[0]), sd_turn, float(action[1]))
-        return driven(states, noise[0], noise[1])
+        n = states.shape[1]
+        drawn = np.empty((2, n), np.float32)
+        kernels.normal_pairs(
+            rng.random(n), float(action[0]), sd_distance, float(action[1]), sd_turn, drawn
+        )
+        return driven(states, drawn[0], drawn[1])
 
 
 def odometry(motion: object, method: str) -> OdometryMotion:
