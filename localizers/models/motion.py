@@ -53,7 +53,7 @@ class OdometryMotion:
         sd_distance, sd_turn = self.spread(action)
         n = states.shape[1]
         drawn = np.empty((2, n), np.float32)
-        uniforms: NDArray[np.float64] = rng.random(n)
+        uniforms = rng.random((n,))
         distance, turn = float(action[0]), float(action[1])
         kernels.normal_pairs(uniforms, distance, sd_distance, turn, sd_turn, drawn)
         return driven(states, drawn[0], drawn[1])
