@@ -4,13 +4,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.elementary import cos32, exp64, log32, log64, sin32
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-LANES = 64
+_POSES = 256  # looked at in one go
 _FOLD = 16  # beams multiplied before a logarithm is taken
+_HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
+_TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
 LEAST_FLOOR = 1e-19  # so that the product of _FOLD densities is a normal float64
+
+_LOG2E = 1.4426950408889634
+_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds
+# 2^f on [-½, ½], through the Chebyshev nodes
+_C0, _C1, _C2 = 1.0000000000000135, 0.6931471805599462, 0.2402265069564034
+_C3, _C4, _C5 = 0.05550410866465169, 0.009618129193934344, 0.0013333558200794293
+_C6, _C7, _C8 = 0.00015403433751204343, 1.5252672923793398e-05, 1.3259645259555697e-06
+_C9 = 1.020590545408595e-07
 
 
 @compiled
@@ -35,16 +45,22 @@ def normalize(log_weights: Floats, out: Floats) -> float:
 def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
     """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh 0."""
     stride = (log_weights.size - 1) // most + 1
+    before = log_weights[::stride].copy()
+    after = before + log_likelihoods[::stride]
     top, top_both = -np.inf, -np.inf
-    for i in range(0, log_weights.size, stride):
-        top = max(top, log_weights[i])
-        top_both = max(top_both, log_weights[i] + log_likelihoods[i])
+    for i in range(before.size):
+        top = max(top, before[i])
+        top_both = max(top_both, after[i])
     if not (top > -np.inf and top_both > -np.inf):
         return top_both - top  # -inf, or NaN
+    for i in range(before.size):
+        before[i] = exp64(before[i] - top)
+    for i in range(after.size):
+        after[i] = exp64(after[i] - top_both)
     weights, both = 0.0, 0.0
-    for i in range(0, log_weights.size, stride):
-        weights += exp64(log_weights[i] - top)
-        both += exp64(log_weights[i] + log_likelihoods[i] - top_both)
+    for i in range(before.size):
+        weights += before[i]
+        both += after[i]
     return float(top_both - top + log64(both / weights))
 
 
@@ -90,11 +106,30 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
 
 
 @compiled
+def systematic(weights: Floats, offset: float, out: NDArray[np.intp]) -> None:
+    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1."""
+    n = weights.size
+    total = 0.0
+    last = 0  # of weight above zero
+    for i in range(n):
+        total += weights[i]
+        last = i if weights[i] > 0.0 else last
+    reached = weights[0]
+    particle = 0
+    for k in range(n):
+        goal = (k + offset) / n * total
+        while reached <= goal and particle < last:
+            particle += 1
+            reached += weights[particle]
+        out[k] = particle
+
+
+@compiled
 def strata(offsets: Floats, out: Floats) -> None:
-    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``: one for all, or one for each."""
+    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``."""
     n = out.size
     for k in range(n):
-        out[k] = (k + offsets[k if offsets.size > 1 else 0]) / n
+        out[k] = (k + offsets[k]) / n
 
 
 @compiled
@@ -116,19 +151,67 @@ def pointed_at(weights: Floats, pointers: Floats, out: NDArray[np.intp]) -> None
 
 
 @compiled
-def scaled(noise: Singles, scale: np.float32, shift: np.float32) -> None:
-    """Turn standard noise into shift + scale · noise, in place, (n,)."""
-    for i in range(noise.size):
-        noise[i] = noise[i] * scale + shift
+def normal_pairs(
+    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, out: Singles
+) -> None:
+    """Fill in pairs of independent normal numbers, each made of one uniform number.
+
+    Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
+    v of its other 29. The largest is 5.9 standard deviations.
+
+    Args:
+        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
+        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
+        out: (2, n).
+    """
+    n = uniforms.size
+    radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
+    for i in range(n):
+        scaled = uniforms[i] * 16777216.0
+        whole = np.int32(scaled)
+        radius[i] = np.float32(whole)
+        angle[i] = np.float32(scaled - whole)
+    for i in range(n):
+        radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
+    for i in range(n):
+        angle[i] = angle[i] * _TURN
+    first, second = out[0], out[1]
+    shift, scale = np.float32(first_mean), np.float32(first_sd)
+    for i in range(n):
+        first[i] = shift + scale * (radius[i] * cos32(angle[i]))
+    shift, scale = np.float32(mean), np.float32(sd)
+    for i in range(n):
+        second[i] = shift + scale * (radius[i] * sin32(angle[i]))
 
 
 @compiled
-def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> int:
-    """Fill in which ranges are numbers in [0, max_range], (B,); return how many."""
+def finite(values: Floats) -> bool:
+    """Whether all numbers are, in an array of any shape."""
+    sound = True
+    for value in values.flat:
+        sound &= np.isfinite(value)
+    return sound
+
+
+@compiled
+def usable(range_: float, max_range: float) -> bool:
+    """Whether a range is a number in [0, max_range]."""
+    return (range_ >= 0.0) & (range_ <= max_range)  # both are false for NaN
+
+
+@compiled
+def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> None:
+    """Fill in which ranges are usable, (B,)."""
+    for i in range(ranges.size):
+        out[i] = usable(ranges[i], max_range)
+
+
+@compiled
+def count_usable(ranges: Floats, max_range: float) -> int:
+    """How many ranges (B,) are usable."""
     count = 0
     for i in range(ranges.size):
-        out[i] = (ranges[i] >= 0.0) & (ranges[i] <= max_range)  # both are false for NaN
-        count += out[i]
+        count += usable(ranges[i], max_range)
     return count
 
 
@@ -150,6 +233,19 @@ def agreeing(first: Floats, second: Floats) -> int:
 
 
 @compiled
+def _half_to(t: float) -> float:
+    """2^-t for t ≥ 0, to 2e-14 of itself; 2^-1000 beyond. No division, unlike ``exp64``."""
+    bounded = 1000.0 if t > 1000.0 else t
+    rounded = bounded + _ROUNDER  # its lowest bits are the integer k
+    f = (rounded - _ROUNDER) - bounded  # in [-½, ½]
+    z = f * f
+    even = (((_C8 * z + _C6) * z + _C4) * z + _C2) * z + _C0
+    odd = (((_C9 * z + _C7) * z + _C5) * z + _C3) * z + _C1
+    power = (np.int64(1023) - np.float64(rounded).view(np.int64)) << np.int64(52)
+    return (even + f * odd) * np.int64(power).view(np.float64)
+
+
+@compiled
 def mixture(
     ranges: Floats, expected: Singles, sigma: float, peak: float, floor: float, out: Floats
 ) -> None:
@@ -162,25 +258,22 @@ def mixture(
         peak, floor: floor ≥ ``LEAST_FLOOR``.
         out: (n,).
     """
-    inverse = 1.0 / sigma
-    density = np.ones(LANES, np.float64)
-    product = np.ones(LANES, np.float64)
+    scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-(scale (o - ô))²
+    product = np.empty(_POSES, np.float64)
     n = expected.shape[1]
-    for start in range(0, n, LANES):
-        count = min(LANES, n - start)
+    for start in range(0, n, _POSES):
+        count = min(_POSES, n - start)
         total = out[start : start + count]
         for i in range(count):
             total[i] = 0.0
         for first in range(0, ranges.size, _FOLD):
-            for i in range(LANES):
+            for i in range(count):
                 product[i] = 1.0
             for beam in range(first, min(first + _FOLD, ranges.size)):
                 measured = ranges[beam]
                 row = expected[beam, start : start + count]
                 for i in range(count):
-                    z = (measured - row[i]) * inverse
-                    density[i] = peak * exp64(-0.5 * z * z) + floor
-                for i in range(LANES):
-                    product[i] *= density[i]
+                    z = (measured - row[i]) * scale
+                    product[i] *= peak * _half_to(z * z) + floor
             for i in range(count):
                 total[i] += log64(product[i])

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.validation import InputError, array, integer
-from localizers.api import Prior, RobotModel, checked_plan, checked_scan
+from deqmcl_gym.validation import InputError, integer
+from localizers.api import Prior, RobotModel, checked_action, checked_plan, checked_scan
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import resampling
@@ -68,7 +68,7 @@ class ParticleLocalizer:
             )
         belief, rng = self._running
         scan = checked_scan(ranges, self.robot.lidar)
-        command = array("the action", action, (2,))
+        command = checked_action(action)
         after = self.filter.step(belief, scan, command, checked_plan(plan), rng)
         assert belief.trust is not None, "reset starts it"
         belief = after._replace(

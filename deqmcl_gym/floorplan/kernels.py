@@ -18,6 +18,7 @@ Ints = NDArray[np.int32]
 Single = Any  # a float32
 LANES = 64
 BLOCK = 512
+_RAYS = 256  # of one beam cast in one go: what one of them needs fits the fastest cache
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -173,70 +174,59 @@ def cast(
             the stretch of it that is wall.
         out: (B, n) px.
     """
-    px = np.zeros(LANES, np.float32)
-    py = np.zeros(LANES, np.float32)
-    sine = np.zeros(LANES, np.float32)
-    cosine = np.ones(LANES, np.float32)
-    dx = np.ones(LANES, np.float32)
-    dy = np.ones(LANES, np.float32)
-    per_dx = np.ones(LANES, np.float32)
-    per_dy = np.ones(LANES, np.float32)
-    best = np.empty(LANES, np.float32)
+    sine, cosine = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    dx, dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    per_dx, per_dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
     beam_sine = np.empty(bearings.size, np.float32)
     beam_cosine = np.empty(bearings.size, np.float32)
     for beam in range(bearings.size):
         beam_sine[beam], beam_cosine[beam] = sin32(bearings[beam]), cos32(bearings[beam])
     n = poses.shape[1]
-    for start in range(0, n, LANES):
-        count = min(LANES, n - start)
-        block = poses[:, start : start + count]
-        xs, ys, headings = block[0], block[1], block[2]
-        for i in range(count):
-            px[i] = xs[i]
-            py[i] = ys[i]
+    for start in range(0, n, _RAYS):
+        count = min(_RAYS, n - start)
+        end = start + count
+        px, py, headings = poses[0, start:end], poses[1, start:end], poses[2, start:end]
         for i in range(count):
             sine[i] = sin32(headings[i])
         for i in range(count):
             cosine[i] = cos32(headings[i])
         for beam in range(bearings.size):
             bs, bc = beam_sine[beam], beam_cosine[beam]
-            for i in range(LANES):
+            best = out[beam, start:end]
+            for i in range(count):
                 dx[i] = cosine[i] * bc - sine[i] * bs
-            for i in range(LANES):
+            for i in range(count):
                 dy[i] = sine[i] * bc + cosine[i] * bs
-            for i in range(LANES):  # a beam along an axis keeps a slope: no 0 · inf below
+            for i in range(count):  # a beam along an axis keeps a slope: no 0 · inf below
                 per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
-            for i in range(LANES):
+            for i in range(count):
                 per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
-            for i in range(LANES):
+            for i in range(count):
                 best[i] = _INF
             for room in range(rooms.shape[0]):
                 low_x, low_y, high_x, high_y = rooms[room]
-                for i in range(LANES):
+                for i in range(count):
                     best[i] = _leave(
                         low_x, low_y, high_x, high_y, px[i], py[i], per_dx[i], per_dy[i], best[i]
                     )
             for box in range(boxes.shape[0]):
                 low_x, low_y, high_x, high_y = boxes[box]
-                for i in range(LANES):
+                for i in range(count):
                     best[i] = _enter(
                         low_x, low_y, high_x, high_y, px[i], py[i], per_dx[i], per_dy[i], best[i]
                     )
             for wall in range(upright.shape[0]):
                 at, low, high = upright[wall]
-                for i in range(LANES):
+                for i in range(count):
                     best[i] = _cross(at, low, high, px[i], py[i], per_dx[i], dy[i], best[i])
             for wall in range(level.shape[0]):
                 at, low, high = level[wall]
-                for i in range(LANES):
+                for i in range(count):
                     best[i] = _cross(at, low, high, py[i], px[i], per_dy[i], dx[i], best[i])
             for wall in range(oblique.shape[0]):
                 ax, ay, ex, ey, low, high = oblique[wall]
-                for i in range(LANES):
+                for i in range(count):
                     best[i] = _meet(ax, ay, ex, ey, low, high, px[i], py[i], dx[i], dy[i], best[i])
-            seen = out[beam, start : start + count]
-            for i in range(count):
-                seen[i] = best[i]
     _blind(poses, outer, out)
 
 

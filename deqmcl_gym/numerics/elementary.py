@@ -69,6 +69,9 @@ _LN2_HIGH, _LN2_LOW = _F(0.693359375), _F(-2.12194440e-4)
 _E0, _E1, _E2 = _F(1.9875691500e-4), _F(1.3981999507e-3), _F(8.3334519073e-3)
 _E3, _E4, _E5 = _F(4.1665795894e-2), _F(1.6666665459e-1), _F(5.0000001201e-1)
 _LEAST = _F(-87.0)
+# float32 log: 2 artanh by its series
+_A1, _A2, _A3, _A4 = _F(1 / 3), _F(1 / 5), _F(1 / 7), _F(1 / 9)
+_SQRT_HALF_BITS = np.int32(0x3F3504F3)
 
 # float64: ln 2 in two parts; sqrt ½
 _LN2_HI, _LN2_LO = 6.93145751953125e-1, 1.42860682030941723212e-6
@@ -85,12 +88,13 @@ _INV_SQRT_2PI = 0.3989422804014327
 @compiled
 def _wave(angle: Scalar, quarters: Scalar) -> Scalar:
     """sin(angle + quarters π/2)."""
-    turns = (angle * _TWO_OVER_PI + _ROUNDER) - _ROUNDER
+    rounded = angle * _TWO_OVER_PI + _ROUNDER  # its lowest bits are the integer turns
+    turns = rounded - _ROUNDER
     r = ((angle - turns * _PIO2_HIGH) - turns * _PIO2_MIDDLE) - turns * _PIO2_LOW
     z = r * r
     sine = ((_S3 * z + _S2) * z + _S1) * z * r + r
     cosine = ((_C3 * z + _C2) * z + _C1) * z * z - _HALF * z + _ONE
-    quadrant = np.int32(turns) + quarters
+    quadrant = np.float32(rounded).view(np.int32) + quarters
     value = cosine if (quadrant & np.int32(1)) != 0 else sine
     return -value if (quadrant & np.int32(2)) != 0 else value
 
@@ -165,14 +169,28 @@ def atan2_64(y: Scalar, x: Scalar) -> Scalar:
 
 @compiled
 def exp32(x: Scalar) -> Scalar:
-    """Exp of a float32 x ≤ 0, to about 1e-7; 1.6e-38 below -87."""
-    x = max(x, _LEAST)
-    k = (x * _LOG2E + _ROUNDER) - _ROUNDER
+    """Exp of a float32 x ≤ 0, to about 1e-7; 1.6e-38 below -87 and of NaN."""
+    x = x if x > _LEAST else _LEAST
+    rounded = x * _LOG2E + _ROUNDER  # its lowest bits are the integer k
+    k = rounded - _ROUNDER
     r = (x - k * _LN2_HIGH) - k * _LN2_LOW
     p = ((((_E0 * r + _E1) * r + _E2) * r + _E3) * r + _E4) * r + _E5
     mantissa = p * r * r + r + _ONE
-    power = (np.int32(k) + np.int32(127)) << np.int32(23)
+    power = (np.float32(rounded).view(np.int32) + np.int32(127)) << np.int32(23)
     return mantissa * np.int32(power).view(np.float32)
+
+
+@compiled
+def log32(x: Scalar) -> Scalar:
+    """Log of a normal float32 x > 0, to about 1e-7 of itself."""
+    bits = np.float32(x).view(np.int32) - _SQRT_HALF_BITS
+    e = np.float32(bits >> np.int32(23))
+    m = np.int32((bits & np.int32(0x007FFFFF)) + _SQRT_HALF_BITS).view(np.float32)  # in [√½, √2)
+    # log m = 2 artanh s, |s| < 0.172
+    s = (m - _ONE) / (m + _ONE)
+    z = s * s
+    series = ((_A4 * z + _A3) * z + _A2) * z + _A1
+    return e * _LN2_HIGH + (e * _LN2_LOW + (s + s + (s + s) * z * series))
 
 
 @compiled

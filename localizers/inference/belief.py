@@ -40,7 +40,7 @@ class Events:
 
     def of_scan(self, ranges: NDArray[np.float64], max_range: float) -> Self:
         """Return these events and those of a scan (B,) px: beams that say nothing."""
-        usable = int(np.count_nonzero((ranges >= 0) & (ranges <= max_range)))
+        usable = kernels.count_usable(ranges, max_range)
         if usable == ranges.size:
             return self
         return self.plus(skipped_beams=ranges.size - usable, blind_scans=int(usable == 0))
@@ -80,13 +80,13 @@ class ParticleBelief(NamedTuple):
 
     @property
     def present(self) -> States:
-        """States x_t, (d, n)."""
-        return self._held(0)
+        """States x_t, (d, n); to be read only."""
+        return self.queue.held(self.queue.present)
 
     @property
     def head(self) -> States:
-        """The newest states x_{t+F_t}, (d, n)."""
-        return self._held(self.queue.ahead)
+        """The newest states x_{t+F_t}, (d, n); to be read only."""
+        return self.queue.held(len(self.queue.slots) - 1)
 
     @property
     def reported_log_weights(self) -> LogWeights:
@@ -120,12 +120,16 @@ class ParticleBelief(NamedTuple):
         """
         if ancestors is None:
             return self
-        left = self.log_weights[ancestors] - by[ancestors]
+        if by is self.log_weights:
+            left = np.zeros(ancestors.size)
+        else:
+            left = self.log_weights[ancestors] - by[ancestors]
         return self._with(self.queue.resampled(ancestors), left, self.drawn, self._evidence(by))
 
     def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
         """Add newest states (d, n), drawn by ``action``."""
-        drawn = np.concatenate((self.drawn, action[None]))
+        newest = action[None]
+        drawn = np.concatenate((self.drawn, newest)) if len(self.drawn) else newest
         return self._with(self.queue.appended(states), self.log_weights, drawn)
 
     def stepped(self, past: int) -> "ParticleBelief":
@@ -153,10 +157,7 @@ class ParticleBelief(NamedTuple):
         and a weight collapse is counted: the cloud then goes on by motion alone until evidence
         comes that some particle can explain.
         """
-        total = np.empty_like(self.log_weights)
-        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
-            return self._with(self.queue, total, self.drawn)
-        return self._replace(events=self.events.plus(weight_collapses=1))
+        return self._reweighted(log_factor, math.nan)
 
     def scanned(
         self, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
@@ -166,7 +167,14 @@ class ParticleBelief(NamedTuple):
         The latter from at most ``most`` evenly spaced particles.
         """
         evidence = kernels.log_evidence(self.log_weights, log_likelihood, most)
-        return self.reweighted(log_likelihood)._replace(scan_log_evidence=evidence)
+        return self._reweighted(log_likelihood, evidence)
+
+    def _reweighted(self, log_factor: LogWeights, scan_log_evidence: float) -> "ParticleBelief":
+        total = np.empty(self.log_weights.size)
+        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
+            return self._with(self.queue, total, self.drawn, None, scan_log_evidence)
+        events = self.events.plus(weight_collapses=1)
+        return self._replace(events=events, scan_log_evidence=scan_log_evidence)
 
     def _with(
         self,
@@ -174,15 +182,18 @@ class ParticleBelief(NamedTuple):
         log_weights: LogWeights,
         drawn: Actions,
         log_normalizer: float | None = None,
+        scan_log_evidence: float = math.nan,
     ) -> "ParticleBelief":
         """``_replace``, at a fifth of its cost: this is called several times a step."""
-        evidence = self.log_normalizer if log_normalizer is None else log_normalizer
-        return ParticleBelief(queue, log_weights, drawn, evidence, self.events, self.redraw_ess)
+        return ParticleBelief(
+            queue,
+            log_weights,
+            drawn,
+            self.log_normalizer if log_normalizer is None else log_normalizer,
+            self.events,
+            self.redraw_ess,
+            scan_log_evidence,
+        )
 
     def _evidence(self, log_weights: LogWeights) -> float:
         return self.log_normalizer + log_sum_exp(log_weights) - math.log(log_weights.size)
-
-    def _held(self, offset: int) -> States:
-        states = self.queue.at(offset)
-        assert states is not None, "the present and the head are always held"
-        return states

@@ -84,9 +84,12 @@ class ParticleFilter:
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
-        actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
+        actions = action[None]  # of the steps t … t + F
+        if self.future:
+            actions = np.concatenate((actions, plan[: self.future]))
         belief = self._resampled(belief, rng)
-        belief = self._redraw(belief, actions, rng)
+        if belief.queue.ahead:
+            belief = self._redraw(belief, actions, rng)
         for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
             belief = self._advanced(belief, newest, rng)
         belief = belief.stepped(self.past)

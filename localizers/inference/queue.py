@@ -12,8 +12,6 @@ dataclass.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from localizers.inference.parts import Indices, States
 
 Link = Indices | None  # None: the identity
@@ -119,9 +117,14 @@ class Queue(NamedTuple):
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
+        states = self.held(index)
+        return states.copy() if states is self.slots[index] else states
+
+    def held(self, index: int) -> States:
+        """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
         order = self._order(index)
         states = self.slots[index]
-        return states.copy() if order is None else np.take(states, order, axis=1)
+        return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
         """Return the states from ``offset`` ≥ 0 steps after the present on, (d, n) each.
@@ -131,7 +134,7 @@ class Queue(NamedTuple):
         order, found = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]
-            found.append(states.copy() if order is None else np.take(states, order, axis=1))
+            found.append(states.copy() if order is None else states.take(order, axis=1))
             order = compose(self.links[index - 1], order) if index else order
         return found[::-1]
 

@@ -21,12 +21,16 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
 
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
     """
-    return _pointed_at(weights, _in_strata(weights.size, rng.random(1)))
+    chosen = np.empty(weights.size, np.intp)
+    kernels.systematic(weights, rng.random(), chosen)
+    return chosen
 
 
 def stratified(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
-    return _pointed_at(weights, _in_strata(weights.size, rng.random(weights.size)))
+    pointers = np.empty(weights.size)
+    kernels.strata(rng.random(weights.size), pointers)
+    return _pointed_at(weights, pointers)
 
 
 def multinomial(weights: Weights, rng: np.random.Generator) -> Indices:
@@ -90,13 +94,6 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
     if ess_threshold is None:
         return Always(scheme)
     return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
-
-
-def _in_strata(n: int, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k + u) / n for k = 0 … n - 1."""
-    pointers = np.empty(n)
-    kernels.strata(offsets, pointers)
-    return pointers
 
 
 def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:

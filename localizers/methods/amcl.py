@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import Lidar
-from deqmcl_gym.validation import InputError, array, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_plan, checked_scan
+from deqmcl_gym.validation import InputError, integer, number, one_of
+from localizers.api import Prior, RobotModel, checked_action, checked_plan, checked_scan
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.parts import Scan, States
@@ -105,7 +105,7 @@ class AdaptiveLocalizer:
             )
         now = self._running
         scan = checked_scan(ranges, self.robot.lidar)
-        command = array("the action", action, (2,))
+        command = checked_action(action)
         checked_plan(plan)
         used = np.where(self._unused, np.nan, scan)
         belief = self._resampled(now)._replace(trust=None)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.validation import array
-from localizers.api import Prior, RobotModel, checked_plan
+from localizers.api import Prior, RobotModel, checked_action, checked_plan
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +41,7 @@ class DeadReckoning:
             raise RuntimeError(
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
-        moved = _moved(self._driven[-1], array("the action", action, (2,)))
+        moved = _moved(self._driven[-1], checked_action(action))
         return self._followed([*self._driven, moved], plan)
 
     def _followed(self, driven: list[tuple[float, float, float]], plan: ArrayLike) -> _Track:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, array, number
-from localizers.api import Points, Prior, RobotModel, checked_plan, checked_scan
+from deqmcl_gym.validation import InputError, number
+from localizers.api import Points, Prior, RobotModel, checked_action, checked_plan, checked_scan
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
@@ -112,7 +112,7 @@ class KalmanLocalizer:
             )
         before = self._belief
         scan = checked_scan(ranges, self.robot.lidar)
-        command = array("the action", action, (2,))
+        command = checked_action(action)
         checked_plan(plan)
         mean, covariance = before.mean.copy(), before.covariance.copy()
         distance, turn = command.tolist()

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, array
-from localizers.api import Points, Prior, RobotModel, checked_plan, checked_scan
+from deqmcl_gym.validation import InputError
+from localizers.api import Points, Prior, RobotModel, checked_action, checked_plan, checked_scan
 from localizers.inference import grid_kernels
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
@@ -96,7 +96,7 @@ class GridLocalizer:
             )
         before = self._belief
         scan = checked_scan(ranges, self.robot.lidar)
-        command = array("the action", action, (2,))
+        command = checked_action(action)
         checked_plan(plan)
         events = before.events.of_scan(scan, self.robot.lidar.max_range)
         mass = self._motion.predicted(before.mass, command)

@@ -10,7 +10,7 @@ from localizers.models.motion import OdometryMotion
 
 Poses = NDArray[np.float32]  # (3, n)
 
-_DRAWS = 2**16  # numbers drawn at once: more would not stay in the processor's cache
+_DRAWS = 2**16  # normal numbers drawn at once: more would not stay in the processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,31 +45,31 @@ class OdometryMotion:
         Args:
             states: rows x px, y px, θ rad, (3, n).
             action: (d px, φ rad).
-            rng: draws 2 n normal numbers.
+            rng: draws n uniform numbers, whatever the action.
 
         Returns:
             (3, n), θ in [-π, π].
         """
-        distance, turn = float(action[0]), float(action[1])
-        sd_distance, sd_turn = self.spread(action)
-        noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
-        distances, turns = noise
-        kernels.scaled(distances, np.float32(sd_distance), np.float32(distance))
-        kernels.scaled(turns, np.float32(sd_turn), np.float32(turn))
+        distances, turns = self.moves(action[None], states.shape[1], rng)[0]
         return driven(states, distances, turns)
 
     def moves(
         self, actions: NDArray[np.float64], n: int, rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        """Draw d + ε_d and φ + ε_φ of several actions for n poses: as ``sample``, step by step.
+        """Draw d + ε_d and φ + ε_φ of several actions (F, 2) for n poses, step by step.
+
+        Takes n uniform numbers a step, each of which makes two normal ones.
 
         Returns:
             (F, 2, n) px, rad.
         """
-        spread = np.array([self.spread(action) for action in actions], np.float32).reshape(-1, 2, 1)
-        moves = rng.standard_normal((len(actions), 2, n), dtype=np.float32)
-        moves *= spread
-        moves += actions.astype(np.float32)[:, :, None]
+        moves = np.empty((len(actions), 2, n), np.float32)
+        for action, uniforms, drawn in zip(
+            actions, rng.random((len(actions), n)), moves, strict=True
+        ):
+            distance, turn = action.tolist()
+            sd_distance, sd_turn = self.spread(action)
+            kernels.normal_pairs(uniforms, distance, sd_distance, turn, sd_turn, drawn)
         return moves
 
 

@@ -213,15 +213,16 @@ class LidarScan:
 
     def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
-        usable = np.empty(len(ranges), np.bool_)
-        count = kernels.mark_usable(ranges, self.lidar.max_range, usable)
+        max_range = self.lidar.max_range
+        count = kernels.count_usable(ranges, max_range)
         if count == 0:
             return np.zeros(states.shape[1])
         bearings, measured = self._bearings, ranges
         if count < ranges.size:
+            usable = usable_beams(ranges, max_range)
             bearings, measured = bearings[usable], ranges[usable]
         expected = self.floor_plan.ranges(states.T, bearings)
-        log_likelihood = self.beam.log_likelihood(measured, expected, self.lidar.max_range)
+        log_likelihood = self.beam.log_likelihood(measured, expected, max_range)
         kernels.fill_where_nan(expected[:, 0], OUTSIDE, log_likelihood)
         return log_likelihood
 
