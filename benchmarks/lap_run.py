@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.episode import check_params, room_of, trial_moments
-from benchmarks.export import npz, trajectories
-from benchmarks.figures import camera_of, lap_frames
-from benchmarks.frames import write_webp
-from benchmarks.metrics import state_error
-from benchmarks.plots import error_plot, require_plots
-from benchmarks.presets import ASSUMED
-from benchmarks.scoring import scores
-from benchmarks.spec import Trial
-from benchmarks.store import writable_folder, write_bytes, write_text
-from benchmarks.suites import paper_suite
-from benchmarks.tables import TITLES, state_name
-from benchmarks.trace import Trace, trace_of
+from benchmarks.pictures.export import npz, trajectories
+from benchmarks.pictures.figures import camera_of, lap_frames
+from benchmarks.pictures.frames import write_webp
+from benchmarks.pictures.plots import error_plot, require_plots
+from benchmarks.sweeps.store import writable_folder, write_bytes, write_text
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.tables.table_1 import TITLES, state_name
+from benchmarks.trials.episode import check_params, room_of, trial_moments
+from benchmarks.trials.metrics import state_error
+from benchmarks.trials.presets import ASSUMED
+from benchmarks.trials.scoring import scores
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.validation import integer, one_of
 from localizers import resolve
 

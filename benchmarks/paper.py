@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.figures import FIG_4_METHODS
-from benchmarks.gallery import Gallery
-from benchmarks.manifest import seeds
-from benchmarks.presets import ASSUMED
-from benchmarks.provenance import environment
-from benchmarks.store import Store, write_text
-from benchmarks.suites import PAPER_METHODS, paper_sweep
-from benchmarks.sweep import check, run_trials
-from benchmarks.tables import (
+from benchmarks.pictures.figures import FIG_4_METHODS
+from benchmarks.pictures.gallery import Gallery
+from benchmarks.sweeps.manifest import seeds
+from benchmarks.sweeps.running import check, run_trials
+from benchmarks.sweeps.store import Store, write_text
+from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
+from benchmarks.tables.table_1 import (
     Row,
     reading,
     table_1,
@@ -23,6 +21,8 @@ from benchmarks.tables import (
     timings_csv,
     trials_csv,
 )
+from benchmarks.trials.presets import ASSUMED
+from benchmarks.trials.provenance import environment
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import names, resolve
 

@@ -16,8 +16,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del options, given
-    from benchmarks.presets import ASSUMED
-    from benchmarks.suites import FAMILIES, SUITES
+    from benchmarks.sweeps.suites import FAMILIES, SUITES
+    from benchmarks.trials.presets import ASSUMED
     from localizers import names
 
     suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import available_cpus
     from benchmarks.paper import PaperExperiment, run_paper
-    from benchmarks.suites import PAPER_METHODS
+    from benchmarks.sweeps.suites import PAPER_METHODS
 
     named = options.localizers
     experiment = PaperExperiment(

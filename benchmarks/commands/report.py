@@ -21,9 +21,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
-    from benchmarks.collecting import results_in
     from benchmarks.report import require_report, write_report
     from benchmarks.report.words import progress
+    from benchmarks.sweeps.collecting import results_in
 
     require_report()
     results = results_in(options.folder)

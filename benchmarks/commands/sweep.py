@@ -40,10 +40,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from benchmarks.collecting import failed_sentence, summary
-    from benchmarks.dry_run import dry_run
     from benchmarks.execution.engines import Where
-    from benchmarks.sweep import (
+    from benchmarks.sweeps.collecting import failed_sentence, summary
+    from benchmarks.sweeps.dry_run import dry_run
+    from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
         check,
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         run_sweep,
         shard_of,
     )
-    from benchmarks.sweepfile import sweeps_named
+    from benchmarks.sweeps.sweepfile import sweeps_named
 
     added = [name for listed in options.added for name in comma_separated(listed)]
     sweeps = sweeps_named(options.suite, added)

@@ -5,10 +5,10 @@ from collections import Counter, deque
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 
-from benchmarks.execution.attempt import Outcome, attempt
 from benchmarks.execution.engines import Engine
 from benchmarks.execution.processes import TimedOutError
-from benchmarks.spec import Trial
+from benchmarks.trials.attempt import Outcome, attempt
+from benchmarks.trials.spec import Trial
 
 TRIES = 3  # of a trial whose worker dies
 

@@ -26,7 +26,7 @@ def _load() -> None:
     """Load what trials need before the first of them is timed."""
     import cv2
 
-    import benchmarks.execution.attempt  # noqa: F401
+    import benchmarks.trials.attempt  # noqa: F401
 
     cv2.setNumThreads(1)
 

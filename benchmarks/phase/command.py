@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.episode import check_params, room_of, trial_moments
 from benchmarks.phase.cycles import Cycles, cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.figure import Panel, phase_figure
 from benchmarks.phase.page import PERFECT, cycles_csv, fields_csv, page, table, told
 from benchmarks.phase.precession import precession
-from benchmarks.plots import require_plots
-from benchmarks.presets import ASSUMED
-from benchmarks.spec import Trial
-from benchmarks.store import writable_folder, write_bytes
-from benchmarks.suites import paper_suite
-from benchmarks.tables import TITLES
+from benchmarks.pictures.plots import require_plots
+from benchmarks.sweeps.store import writable_folder, write_bytes
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.tables.table_1 import TITLES
+from benchmarks.trials.episode import check_params, room_of, trial_moments
+from benchmarks.trials.presets import ASSUMED
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import names, resolve
 

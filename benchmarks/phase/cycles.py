@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.episode import Moment
 from benchmarks.phase.fields import PlaceFields
+from benchmarks.trials.episode import Moment
 from localizers import Belief
 
 Floats = NDArray[np.float64]

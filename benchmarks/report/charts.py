@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.comparison import Comparison
-from benchmarks.pairing import Method, per_world, world_scores
 from benchmarks.report.panels import Panel
 from benchmarks.report.samples import curves, milliseconds_per_step
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, legend, picture
-from benchmarks.scoring import LEVELS
-from benchmarks.stats import paired_bootstrap
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import Method, per_world, world_scores
+from benchmarks.tables.stats import paired_bootstrap
+from benchmarks.trials.scoring import LEVELS
 
 Floats = NDArray[np.float64]
 Looks = Mapping[Method, Look]

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.comparison import Comparison
 from benchmarks.report.panels import as_number, short_name
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, legend, picture
+from benchmarks.tables.comparison import Comparison
 
 Facts = dict[str, Any]
 _LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis

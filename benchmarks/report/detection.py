@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from benchmarks.auroc import Auroc
 from benchmarks.report.panels import Panel
 from benchmarks.report.words import fixed, interval, percent
+from benchmarks.tables.auroc import Auroc
 
 HEADING = "Does its quality tell when it is far off?"
 CAPTION = (

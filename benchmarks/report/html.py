@@ -14,7 +14,7 @@ from benchmarks.report.panels import full_name
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import DARK, LIGHT
 from benchmarks.report.svg import Picture
-from benchmarks.scoring import LOST_DISTANCE, LOST_STEPS
+from benchmarks.trials.scoring import LOST_DISTANCE, LOST_STEPS
 
 
 def html(story: Story) -> str:

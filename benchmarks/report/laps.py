@@ -8,13 +8,13 @@ from typing import Any
 
 import cv2
 
-from benchmarks.comparison import Comparison
-from benchmarks.episode import trial_moments
-from benchmarks.figures import camera_of
-from benchmarks.frames import side_by_side, webp
-from benchmarks.pairing import world_scores
+from benchmarks.pictures.figures import camera_of
+from benchmarks.pictures.frames import side_by_side, webp
 from benchmarks.report.panels import Panel
-from benchmarks.spec import Trial, frozen, unworded
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import world_scores
+from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.spec import Trial, frozen, unworded
 from deqmcl_gym.drawing import Image
 
 _STRIDE = 4  # steps per frame

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
-from benchmarks.comparison import Comparison, comparisons
-from benchmarks.pairing import BASELINE, Method, Record, Setting, method_of, setting_of
-from benchmarks.tables import TITLES
+from benchmarks.tables.comparison import Comparison, comparisons
+from benchmarks.tables.pairing import BASELINE, Method, Record, Setting, method_of, setting_of
+from benchmarks.tables.table_1 import TITLES
 
 Params = dict[str, Any]
 

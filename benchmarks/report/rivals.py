@@ -3,11 +3,11 @@
 import json
 from collections.abc import Sequence
 
-from benchmarks.gap import Gap, apart
-from benchmarks.pairing import Method, world_scores
 from benchmarks.report.panels import Panel, short_name
 from benchmarks.report.words import fixed, interval, signed
-from benchmarks.tables import state_name
+from benchmarks.tables.gap import Gap, apart
+from benchmarks.tables.pairing import Method, world_scores
+from benchmarks.tables.table_1 import state_name
 
 Table = tuple[list[str], list[list[str]]]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.pairing import Record
+from benchmarks.tables.pairing import Record
 
 Floats = NDArray[np.float64]
 

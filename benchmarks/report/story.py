@@ -3,9 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from benchmarks.comparison import Comparison
-from benchmarks.gap import Gap
-from benchmarks.pairing import Method
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -19,7 +16,10 @@ from benchmarks.report.panels import Panel, panels
 from benchmarks.report.rivals import Table, gap_table, rival_tables
 from benchmarks.report.style import Look, looks
 from benchmarks.report.svg import Picture, house_style
-from benchmarks.results import Results
+from benchmarks.sweeps.results import Results
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.gap import Gap
+from benchmarks.tables.pairing import Method
 
 PICTURED = 8  # panels with pictures; the tables are of all
 ANIMATED = 1  # panels with animations: they are what makes a page large

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from benchmarks.pairing import Method
+from benchmarks.tables.pairing import Method
 
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written
 

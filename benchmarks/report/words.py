@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.comparison import Comparison
-from benchmarks.pairing import Record, world_scores
 from benchmarks.report.panels import Panel, full_name
-from benchmarks.results import Results
-from benchmarks.scoring import LEVELS
-from benchmarks.stats import paired_bootstrap
-from benchmarks.tables import state_name
+from benchmarks.sweeps.results import Results
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import Record, world_scores
+from benchmarks.tables.stats import paired_bootstrap
+from benchmarks.tables.table_1 import state_name
+from benchmarks.trials.scoring import LEVELS
 
 GLANCE = (
     "Error e of x[t]. ▼ smaller than the baseline's, ▲ larger (95 % interval without 0 and "

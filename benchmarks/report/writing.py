@@ -3,11 +3,11 @@
 from importlib.util import find_spec
 from pathlib import Path
 
-from benchmarks.comparison import comparisons, results_csv
-from benchmarks.gap import gaps, gaps_csv
-from benchmarks.results import Results
-from benchmarks.store import writable_folder, write_bytes
-from benchmarks.tables import timings_csv, trials_csv
+from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.store import writable_folder, write_bytes
+from benchmarks.tables.comparison import comparisons, results_csv
+from benchmarks.tables.gap import gaps, gaps_csv
+from benchmarks.tables.table_1 import timings_csv, trials_csv
 from deqmcl_gym.validation import InputError
 
 IMAGES = "images"

@@ -8,7 +8,6 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from benchmarks.provenance import environment
 from benchmarks.speed import rays, steps, worlds
 from benchmarks.speed.figure import Figure, Measured, UnavailableError, measured
 from benchmarks.speed.plots import ratios_plot, scaling_plot
@@ -22,7 +21,8 @@ from benchmarks.speed.tables import (
     terminal_table,
 )
 from benchmarks.speed.timing import Effort
-from benchmarks.store import writable_folder, write_bytes, write_text
+from benchmarks.sweeps.store import writable_folder, write_bytes, write_text
+from benchmarks.trials.provenance import environment
 
 T = TypeVar("T")
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.episode import Moment, room_of
-from benchmarks.trace import trace_of
+from benchmarks.trials.episode import Moment, room_of
+from benchmarks.trials.trace import trace_of
 
 ROOM = room_of("paper")
 FREE, IN_WALL = (50.0, 50.0, 0.0), (175.0, 150.0, 0.0)  # a corner of the loop; the inner rectangle

@@ -3,7 +3,7 @@
 import csv
 import io
 
-from benchmarks.scoring import SCORE_NAMES
+from benchmarks.trials.scoring import SCORE_NAMES
 
 
 def record(method, trial, errors, *, filter_seed=0, **scores):

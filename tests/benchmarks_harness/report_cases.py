@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from benchmarks.results import Failure, Results
-from benchmarks.scoring import SCORE_NAMES
+from benchmarks.sweeps.results import Failure, Results
+from benchmarks.trials.scoring import SCORE_NAMES
 
 STEPS = 60
 

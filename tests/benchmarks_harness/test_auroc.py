@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from report_cases import finished, results
 
-from benchmarks.auroc import auroc_interval, auroc_of, in_order, rated_steps
-from benchmarks.comparison import comparisons
 from benchmarks.report import detection
 from benchmarks.report.panels import panels
 from benchmarks.report.writing import write_report
-from benchmarks.stats import multiplicities
+from benchmarks.tables.auroc import auroc_interval, auroc_of, in_order, rated_steps
+from benchmarks.tables.comparison import comparisons
+from benchmarks.tables.stats import multiplicities
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
 

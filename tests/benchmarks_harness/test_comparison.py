@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from fake_records import record
 
-from benchmarks import stats
-from benchmarks.comparison import baseline_of, comparisons, results_csv
-from benchmarks.pairing import Method, method_of, setting_of
+from benchmarks.tables import stats
+from benchmarks.tables.comparison import baseline_of, comparisons, results_csv
+from benchmarks.tables.pairing import Method, method_of, setting_of
 
 
 def run(method, trial, errors, *, filter_seed=0, params=None, scores=None, **setting):

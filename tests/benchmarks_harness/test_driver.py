@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from benchmarks.execution.attempt import Outcome
 from benchmarks.execution.driver import TRIES, outcomes
 from benchmarks.execution.engines import Engine
 from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+from benchmarks.trials.attempt import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)
 

@@ -4,9 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks.episode import moments, room_of, trial_moments
-from benchmarks.presets import ASSUMED
-from benchmarks.suites import PAPER_METHODS, paper_suite
+from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
+from benchmarks.trials.episode import moments, room_of, trial_moments
+from benchmarks.trials.presets import ASSUMED
 from deqmcl_gym.wrappers import PlanChange
 from localizers import CensoredGaussianUniform, make, names, parameters
 

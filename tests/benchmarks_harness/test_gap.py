@@ -7,14 +7,14 @@ import pytest
 from fake_records import parsed
 from report_cases import finished, results
 
-from benchmarks.collecting import of_sweep
-from benchmarks.design import Sweep
-from benchmarks.factors import Limit, Method
-from benchmarks.gap import gaps, gaps_csv, limit_of
-from benchmarks.pairing import Method as Named
-from benchmarks.spec import frozen
-from benchmarks.stats import paired_bootstrap
-from benchmarks.sweepfile import sweep_of
+from benchmarks.sweeps.collecting import of_sweep
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables.gap import gaps, gaps_csv, limit_of
+from benchmarks.tables.pairing import Method as Named
+from benchmarks.tables.stats import paired_bootstrap
+from benchmarks.trials.spec import frozen
 from deqmcl_gym.validation import InputError
 
 MANY = {"particles": 100_000}

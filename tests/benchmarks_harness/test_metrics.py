@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import metrics
+from benchmarks.trials import metrics
 
 PI = math.pi
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.episode import Moment, room_of, trial_moments
 from benchmarks.phase.cycles import cycles_of, perfect_cycles, phase
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.page import late
 from benchmarks.phase.precession import precession, right_mass
-from benchmarks.suites import paper_suite
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.episode import Moment, room_of, trial_moments
 from deqmcl_gym.path import Path
 
 # Once around is 6,000 px. Both fields are passed as a whole at every offset of a queue of 20.

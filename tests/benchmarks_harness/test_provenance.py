@@ -2,14 +2,16 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
-from benchmarks import provenance
+from benchmarks import trials
+from benchmarks.trials import provenance
 
 RUN = """
 import sys
-from benchmarks.execution.attempt import attempt
-from benchmarks.plugins import key_of
-from benchmarks.spec import Trial
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Trial
 for name in ("mcl", "deq-mcl", "dead-reckoning"):
     trial = Trial(
         preset="paper", localizer=name, params=(), lag=2, seed=0, trial=0,
@@ -21,10 +23,9 @@ print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
 
 
 def names():
-    return {
-        f"benchmarks.{name.replace('/', '.')}".removesuffix(".__init__")
-        for name in provenance.HARNESS
-    }
+    folder = Path(trials.__file__).parent
+    modules = {f"benchmarks.trials.{path.stem}" for path in folder.glob("*.py")}
+    return {"benchmarks", "benchmarks.trials", *modules} - {"benchmarks.trials.__init__"}
 
 
 def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads():
@@ -39,15 +40,13 @@ def test_the_digest_changes_with_any_file_of_the_world_and_of_the_localizers(mon
         provenance.code_digest.cache_clear()
         return provenance.code_digest()
 
-    for package in ("deqmcl_gym", "localizers", "benchmarks"):
-        (tmp_path / package / "execution").mkdir(parents=True)
+    for package in ("deqmcl_gym", "localizers", "benchmarks", "benchmarks.trials"):
+        (tmp_path / package).mkdir()
         (tmp_path / package / "part.py").write_text("")
-    for name in provenance.HARNESS:
-        (tmp_path / "benchmarks" / f"{name}.py").write_text("")
     monkeypatch.setattr(provenance, "_folder", lambda package: tmp_path / package)
     try:
         seen = {digest()}
-        for path in ("deqmcl_gym/part.py", "localizers/part.py", "benchmarks/scoring.py"):
+        for path in ("deqmcl_gym/part.py", "localizers/part.py", "benchmarks.trials/part.py"):
             (tmp_path / path).write_text("changed")
             seen.add(digest())
         (tmp_path / "localizers" / "part.py").rename(tmp_path / "localizers" / "other.py")

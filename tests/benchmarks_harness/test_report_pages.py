@@ -9,14 +9,14 @@ from html.parser import HTMLParser
 import pytest
 from report_cases import THREE, finished, paired, results, trial_of
 
-from benchmarks.comparison import comparisons
 from benchmarks.report import story, writing
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
 from benchmarks.report.style import DARK, LIGHT, looks
 from benchmarks.report.svg import house_style
-from benchmarks.suites import paper_suite
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.tables.comparison import comparisons
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from report_cases import finished, paired, results, trial_of
 
-from benchmarks.comparison import comparisons
-from benchmarks.gap import gaps
 from benchmarks.report import words
 from benchmarks.report.panels import panels, short_name
 from benchmarks.report.rivals import gap_table, rival_tables
 from benchmarks.report.style import looks
-from benchmarks.stats import paired_bootstrap
+from benchmarks.tables.comparison import comparisons
+from benchmarks.tables.gap import gaps
+from benchmarks.tables.stats import paired_bootstrap
 
 WORLDS = (0, 1, 2)
 

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 
 import pytest
 
-from benchmarks.spec import Trial
-from benchmarks.suites import PAPER_METHODS, paper_suite
+from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
+from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(
     preset="paper",

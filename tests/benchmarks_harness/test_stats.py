@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats as scipy_stats
 
-from benchmarks import stats
+from benchmarks.tables import stats
 
 
 def test_the_sample_sd_divides_by_n_minus_1_and_needs_two():

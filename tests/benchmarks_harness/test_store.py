@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import store as store_module
-from benchmarks.store import Store, writable_folder, write_bytes, write_text
+from benchmarks.sweeps import store as store_module
+from benchmarks.sweeps.store import Store, writable_folder, write_bytes, write_text
 from deqmcl_gym.validation import InputError
 
 RECORD = {"scores": [{"offset": 0, "error": 1.5, "entropy": None}], "steps_done": 3}

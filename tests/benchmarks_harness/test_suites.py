@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.episode import room_of, trial_moments
-from benchmarks.presets import ASSUMED
-from benchmarks.spec import Trial
-from benchmarks.suites import FAMILIES, PAPER_METHODS, SUITES, with_localizers
-from benchmarks.sweep import check
-from benchmarks.sweepfile import sweeps_named
+from benchmarks.sweeps.running import check
+from benchmarks.sweeps.suites import FAMILIES, PAPER_METHODS, SUITES, with_localizers
+from benchmarks.sweeps.sweepfile import sweeps_named
+from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.presets import ASSUMED
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import names
 

@@ -6,15 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks import plugins
-from benchmarks.episode import trial_moments
-from benchmarks.execution import attempt
 from benchmarks.execution.engines import Where
-from benchmarks.spec import Trial
-from benchmarks.store import Store
-from benchmarks.suites import paper_suite
-from benchmarks.sweep import Options, TrialsFailedError, run_missing, run_trials
-from benchmarks.tables import table_csv, table_rows, trials_csv
+from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing, run_trials
+from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.tables.table_1 import table_csv, table_rows, trials_csv
+from benchmarks.trials import attempt, plugins
+from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.spec import Trial
 from localizers import registry
 
 

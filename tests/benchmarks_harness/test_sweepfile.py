@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.sweep import check
-from benchmarks.sweepfile import read_sweep, sweep_named
+from benchmarks.sweeps.running import check
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_named
 from deqmcl_gym.validation import InputError
 
 ALL = """

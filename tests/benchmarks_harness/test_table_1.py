@@ -3,7 +3,7 @@
 import pytest
 from fake_records import record
 
-from benchmarks.tables import reading, table_1, table_rows
+from benchmarks.tables.table_1 import reading, table_1, table_rows
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
     "deq-mcl": ("20.95 (17.66)", "7.82", "419.92", "290.04", "0.09", "0.07"),

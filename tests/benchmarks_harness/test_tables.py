@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from fake_records import parsed, record
 
-from benchmarks.stats import paired_bootstrap
-from benchmarks.tables import table_csv, table_rows, timings_csv, trials_csv
+from benchmarks.tables.stats import paired_bootstrap
+from benchmarks.tables.table_1 import table_csv, table_rows, timings_csv, trials_csv
 
 HEADER = (  # of the issue
     "method,offset,error,error_sd,error_window,entropy,var_x,var_y,var_cos,var_sin,"

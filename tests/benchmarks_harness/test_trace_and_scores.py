@@ -17,9 +17,9 @@ from fake_episode import (
     truth_of,
 )
 
-from benchmarks.episode import Moment
-from benchmarks.scoring import SCORE_NAMES, profile, record, scores
-from benchmarks.trace import trace_of
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
+from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError
 
 T, L = 10, 3

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import localizers
-from benchmarks.episode import trial_moments
-from benchmarks.spec import Trial
+from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.validation import InputError
 from localizers.inference import gaussian_kernels as kernels

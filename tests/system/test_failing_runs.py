@@ -10,7 +10,7 @@ from localizers import registry
 FULL_DISK = """
 import resource, signal, sys
 from benchmarks.cli import main
-from benchmarks import gallery
+from benchmarks.pictures import gallery
 gallery.write_figures = lambda *_: []
 out, quota = sys.argv[1], int(sys.argv[2])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
 
-from benchmarks.episode import trial_moments
-from benchmarks.execution.attempt import trial_trace
-from benchmarks.figures import camera_of, write_figures
-from benchmarks.frames import Camera
-from benchmarks.suites import paper_suite
+from benchmarks.pictures.figures import camera_of, write_figures
+from benchmarks.pictures.frames import Camera
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.attempt import trial_trace
+from benchmarks.trials.episode import trial_moments
 
 COLOURS = {  # by eye: what a reader would call so, R, G, B
     "black": lambda r, g, b: (r < 60) & (g < 60) & (b < 60),

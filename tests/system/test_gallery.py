@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 from deqmcl_command import exit_code, files
 
-from benchmarks import gallery, provenance
-from benchmarks.execution import attempt
-from benchmarks.gallery import Gallery
-from benchmarks.suites import paper_suite
+from benchmarks.pictures import gallery
+from benchmarks.pictures.gallery import Gallery
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials import attempt, provenance
 
 FEW = ("paper", "--trials", "1", "--particles", "10", "--jobs", "1")
 (TRIAL,) = paper_suite(localizers=["deq-mcl"], trials=1, particles=10)
@@ -60,7 +60,7 @@ def test_figures_of_other_code_are_not_current(drawn, monkeypatch, tmp_path, pac
     monkeypatch.setattr(provenance, "_folder", lambda p: changed if p == package else folder(p))
     for cached in (provenance.provenance, provenance.code_digest):
         monkeypatch.setattr(provenance, cached.__name__, cached.__wrapped__)
-    monkeypatch.setattr("benchmarks.plugins.provenance", provenance.provenance)
+    monkeypatch.setattr("benchmarks.trials.plugins.provenance", provenance.provenance)
     assert not Gallery([TRIAL], drawn).current()
 
 

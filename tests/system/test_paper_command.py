@@ -9,8 +9,8 @@ import shutil
 import pytest
 from deqmcl_command import METHODS, SMALL, exit_code, files
 
-from benchmarks import gallery
-from benchmarks.execution import attempt
+from benchmarks.pictures import gallery
+from benchmarks.trials import attempt
 
 FIGURES = (
     *("fig4_deq-mcl.png", "fig4_mcl.png", "fig5_step150.png", "fig5_step170.png", "lap.webp"),

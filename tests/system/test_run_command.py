@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 
-from benchmarks.execution.attempt import trial_trace
-from benchmarks.metrics import state_error
-from benchmarks.scoring import scores
-from benchmarks.suites import paper_suite
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.attempt import trial_trace
+from benchmarks.trials.metrics import state_error
+from benchmarks.trials.scoring import scores
 
 FEW = ("--particles", "20", "--seed", "3")
 

@@ -11,9 +11,9 @@ import pytest
 # Every number of one trial of each localizer, by its exact bits.
 DIGEST = """
 import hashlib, json
-from benchmarks.scoring import record
-from benchmarks.suites import paper_suite
-from benchmarks.execution.attempt import trial_trace
+from benchmarks.trials.scoring import record
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.attempt import trial_trace
 from localizers import names
 
 digests = {}

@@ -15,12 +15,12 @@ from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 import localizers
-from benchmarks import dry_run, manifest, plugins, store, sweepfile
-from benchmarks.collecting import results_in
-from benchmarks.execution import attempt
-from benchmarks.spec import unworded
-from benchmarks.suites import SUITES
-from benchmarks.sweepfile import sweep_of
+from benchmarks.sweeps import dry_run, manifest, store, sweepfile
+from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.suites import SUITES
+from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.trials import attempt, plugins
+from benchmarks.trials.spec import unworded
 from deqmcl_gym.validation import InputError
 from localizers import registry
 
@@ -476,7 +476,7 @@ def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
 def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_none(file, tmp_path):
-    from benchmarks.lock import locked
+    from benchmarks.sweeps.lock import locked
     from deqmcl_gym.validation import InputError
 
     holder = subprocess.Popen(
@@ -499,7 +499,7 @@ def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_non
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmarks.lock import locked
+from benchmarks.sweeps.lock import locked
 with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)
@@ -508,7 +508,7 @@ with locked(Path(sys.argv[1])):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
 def test_different_shards_share_a_folder_and_the_same_one_does_not(tmp_path):
-    from benchmarks.lock import locked
+    from benchmarks.sweeps.lock import locked
     from deqmcl_gym.validation import InputError
 
     with locked(tmp_path, "1/2"):

@@ -1,0 +1,1 @@
+"""Pictures and trajectories of laps."""

@@ -1,0 +1,87 @@
+"""The paper's figures 4 and 5 and an animation of the lap, always of trial 0: no picking."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
+from benchmarks.trials.episode import Moment, room_of, trial_moments
+from benchmarks.trials.metrics import cloud_moments, state_error
+from benchmarks.trials.spec import Params, Trial
+from deqmcl_gym.drawing import Image, View
+from localizers import Belief
+
+FIG_4_METHODS = ("deq-mcl", "mcl")
+FIG_5_METHOD = "deq-mcl"
+FIG_5_STATE = 150  # the paper's
+LAP_METHODS = ("mcl", "deq-mcl")
+_LAP_STRIDE = 2  # steps per frame
+_FRAME_MILLISECONDS = 80
+
+
+def camera_of(preset: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
+    """Return a camera for the room of a preset, changed as ``world`` says."""
+    room = room_of(preset, world)
+    return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
+
+
+def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
+    """Draw what can be drawn of these methods, each given by its trial 0; return the files."""
+    episodes = {trial.localizer: list(trial_moments(trial)) for trial in trials}
+    by_name = {trial.localizer: trial for trial in trials}
+    written: list[Path] = []
+
+    def write(name: str, image: Image) -> None:
+        write_png(folder / name, image)
+        written.append(folder / name)
+
+    for method in FIG_4_METHODS:
+        if method in episodes:
+            episode, trial = episodes[method], by_name[method]
+            half_way = episode[(len(episode) - 1) // 2]
+            write(f"fig4_{method}.png", camera_of(trial.preset, trial.lag).frame(half_way, method))
+    if FIG_5_METHOD in episodes:
+        trial = by_name[FIG_5_METHOD]
+        for step, image in _fig_5(episodes[FIG_5_METHOD], camera_of(trial.preset, trial.lag)):
+            write(f"fig5_step{step}.png", image)
+    shown = [method for method in LAP_METHODS if method in episodes]
+    if shown:
+        small = camera_of(by_name[shown[0]].preset, by_name[shown[0]].lag, scale=1.2)
+        laps = [lap_frames(episodes[method], small, method) for method in shown]
+        write_webp(
+            folder / "lap.webp",
+            [side_by_side(row) for row in zip(*laps, strict=True)],
+            _FRAME_MILLISECONDS,
+        )
+        written.append(folder / "lap.webp")
+    return written
+
+
+def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:
+    """Draw every second moment of an episode."""
+    return [camera.frame(moment, method) for moment in episode[::_LAP_STRIDE]]
+
+
+def _fig_5(episode: Sequence[Moment], camera: Camera) -> list[tuple[int, Image]]:
+    """State 150 seen at step 150, and looked back at L steps later, with its error and spread."""
+    later = FIG_5_STATE + camera.lag
+    if later >= len(episode):
+        return []
+    truth = episode[FIG_5_STATE].truth
+    images = []
+    for step, offset in dict.fromkeys(((FIG_5_STATE, 0), (later, -camera.lag))):  # one if L = 0
+        seen = _error_and_spread(episode[step].belief, offset, truth)
+        note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
+        images.append((step, camera.frame(episode[step], FIG_5_METHOD, note)))
+    return images
+
+
+def _error_and_spread(belief: Belief, offset: int, truth: NDArray[np.floating]) -> str:
+    points = belief.points(offset)
+    if points is None:
+        return "n/a"
+    mean, variance = cloud_moments(*points)
+    error = state_error(mean[None], truth[None])[0]
+    return f"error {error:.1f}, SD {(variance[0] + variance[1]) ** 0.5:.1f} px"

@@ -1,0 +1,189 @@
+"""What a sweep is: a factorial design of settings and methods over paired worlds, as data."""
+
+import itertools
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from benchmarks.sweeps.factors import GROUPS, SCALARS, Axis, Limit, Method
+from benchmarks.tables.pairing import BASELINE
+from benchmarks.trials.plugins import takes
+from benchmarks.trials.presets import ASSUMED
+from benchmarks.trials.spec import Params, Trial, frozen, thawed
+from deqmcl_gym.validation import InputError, integer, one_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A base, varied along axes; every combination is run by every localizer on the same worlds.
+
+    Attributes:
+        title: one line, for the report.
+        localizers: the methods compared.
+        preset: name of the world and of what the filters assume of it.
+        lag: L; also a parameter of each localizer that has a use for it.
+        world: changes to the world, by dotted name.
+        assumed: changes to what the filters assume, by dotted name.
+        disturbance: wrappers around the world, innermost first.
+        params: parameters of each localizer that has a use for them.
+        seed: root of all randomness.
+        trials: worlds per setting.
+        filter_seeds: runs of each method on each world.
+        vary: axes; the last one turns fastest.
+        baseline: localizer that the report compares the others with.
+        limit: what the optimality gap is measured from; None if it is not asked for.
+    """
+
+    title: str
+    localizers: tuple[Method, ...]
+    preset: str = "paper"
+    lag: int = 20
+    world: Params = ()
+    assumed: Params = ()
+    disturbance: tuple[Params, ...] = ()
+    params: Params = ()
+    seed: int = 0
+    trials: int = 10
+    filter_seeds: int = 1
+    vary: tuple[Axis, ...] = field(default=())
+    baseline: str = BASELINE
+    limit: Limit | None = None
+
+    def __post_init__(self) -> None:
+        one_of("preset", self.preset, ASSUMED)
+        integer("lag", self.lag)
+        integer("seed", self.seed)
+        integer("trials", self.trials, low=1, high=100_000)
+        integer("filter_seeds", self.filter_seeds, low=1, high=100_000)
+        if not self.localizers:
+            raise InputError("the sweep names no localizer, so there are no combinations to run.")
+        varied = [name for axis in self.vary for name in axis.values]
+        for name in varied:
+            if varied.count(name) > 1:
+                raise InputError(f"{name} is varied twice: name it in one [[vary]].")
+        for axis in self.vary:
+            for value in axis.values.get("preset", ()):
+                one_of("preset", value, ASSUMED)
+            for value in axis.values.get("lag", ()):
+                integer("lag", value)
+        for method in self.localizers:
+            takes(method.name)
+        if self.baseline != BASELINE:
+            one_of("baseline", self.baseline, [method.name for method in self.localizers])
+        if self.limit is not None:
+            takes(self.limit.method.name)
+            integer("trials of the limit", self.limit.trials, low=1, high=self.trials)
+
+    @property
+    def combinations(self) -> int:
+        """How many trials are asked for, counted without listing them; equal ones count twice."""
+        points = math.prod(len(axis) for axis in self.vary)
+        runs = len(self.localizers) * self.trials * self.filter_seeds
+        limit = 0 if self.limit is None else self.limit.trials * self.limit.filter_seeds
+        return points * (runs + limit)
+
+    def compared(self) -> Iterator[Trial]:
+        """Yield the trials of the methods: by setting, then method, world, filter seed."""
+        for base in self._points():
+            for method in self.localizers:
+                yield from self._runs(base, method, self.trials, self.filter_seeds)
+
+    def limits(self) -> Iterator[Trial]:
+        """Yield the trials of the limit, in the same order."""
+        if (limit := self.limit) is not None:
+            for base in self._points():
+                yield from self._runs(base, limit.method, limit.trials, limit.filter_seeds)
+
+    def listed(self) -> Iterator[Trial]:
+        """Yield all combinations: the methods', then the limit's."""
+        return itertools.chain(self.compared(), self.limits())
+
+    def cells(self) -> Iterator[Trial]:
+        """Yield the first trial of each setting and method."""
+        limit = self.limit and replace(self.limit, trials=1, filter_seeds=1)
+        return replace(self, trials=1, filter_seeds=1, limit=limit).listed()
+
+    def distinct(self) -> list[Trial]:
+        """Return the distinct trials, in the order of ``listed``."""
+        # by what names a result: 1, 1.0 and True are equal to Python
+        return list({json.dumps(trial.canonical()): trial for trial in self.listed()}.values())
+
+    def canonical(self) -> dict[str, Any]:
+        """Return the sweep as JSON-able values: what a folder of results is checked against."""
+        further: dict[str, Any] = {}
+        if self.baseline != BASELINE:
+            further["baseline"] = self.baseline
+        if (limit := self.limit) is not None:
+            runs = {"trials": limit.trials, "filter_seeds": limit.filter_seeds}
+            further["limit"] = _jsonable_method(limit.method) | runs
+        return {
+            "title": self.title,
+            "localizers": [_jsonable_method(method) for method in self.localizers],
+            "preset": self.preset,
+            "lag": self.lag,
+            "world": thawed(self.world),
+            "assumed": thawed(self.assumed),
+            "disturbance": [thawed(wrapper) for wrapper in self.disturbance],
+            "params": thawed(self.params),
+            "seed": self.seed,
+            "trials": self.trials,
+            "filter_seeds": self.filter_seeds,
+            "vary": [
+                {name: _jsonable_values(name, values) for name, values in axis.values.items()}
+                for axis in self.vary
+            ],
+        } | further
+
+    def _points(self) -> Iterator[dict[str, Any]]:
+        """Yield the base with the values of each point of the design."""
+        for point in itertools.product(*(axis.points() for axis in self.vary)):
+            yield self._at(dict(itertools.chain.from_iterable(part.items() for part in point)))
+
+    def _runs(
+        self, base: dict[str, Any], method: Method, trials: int, filter_seeds: int
+    ) -> Iterator[Trial]:
+        params = self._params_of(method, base)
+        for number in range(trials):
+            for filter_seed in range(filter_seeds):
+                yield Trial(
+                    preset=base["preset"],
+                    world=frozen(base["world"]),
+                    assumed=frozen(base["assumed"]),
+                    disturbance=base["disturbance"],
+                    localizer=method.name,
+                    params=params,
+                    lag=base["lag"],
+                    seed=self.seed,
+                    trial=number,
+                    filter_seed=filter_seed,
+                )
+
+    def _at(self, point: dict[str, Any]) -> dict[str, Any]:
+        """Return the base with the values of one point of the design."""
+        base: dict[str, Any] = {name: getattr(self, name) for name in SCALARS}
+        base |= {group: dict(getattr(self, group)) for group in GROUPS}
+        for name, value in point.items():
+            group, _, rest = name.partition(".")
+            if rest:
+                base[group][rest] = value
+            else:
+                base[name] = value
+        return base
+
+    def _params_of(self, method: Method, base: dict[str, Any]) -> Params:
+        known = takes(method.name)
+        shared = {"lag": base["lag"]} | base["params"]
+        useful = {k: v for k, v in shared.items() if known is None or k in known}
+        return frozen(useful | dict(method.params))
+
+
+def _jsonable_method(method: Method) -> dict[str, Any]:
+    return {"name": method.name, "params": thawed(method.params)}
+
+
+def _jsonable_values(name: str, values: tuple[Any, ...]) -> list[Any]:
+    if name == "disturbance":
+        return [[thawed(wrapper) for wrapper in stack] for stack in values]
+    return [thawed((("value", value),))["value"] for value in values]

@@ -1,0 +1,99 @@
+"""What a sweep would run, and about how long that takes."""
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+
+from tabulate import tabulate
+
+from benchmarks.execution.engines import available_cpus
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.running import Options
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Params, Trial
+
+BUDGET = 20.0  # seconds spent on measuring
+_SHOWN = 60  # cells
+_USUAL = 1000  # particles, where none are named
+
+
+def dry_run(sweep: Sweep, options: Options) -> str:
+    """Return the cells (setting and method) of a sweep with the time of a trial in each."""
+    cells: dict[str, list[Trial]] = {}
+    trials = sweep.distinct()
+    for trial in trials:
+        cells.setdefault(trial.cell(), []).append(trial)
+    seconds = _measured(list(cells.values()))
+    rows = [
+        [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
+        for (name, own), (s, measured) in zip(cells.items(), seconds, strict=True)
+    ]
+    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), seconds, strict=True))
+    share = 1 if options.shard is None else options.shard[1]
+    jobs = min(options.where.jobs or available_cpus(), len(trials))
+    count = sum(measured for _, measured in seconds)
+    lines = [f"{sweep.title}: {len(trials):,} trials in {len(cells):,} cells"]
+    if equal := sweep.combinations - len(trials):
+        lines.append(f"{equal:,} combinations equal others and are run once")
+    lines.append(tabulate(rows[:_SHOWN], ["cell", "trials", "one trial"], disable_numparse=True))
+    if len(rows) > _SHOWN:
+        lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
+    part = "" if share == 1 else f" for this shard of {share}"
+    lines.append(
+        f"About {_duration(total / jobs / share)} with {jobs} jobs{part}: estimated from one "
+        f"measured trial in each of {count} cells; ≈ is the localizer's mean per particle. "
+        "Nothing was written."
+    )
+    return "\n\n".join(lines)
+
+
+def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool]]:
+    """Return for each cell the seconds of a trial (None: it failed) and whether it was measured.
+
+    Every form of a localizer is measured in at least one cell; in others its time is taken to be
+    that per particle.
+    """
+    began = time.perf_counter()
+    attempt(cells[0][0], key_of(cells[0][0]))  # compile first
+    known: dict[int, float | None] = {}
+    rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
+    # first one cell of each form, then the others
+    seen: Counter[tuple[str, Params]] = Counter()
+    turn = []
+    for cell in cells:
+        turn.append(seen[_form(cell[0])])
+        seen[_form(cell[0])] += 1
+    order = sorted(range(len(cells)), key=turn.__getitem__)
+    for index in order:
+        trial = cells[index][0]
+        if time.perf_counter() - began > BUDGET and _form(trial) in rates:
+            continue
+        started = time.perf_counter()
+        outcome = attempt(trial, key_of(trial))
+        took = time.perf_counter() - started
+        known[index] = None if outcome.record is None else took
+        rate = took / _particles(trial)
+        rates.setdefault(_form(trial), []).extend([rate] if outcome.record else [])
+    return [
+        (known[i], True) if i in known else (_scaled(rates[_form(cell[0])], cell[0]), False)
+        for i, cell in enumerate(cells)
+    ]
+
+
+def _scaled(rates: Sequence[float], trial: Trial) -> float | None:
+    return sum(rates) / len(rates) * _particles(trial) if rates else None
+
+
+def _form(trial: Trial) -> tuple[str, Params]:
+    return trial.localizer, tuple((k, v) for k, v in trial.params if k != "particles")
+
+
+def _particles(trial: Trial) -> int:
+    return int(dict(trial.params).get("particles", _USUAL))
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,110 @@
+"""manifest.json: what a folder of results is of. A sweep goes on only in a folder of its own."""
+
+import json
+import platform
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.store import SCHEMA, write_text
+from benchmarks.trials.plugins import source_digest
+from benchmarks.trials.provenance import code_digest, environment, versions
+from deqmcl_gym.validation import InputError
+
+NAME = "manifest.json"
+
+
+def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
+    """Write the manifest of a new folder; in one that has its manifest, compare.
+
+    Raises:
+        InputError: the folder is of another sweep, other code or another plug-in; all differences
+            are listed.
+    """
+    ours = identity(sweep)
+    path = folder / NAME
+    if not path.exists():
+        content = {
+            "identity": ours,
+            "command": list(command),
+            "environment": environment(),
+            "cpu": cpu_model(),
+            "seeds": seeds(sweep.seed),
+        }
+        write_text(path, json.dumps(content, indent=2) + "\n")
+        return
+    theirs = read(folder).get("identity")
+    if theirs is None:
+        raise InputError(f"{path} is not of a sweep: give a new --out.")
+    if differences := list(_differences(theirs, ours, "")):
+        raise InputError(
+            f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
+            "--out, or restore what was changed."
+        )
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Return a folder's manifest.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    try:
+        content = json.loads((folder / NAME).read_text())
+    except FileNotFoundError:
+        raise InputError(f"{folder} holds no {NAME}: give the folder of a sweep.") from None
+    except (OSError, ValueError):
+        content = None
+    if not isinstance(content, dict):
+        raise InputError(f"{folder / NAME} cannot be read: give a new --out.")
+    return content
+
+
+def identity(sweep: Sweep) -> dict[str, Any]:
+    """Return everything that the numbers of a sweep depend on, as JSON-able values."""
+    digests = {trial.localizer: source_digest(trial.localizer) for trial in sweep.cells()}
+    return {
+        "schema": SCHEMA,
+        "sweep": sweep.canonical(),
+        "code": code_digest(),
+        "libraries": versions(),
+        "plug-ins": {name: digest for name, digest in digests.items() if digest},
+    }
+
+
+def seeds(root: int) -> dict[str, Any]:
+    """Return the map from a trial to its random streams, in words."""
+    return {
+        "root": root,
+        "world": "env.reset(seed) of trial i: "
+        "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
+        "localizer": "run j of trial i: SeedSequence(root, spawn_key=(i, 1, j)), the same for "
+        "every method",
+    }
+
+
+def cpu_model() -> str:
+    """Return the name of this machine's processor."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
+    """Say where two JSON values differ."""
+    if isinstance(theirs, dict) and isinstance(ours, dict):
+        for key in dict.fromkeys([*theirs, *ours]):
+            inner = f"{at}.{key}" if at else key
+            yield from _differences(theirs.get(key), ours.get(key), inner)
+    elif theirs != ours:
+        yield f"{at.removeprefix('sweep.')} was {_short(theirs)} and is {_short(ours)}"
+
+
+def _short(value: Any) -> str:
+    words = json.dumps(value, ensure_ascii=False)
+    return words if len(words) <= 60 else f"{words[:57]}…"

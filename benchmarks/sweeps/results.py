@@ -1,0 +1,57 @@
+"""What a sweep hands to its report: records of finished trials, failures, and what is missing."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from benchmarks.tables.pairing import BASELINE
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """A trial that could not be finished.
+
+    Attributes:
+        trial: ``Trial.canonical()``.
+        reason: why, in one sentence.
+    """
+
+    trial: dict[str, Any]
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """A sweep as far as it has come.
+
+    Trials of the same setting (preset, world, assumed, disturbance, lag, seed) and the same number
+    are paired over methods (localizer, params).
+
+    Attributes:
+        title: of the sweep.
+        records: finished trials in the sweep's order, as the store keeps them: ``trial``,
+            ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
+            ``seconds``.
+        limits: those of the sweep's limit, which are compared with nothing.
+        baseline: localizer that the others are compared with.
+        failures: trials that failed, in the sweep's order.
+        missing: trials that neither finished nor failed yet.
+        planned: distinct trials asked for.
+        command: the words that started the sweep.
+        environment: versions and code, see ``provenance.environment``.
+    """
+
+    title: str
+    records: list[dict[str, Any]]
+    failures: list[Failure]
+    missing: int
+    planned: int
+    command: list[str]
+    environment: dict[str, Any]
+    limits: list[dict[str, Any]] = field(default_factory=list)
+    baseline: str = BASELINE
+
+    @property
+    def finished(self) -> list[dict[str, Any]]:
+        """All finished trials; one that is the limit's, too, once."""
+        own = {id(record) for record in self.records}
+        return [*self.records, *(record for record in self.limits if id(record) not in own)]

@@ -1,0 +1,218 @@
+"""Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
+
+import contextlib
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.execution.driver import outcomes
+from benchmarks.execution.engines import Where
+from benchmarks.report import write_report
+from benchmarks.sweeps import manifest
+from benchmarks.sweeps.collecting import collected, failed_sentence, of_sweep
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.lock import locked
+from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.store import Store
+from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.episode import check_params, check_setting
+from benchmarks.trials.plugins import key_of, loads
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
+
+MANY = 100_000  # trials; more are run only if one says so
+
+
+class TrialsFailedError(RuntimeError):
+    """Some trials failed; the others are stored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a sweep is run. Nothing of it changes a number.
+
+    Attributes:
+        where: the engine.
+        shard: (i, n): every n-th trial, from the i-th; None runs all.
+        retry_failed: run trials again that failed before.
+        fail_fast: stop at the first trial that fails.
+        progress: show a bar, if someone watches.
+    """
+
+    where: Where = field(default_factory=Where)
+    shard: tuple[int, int] | None = None
+    retry_failed: bool = False
+    fail_fast: bool = False
+    progress: bool = True
+
+
+def run_sweep(
+    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
+) -> tuple[Results, list[Path]]:
+    """Run what ``out`` lacks of a sweep and report all that it has; return that and its files.
+
+    The caller has had ``check`` look at the sweep.
+
+    Raises:
+        InputError: the folder is another sweep's, or in use.
+    """
+    trials = {key_of(trial): trial for trial in sweep.distinct()}
+    store = Store(out)
+    shard = None if options.shard is None else "{}/{}".format(*options.shard)
+    with locked(out, shard):
+        manifest.begin(out, sweep, command)
+        _say_strays(store, trials, remove=shard is None)
+        run_missing(_part(trials, options.shard), store, options)
+        results = of_sweep(sweep, collected(sweep.title, trials, store, command))
+        return results, write_report(out, results)
+
+
+def check(sweep: Sweep) -> None:
+    """Build every world and every localizer of a sweep once, before anything is written.
+
+    Raises:
+        InputError: something of it is refused.
+    """
+    settings, methods = set(), set()
+    for trial in sweep.cells():
+        setting = repr((trial.preset, trial.world, trial.assumed, trial.disturbance))
+        if setting not in settings:
+            check_setting(trial)
+            settings.add(setting)
+        method = setting + repr((trial.localizer, trial.params))
+        if method not in methods and loads(trial.localizer):
+            check_params(trial)
+        methods.add(method)
+
+
+def run_trials(
+    trials: Sequence[Trial],
+    store: Store,
+    *,
+    jobs: int,
+    progress: bool = True,
+    errand: Callable[[], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Return the record of every trial, in the given order; run those the store lacks.
+
+    A record depends on its trial alone: not on ``jobs``, nor on the order, nor on what was
+    resumed. A failing trial does not stop the others.
+
+    Args:
+        trials: what to run.
+        store: where the records are kept.
+        jobs: processes.
+        progress: show a bar, if someone watches.
+        errand: something else for one of the processes to do, picklable.
+
+    Raises:
+        TrialsFailedError: with each failed trial and its reason; the finished ones are kept.
+    """
+    named = {key_of(trial): trial for trial in trials}
+    options = Options(where=Where(jobs=jobs), retry_failed=True, progress=progress)
+    with locked(store.out):
+        run_missing(named, store, options, errand)
+    results = collected("", named, store, [])
+    if results.failures:
+        raise TrialsFailedError(failed_sentence(results))
+    if results.missing:
+        raise TrialsFailedError(
+            f"{results.missing} of {results.planned} finished trials have gone from "
+            f"{store.out}, or cannot be read: run the command again."
+        )
+    return results.records
+
+
+def run_missing(
+    trials: Mapping[str, Trial],
+    store: Store,
+    options: Options,
+    errand: Callable[[], None] | None = None,
+) -> None:
+    """Run the trials (by key) that the store lacks, and store what comes of them.
+
+    All methods run on one world before any runs on the next, so that whenever this is stopped,
+    what is there can be compared. An errand is begun before any, for it may take the longest.
+    """
+    missing = {
+        key: trial
+        for key, trial in trials.items()
+        if store.get(key) is None and (options.retry_failed or store.failure(key) is None)
+    }
+    _say_rejected(store)
+    waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
+    if not waiting and errand is None:
+        return
+    with (
+        options.where.engine(len(waiting) + (errand is not None)) as engine,
+        tqdm(
+            total=len(trials),
+            initial=len(trials) - len(waiting),
+            unit="trial",
+            disable=None if options.progress else True,
+        ) as bar,
+        contextlib.closing(outcomes(waiting, engine)) as finished,
+    ):
+        errands = [] if errand is None else [engine.executor.submit(errand)]
+        for key, outcome in finished:
+            _keep(store, key, missing[key], outcome)
+            bar.update()
+            if options.fail_fast and outcome.reason is not None:
+                return
+        for done in errands:
+            done.result()
+
+
+def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
+    """Refuse a sweep of more than 100,000 trials, unless that is what one wants."""
+    if sweep.combinations > MANY and not yes:
+        raise InputError(
+            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
+            "them all, or vary less."
+        )
+
+
+def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> None:
+    if outcome.record is None:
+        store.put_failure(key, trial.canonical(), outcome.reason or "no reason was given")
+    else:
+        store.put(key, outcome.record, outcome.seconds)
+
+
+def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping[str, Trial]:
+    if shard is None:
+        return trials
+    number, of = shard
+    return {key: trials[key] for key in list(trials)[number - 1 :: of]}
+
+
+def _say_rejected(store: Store) -> None:
+    for name, why in store.rejected.items():
+        print(f"deqmcl: {store.out / name} {why}; it is run again.", file=sys.stderr)
+    store.rejected.clear()
+
+
+def _say_strays(store: Store, keys: Mapping[str, Trial], *, remove: bool) -> None:
+    for name, what in store.strays(keys.keys()).items():
+        temporary = name.endswith(".tmp")
+        if temporary and remove:
+            (store.out / name).unlink(missing_ok=True)
+        if not temporary or remove:  # another shard may be writing it
+            does = "removed" if temporary else "left out"
+            print(f"deqmcl: {store.out / name} {what}; it is {does}.", file=sys.stderr)
+
+
+def shard_of(text: str) -> tuple[int, int]:
+    """Return (i, n) of "i/n".
+
+    Raises:
+        InputError: it is not of that form, or i is not one of 1 … n.
+    """
+    number, _, of = text.partition("/")
+    if number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= 100_000:
+        return int(number), int(of)
+    raise InputError(f"--shard is {text!r}, but must be i/n with i from 1 to n, like 2/8.")

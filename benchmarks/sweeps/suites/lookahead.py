@@ -1,0 +1,54 @@
+"""Looking ahead without degenerating: every method, on each preset, against the limit."""
+
+from types import MappingProxyType
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.factors import Limit
+from benchmarks.sweeps.suites.paper import CLASSICAL
+from benchmarks.sweeps.suites.parts import axis, method, methods
+
+_FILTERS = (
+    *methods("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl"),
+    *(method("deq-mcl-rejuvenated"), method("mcl-h"), method("mcl-h", form="twisted")),
+    *methods("mcl-pilots", "dead-reckoning"),
+)
+_CLASSICAL = methods(*CLASSICAL)
+_PARTICLES = (300, 1000)
+
+# One pilot is enough: the estimate is unbiased at any number of them.
+LIMIT = Limit(method=method("mcl-pilots", particles=100_000, pilots=1), trials=20, filter_seeds=2)
+
+LOOKAHEAD_SUITES = MappingProxyType(
+    {
+        "lookahead": Sweep(
+            title="Looking ahead without degenerating: preset paper, 200 worlds, 3 runs each",
+            localizers=_FILTERS,
+            trials=200,
+            filter_seeds=3,
+            vary=(axis(params__particles=_PARTICLES),),
+            limit=LIMIT,
+        ),
+        "guided": Sweep(
+            title="Every method where localization is needed: preset guided, 200 worlds",
+            preset="guided",
+            localizers=(*_FILTERS, *_CLASSICAL),
+            trials=200,
+            vary=(axis(params__particles=_PARTICLES),),
+            limit=LIMIT,
+        ),
+        "matched": Sweep(
+            title="Every method where all that it assumes is right: preset matched, 200 worlds",
+            preset="matched",
+            localizers=(*_FILTERS, *_CLASSICAL),
+            trials=200,
+            vary=(axis(params__particles=_PARTICLES),),
+        ),
+        "sharp": Sweep(
+            title="Looking ahead with a sharp sensor: preset sharp, 200 worlds",
+            preset="sharp",
+            localizers=_FILTERS,
+            trials=200,
+            vary=(axis(params__particles=_PARTICLES),),
+        ),
+    }
+)

@@ -1,0 +1,148 @@
+"""The paper's experiment and its methods: on few worlds, on many, over one parameter at a time."""
+
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Any
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.suites.parts import axis, home_again, methods, wrapper
+from benchmarks.trials.spec import Trial, frozen
+
+PAPER_METHODS = (
+    "mcl",
+    "mcl-smoother",
+    "mcl-map",
+    "mcl-map-smoother",
+    "deq-mcl",
+    "dead-reckoning",
+)
+CLASSICAL = ("grid", "amcl", "ekf")
+BEYOND = ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
+PRESETS = ("paper", "matched", "sharp")
+
+
+def paper_sweep(
+    *,
+    preset: str = "paper",
+    localizers: Sequence[str] = PAPER_METHODS,
+    trials: int = 10,
+    seed: int = 0,
+    lag: int = 20,
+    **params: Any,
+) -> Sweep:
+    """Return the paper's experiment: all methods on the same worlds of one preset.
+
+    Args:
+        preset: name of the world.
+        localizers: names; each gets those of ``params`` (and ``lag``) that it has a use for.
+        trials: number of worlds.
+        seed: root of all randomness.
+        lag: L.
+        params: of the localizers.
+    """
+    return Sweep(
+        title="The paper's experiment",
+        preset=preset,
+        localizers=methods(*localizers),
+        trials=trials,
+        seed=seed,
+        lag=lag,
+        params=frozen(params),
+    )
+
+
+def paper_suite(**given: Any) -> list[Trial]:
+    """Return the trials of ``paper_sweep``, which takes the same arguments."""
+    return paper_sweep(**given).distinct()
+
+
+PAPER_SUITES = MappingProxyType(
+    {
+        "quick": Sweep(
+            title="A quick look: all methods, few worlds",
+            localizers=methods(*PAPER_METHODS),
+            trials=5,
+            params=frozen({"particles": 500}),
+        ),
+        "paper": paper_sweep(particles=1000),
+        "headline": Sweep(
+            title="All methods on 200 worlds of each preset, 3 runs each",
+            localizers=methods(*PAPER_METHODS),
+            trials=200,
+            filter_seeds=3,
+            params=frozen({"particles": 1000}),
+            vary=(axis(preset=PRESETS),),
+        ),
+        "particles": Sweep(
+            title="Error against the number of particles",
+            localizers=methods(*PAPER_METHODS[:-1]),
+            trials=40,
+            vary=(
+                axis(preset=PRESETS),
+                axis(params__particles=(30, 100, 300, 1000, 3000)),
+            ),
+        ),
+        "lag": Sweep(
+            title="Error against the lag L of the queue",
+            localizers=methods(*("mcl-smoother", "mcl-map-smoother", "deq-mcl")),
+            trials=40,
+            params=frozen({"particles": 1000}),
+            vary=(axis(preset=PRESETS), axis(lag=(0, 5, 10, 20, 40))),
+        ),
+        "beta": Sweep(
+            title="Error against β, the charge on a step that collides",
+            localizers=methods(*("mcl", "mcl-map", "mcl-map-smoother", "deq-mcl")),
+            trials=40,
+            params=frozen({"particles": 1000}),
+            vary=(axis(preset=PRESETS), axis(params__beta=(0.0, 1.0, 3.0, 10.0, 30.0))),
+        ),
+        "sensor": Sweep(
+            title="Error against the noise of the sensor, which the filters know",
+            localizers=methods(*PAPER_METHODS),
+            preset="matched",
+            trials=40,
+            params=frozen({"particles": 1000}),
+            vary=(
+                axis(world__lidar__beams=(1, 9)),
+                axis(
+                    world__lidar__sigma=(5.0, 20.0, 50.0, 100.0),
+                    assumed__scan__sigma=(5.0, 20.0, 50.0, 100.0),
+                ),
+            ),
+        ),
+        "noise": Sweep(
+            title="Error against the noise of the motion, which the filters know",
+            localizers=methods(*PAPER_METHODS),
+            preset="matched",
+            trials=40,
+            params=frozen({"particles": 1000}),
+            vary=(
+                axis(
+                    world__noise__drive=(0.02, 0.05, 0.1, 0.2),
+                    world__noise__turn=(0.02, 0.05, 0.1, 0.2),
+                    world__noise__drift=(0.0005, 0.00125, 0.0025, 0.005),
+                    assumed__motion__drive=(0.02, 0.05, 0.1, 0.2),
+                    assumed__motion__turn=(0.02, 0.05, 0.1, 0.2),
+                    assumed__motion__drift=(0.0005, 0.00125, 0.0025, 0.005),
+                ),
+            ),
+        ),
+        "disturbed": Sweep(
+            title="Trouble at half of the lap: none, kidnapped, beams lost, plan changed",
+            localizers=methods(*PAPER_METHODS, *BEYOND, *CLASSICAL),
+            preset="sharp",
+            trials=40,
+            params=frozen({"particles": 1000}),
+            vary=(
+                axis(
+                    disturbance=(
+                        (),
+                        (wrapper("kidnap", step=100),),
+                        (wrapper("dropout", probability=0.5),),
+                        (wrapper("plan-change", step=100, actions=home_again()),),
+                    )
+                ),
+            ),
+        ),
+    }
+)

@@ -1,0 +1,41 @@
+"""Words that the suites are written in."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from benchmarks.sweeps.factors import Axis, Method
+from benchmarks.trials.spec import Params, frozen
+
+
+def methods(*names: str) -> tuple[Method, ...]:
+    """Localizers with the shared parameters."""
+    return tuple(Method(name=name) for name in names)
+
+
+def method(name: str, **params: Any) -> Method:
+    """A localizer with parameters of its own."""
+    return Method(name=name, params=frozen(params))
+
+
+def axis(**values: Sequence[Any]) -> Axis:
+    """An axis whose names are written with __ for a dot."""
+    return Axis(values={name.replace("__", "."): tuple(v) for name, v in values.items()})
+
+
+def wrapper(kind: str, **arguments: Any) -> Params:
+    """Trouble around the world."""
+    return frozen({"kind": kind} | arguments)
+
+
+def home_again() -> tuple[tuple[float, float], ...]:
+    """Actions from step 100 of the paper room's lap: turn round and drive back to the start."""
+    drive, left, right = (5.0, 0.0), (0.0, math.pi / 12), (0.0, -math.pi / 12)
+    return (
+        *(left,) * 12,
+        *(drive,) * 23,
+        *(right,) * 6,
+        *(drive,) * 40,
+        *(right,) * 6,
+        *(drive,) * 25,
+    )

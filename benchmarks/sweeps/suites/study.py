@@ -1,0 +1,68 @@
+"""When does knowing the plan help? One factor at a time around two centres; see docs/study.md.
+
+``matched`` executes a plan that is known and stays; in ``guided`` it is made from the true pose and
+new at every step. Everything is compared with map-based MCL, which knows all but the plan.
+"""
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.factors import Axis
+from benchmarks.sweeps.suites.parts import axis, home_again, methods, wrapper
+from benchmarks.trials.spec import frozen
+
+_CENTRES = axis(preset=("matched", "guided"))
+_CHANGED = wrapper("plan-change", step=100, actions=home_again())
+_SIGMAS = (5.0, 25.0, 100.0)
+_NOISES = (0.02, 0.05, 0.1, 0.2)  # of drive and turn; the drift per px is a tenth of it
+_ASSUMED = (0.02, 0.1, 0.2, 0.4)
+
+
+def _study(title: str, *axes: Axis, **changes: Any) -> Sweep:
+    base = Sweep(
+        title=f"When does knowing the plan help? {title}",
+        localizers=methods("mcl", "mcl-map", "deq-mcl", "mcl-pilots", "dead-reckoning"),
+        baseline="mcl-map",
+        trials=25,
+        filter_seeds=2,
+        params=frozen({"particles": 300}),
+        vary=(_CENTRES, *axes),
+    )
+    return replace(base, **changes)
+
+
+def _noises(part: str, levels: tuple[float, ...]) -> dict[str, tuple[float, ...]]:
+    drift = tuple(level / 10 for level in levels)
+    return {f"{part}__drive": levels, f"{part}__turn": levels, f"{part}__drift": drift}
+
+
+STUDY_SUITES = MappingProxyType(
+    {
+        "study-sensor": _study(
+            "The sensor, which the filters know",
+            axis(world__lidar__beams=(1, 9)),
+            axis(world__lidar__sigma=_SIGMAS, assumed__scan__sigma=_SIGMAS),
+        ),
+        "study-noise": _study(
+            "The noise of the motion, which the filters know",
+            axis(**_noises("world__noise", _NOISES), **_noises("assumed__motion", _NOISES)),
+        ),
+        "study-assumed": _study(
+            "The noise that the filters assume", axis(**_noises("assumed__motion", _ASSUMED))
+        ),
+        "study-particles": _study(
+            "The number of particles", axis(params__particles=(100, 300, 1000))
+        ),
+        "study-lag": _study("The lag L, as far as one looks ahead", axis(lag=(5, 20, 40))),
+        "study-beta": _study(
+            "β, the charge on a step that collides", axis(params__beta=(1.0, 3.0, 10.0))
+        ),
+        "study-plan": _study(
+            "A plan that is kept, and one that changes at half of the lap",
+            preset="matched",
+            vary=(axis(disturbance=((), (_CHANGED,))),),
+        ),
+    }
+)

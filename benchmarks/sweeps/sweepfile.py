@@ -1,0 +1,194 @@
+"""From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.factors import Axis, Limit, Method
+from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
+from benchmarks.trials.plugins import takes
+from benchmarks.trials.spec import Params, frozen
+from deqmcl_gym.validation import InputError, one_of
+
+_KEYS = (
+    *("title", "preset", "lag", "seed", "trials", "filter_seeds"),
+    *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
+)
+
+
+def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
+    """Return the sweeps of a name by their folder within --out: one, or those of a family.
+
+    Raises:
+        InputError: there is no such suite, family or file.
+    """
+    if name in FAMILIES:
+        return {member: sweep_named(member, added) for member in FAMILIES[name]}
+    return {"": sweep_named(name, added)}
+
+
+def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
+    """Return the suite of that name, or what the TOML file says, with localizers added.
+
+    Raises:
+        InputError: there is neither.
+    """
+    if name.endswith(".toml"):
+        return read_sweep(Path(name), added)
+    try:
+        return with_localizers(SUITES[one_of("suite", name, (*SUITES, *FAMILIES))], added)
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+
+
+def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
+    """Read a sweep file, and add localizers to what it says.
+
+    Raises:
+        InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
+    """
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"the sweep file {path} cannot be read ({error.strerror}): give a suite or a TOML file."
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"the sweep file {path} is no TOML: {error}.") from None
+    try:
+        sweep = with_localizers(sweep_of(given, title=path.stem), added)
+        _refuse_idle(sweep)
+        return sweep
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
+    """Return the sweep that a TOML document says.
+
+    Raises:
+        InputError: unknown key, wrong type or bad value.
+    """
+    for key in given:
+        one_of("key", key, _KEYS)
+    _refuse_nan(given, "")
+    scalars = ("preset", "lag", "seed", "trials", "filter_seeds", "baseline")
+    plain = {k: given[k] for k in scalars if k in given}
+    return Sweep(
+        title=_text("title", given.get("title", title)),
+        localizers=tuple(_method(entry) for entry in _list("localizers", given.get("localizers"))),
+        world=frozen(_dotted("world", given.get("world", {}))),
+        assumed=frozen(_dotted("assumed", given.get("assumed", {}))),
+        params=frozen(_dotted("params", given.get("params", {}))),
+        disturbance=_wrappers("disturbance", given.get("disturbance", [])),
+        vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
+        limit=_limit(given["limit"]) if "limit" in given else None,
+        **plain,
+    )
+
+
+def _refuse_idle(sweep: Sweep) -> None:
+    """Refuse a shared parameter that no localizer has a use for: it is a misspelt one."""
+    known = [takes(method.name) for method in sweep.localizers]
+    if None in known:
+        return
+    varied = [name for axis in sweep.vary for name in axis.values]
+    shared = [name.removeprefix("params.") for name in varied if name.startswith("params.")]
+    for name in [*dict(sweep.params), *shared]:
+        one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
+
+
+def _method(entry: Any) -> Method:
+    if isinstance(entry, str):
+        return Method(name=entry)
+    table = _table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
+    for key in table:
+        one_of("key in localizers", key, ("name", "params"))
+    return _named("an entry of localizers", table)
+
+
+def _limit(entry: Any) -> Limit:
+    table = _table("limit", entry, "a table [limit] with name, params, trials, filter_seeds")
+    for key in table:
+        one_of("key in limit", key, ("name", "params", "trials", "filter_seeds"))
+    runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
+    return Limit(method=_named("limit", table), **runs)
+
+
+def _named(what: str, table: Mapping[str, Any]) -> Method:
+    if "name" not in table:
+        raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
+    params = _table("params of a localizer", table.get("params", {}), "a table")
+    return Method(name=_text("name of a localizer", table["name"]), params=frozen(params))
+
+
+def _axis(table: Any) -> Axis:
+    values = _dotted("vary", _table("vary", table, "a [[vary]] table"))
+    axis = {}
+    for name, listed in values.items():
+        points = _list(f"[[vary]] {name}", listed)
+        axis[name] = tuple(
+            _wrappers(name, point) if name == "disturbance" else _tuples(point) for point in points
+        )
+    return Axis(values=axis)
+
+
+def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
+    return tuple(
+        frozen(_table(f"an entry of {what}", wrapper, "a table like {kind = 'kidnap', step = 100}"))
+        for wrapper in _list(what, value)
+    )
+
+
+def _dotted(what: str, table: Any, prefix: str = "") -> dict[str, Any]:
+    """Return nested tables as one, with dotted names."""
+    flat: dict[str, Any] = {}
+    for key, value in _table(what, table, "a table").items():
+        nested = _dotted(what, value, f"{key}.") if isinstance(value, Mapping) else {key: value}
+        for name, leaf in nested.items():
+            if prefix + name in flat:
+                raise InputError(f"{what} names {prefix}{name} twice.")
+            flat[prefix + name] = leaf
+    return flat
+
+
+def _table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise InputError(f"{what} is {value!r}, but must be {wanted}.")
+    return value
+
+
+def _list(what: str, value: Any) -> Sequence[Any]:
+    if value is None:
+        raise InputError(f"{what} is missing: write {what} = [ … ].")
+    if not isinstance(value, list):
+        hint = ": write [[vary]]" if what == "vary" else ""
+        raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
+    return value
+
+
+def _text(what: str, value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise InputError(f"{what} is {value!r}, but must be text.")
+    return value
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def _refuse_nan(value: Any, at: str) -> None:
+    """Refuse what no result can be named by: NaN, and dates."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _refuse_nan(inner, f"{at}.{key}" if at else key)
+    elif isinstance(value, list):
+        for inner in value:
+            _refuse_nan(inner, at)
+    elif not isinstance(value, str | bool | int | float):
+        raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
+    elif isinstance(value, float) and math.isnan(value):
+        raise InputError(f"{at} is nan, but must be a number.")

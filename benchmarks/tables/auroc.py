@@ -1,0 +1,114 @@
+"""Does the quality of a belief tell when it is far off? The area under the ROC curve (AUROC).
+
+Fawcett 2006, section 7; the area is the statistic of Mann & Whitney 1947. Steps of a lap depend on
+each other, so intervals come from resampled worlds.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.tables.stats import multiplicities
+
+Floats = NDArray[np.float64]
+Steps = tuple[Floats, NDArray[np.bool_]]
+
+FAR = 50.0  # e above which a step counts as far off, px
+
+
+@dataclass(frozen=True, kw_only=True)
+class Auroc:
+    """AUROC of the quality at x_t against e > 50 px; NaN is not available.
+
+    Attributes:
+        auroc: P(q of a far step < q of another) + ½ P(equal), over all steps of all worlds.
+        auroc_low, auroc_high: 95 % percentile bootstrap over worlds; see ``auroc_interval``.
+        far_steps: share of steps with e > 50 px, of those that have a quality.
+        far_worlds: worlds with such a step; None if no step has a quality.
+    """
+
+    auroc: float = math.nan
+    auroc_low: float = math.nan
+    auroc_high: float = math.nan
+    far_steps: float = math.nan
+    far_worlds: int | None = None
+
+
+def auroc_of(records: Sequence[Mapping[str, Any]]) -> Auroc:
+    """Return how well the quality ranks the steps t ≥ 1 of one method's trials on one setting."""
+    runs: dict[int, list[Steps]] = {}
+    for record in records:
+        runs.setdefault(record["trial"]["trial"], []).append(rated_steps(record))
+    worlds = [
+        (np.concatenate([q for q, _ in own]), np.concatenate([far for _, far in own]))
+        for _, own in sorted(runs.items())
+    ]
+    every = np.concatenate([far for _, far in worlds]) if worlds else np.empty(0, bool)
+    if not every.size:
+        return Auroc()
+    wins = in_order(worlds)
+    low, high = auroc_interval(wins, worlds)
+    return Auroc(
+        auroc=_share(wins.sum(), every.sum() * (~every).sum()),
+        auroc_low=low,
+        auroc_high=high,
+        far_steps=float(every.mean()),
+        far_worlds=sum(bool(far.any()) for _, far in worlds),
+    )
+
+
+def rated_steps(record: Mapping[str, Any]) -> Steps:
+    """Return the qualities of a trial's steps t ≥ 1 that have one, and whether e > 50 px there."""
+    if record["quality"] is None:
+        return np.empty(0), np.empty(0, dtype=bool)
+    present = record["curves"]["0"]
+    errors = dict(enumerate(present["error"], present["first_state"]))
+    rated = [
+        (quality, errors[step] > FAR)
+        for step, quality in enumerate(record["quality"], 1)
+        if quality is not None and step in errors
+    ]
+    return np.array([q for q, _ in rated]), np.array([far for _, far in rated], dtype=bool)
+
+
+def in_order(worlds: Sequence[Steps]) -> Floats:
+    """Count pairs of a far step of world i and another step of world j that are in order, (W, W).
+
+    In order: the far step has the smaller quality. Pairs of equal quality count half.
+    """
+    far = np.concatenate([quality[is_far] for quality, is_far in worlds])
+    world = np.repeat(np.arange(len(worlds)), [is_far.sum() for _, is_far in worlds])
+    wins = np.zeros((len(worlds), len(worlds)))
+    for j, (quality, is_far) in enumerate(worlds):
+        others = np.sort(quality[~is_far])
+        below = np.searchsorted(others, far, "left") + np.searchsorted(others, far, "right")
+        wins[:, j] = np.bincount(world, others.size - below / 2, len(worlds))
+    return wins
+
+
+def auroc_interval(
+    wins: Floats, worlds: Sequence[Steps], level: float = 0.95
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of the AUROC, over worlds.
+
+    10,000 resamples with a fixed seed; one without a far step, or with nothing else, has no AUROC
+    and is left out. NaN unless two worlds or more have far steps, and two or more have others.
+    """
+    far = np.array([is_far.sum() for _, is_far in worlds])
+    others = np.array([(~is_far).sum() for _, is_far in worlds])
+    if min((far > 0).sum(), (others > 0).sum()) < 2:
+        return math.nan, math.nan
+    drawn = multiplicities(len(worlds))
+    pairs = (drawn @ far) * (drawn @ others)
+    # sums of halves below 2⁵³: exact, in whatever order they are added
+    values = ((drawn @ wins) * drawn).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
+    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def _share(part: float, whole: int) -> float:
+    return float(part / whole) if whole else math.nan

@@ -1,0 +1,59 @@
+"""One trial, run to its record or to the reason why there is none."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.scoring import record
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.trace import Trace, trace_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of a trial: a record with the seconds it took, or a reason."""
+
+    record: dict[str, Any] | None = None
+    seconds: float = 0.0
+    reason: str | None = None
+
+
+def trial_trace(trial: Trial) -> Trace:
+    """Run one trial and return its trace."""
+    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.preset, trial.world))
+
+
+def attempt(trial: Trial, key: str) -> Outcome:
+    """Run one trial; an error becomes its reason to have failed.
+
+    ``key`` is the name that the sweep has for it: a worker that would name it otherwise has loaded
+    other code, other libraries or another plug-in.
+    """
+    try:
+        if key_of(trial) != key:
+            return Outcome(
+                reason="its worker loaded other code, libraries or plug-in than the sweep: "
+                "run the command again, with the same on every machine"
+            )
+        trace = trial_trace(trial)
+        result = {"trial": trial.canonical()} | record(trace, trial.lag)
+    except Exception as error:
+        words = " ".join(str(error).split())
+        return Outcome(reason=f"{type(error).__name__}: {words}")
+    reason = _worthless(result)
+    return Outcome(reason=reason) if reason else Outcome(record=result, seconds=trace.seconds)
+
+
+def _worthless(result: dict[str, Any]) -> str | None:
+    """Say why a record is no success: nothing done, or an estimate that is no number."""
+    if result["steps_done"] == 0:
+        return "it processed 0 steps"
+    if "0" not in result["curves"]:
+        return "its belief holds no points of the present"
+    for offset, curve in result["curves"].items():
+        for state, error in enumerate(curve["error"], curve["first_state"]):
+            if not math.isfinite(error):
+                return f"its belief of state {state} at offset {offset} is not finite"
+    return None

@@ -1,0 +1,62 @@
+"""What computed a result: versions and a digest of the code."""
+
+import hashlib
+import platform
+import sys
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+# Libraries whose arithmetic or random numbers reach the results.
+_LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
+# All that a trial runs. Of the harness that is one package: a new table or report makes no result
+# out of date.
+PACKAGES = ("deqmcl_gym", "localizers", "benchmarks.trials")
+
+
+@cache
+def provenance() -> str:
+    """Return a digest of everything but the configuration that a trial's numbers depend on."""
+    return hashlib.sha256(f"{code_digest()} {sorted(versions().items())}".encode()).hexdigest()
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of the source that a trial's numbers depend on."""
+    return hashlib.sha256("".join(map(source_of, PACKAGES)).encode()).hexdigest()
+
+
+def source_of(package: str) -> str:
+    """Return a digest of all source files of a package."""
+    digest, root = hashlib.sha256(), _folder(package)
+    for path in sorted(root.rglob("*.py")):
+        digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _folder(package: str) -> Path:
+    spec = find_spec(package)
+    return Path(str(spec and spec.origin)).parent
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that results depend on."""
+    return {name: version(name) for name in _LIBRARIES}
+
+
+def environment() -> dict[str, object]:
+    """Return what a reader needs to know to get the same numbers."""
+    try:
+        ours = version("deqmcl-gym")
+    except PackageNotFoundError:
+        ours = "not installed"
+    return {
+        "deqmcl-gym": ours,
+        "code": code_digest(),
+        "python": platform.python_version(),
+        "platform": f"{sys.platform} {platform.machine()}",
+        "libraries": versions(),
+    }
