@@ -39,7 +39,7 @@ def test_the_suites_are_those_promised():
         *("particles", "lag", "beta", "sensor", "noise", "disturbed"),
         *("lookahead", "guided", "matched", "sharp"),
         *("study-sensor", "study-noise", "study-assumed", "study-particles"),
-        *("study-lag", "study-beta", "study-plan"),
+        *("study-lag", "study-beta", "study-plan", "study-pilots"),
     ]
     assert not set(FAMILIES) & set(SUITES)
 
@@ -73,11 +73,13 @@ def test_every_way_to_look_ahead_runs_on_200_paired_worlds_at_both_numbers_of_pa
     assert all(own == [(w, s) for w in range(200) for s in range(seeds)] for own in runs.values())
     filters = {*PAPER_METHODS, "deq-mcl-rejuvenated", "mcl-h", "mcl-pilots"}
     others = {"grid", "amcl", "ekf"} if classical else set()
-    assert {name for name, _ in runs} == filters | others
+    assert {method for method, _ in runs} == filters | others
     for method in filters - {"dead-reckoning"}:
-        particles = [dict(p)["particles"] for name, p in runs if name == method]
-        assert particles == ([300, 300, 1000, 1000] if method == "mcl-h" else [300, 1000])
-    assert {dict(p).get("form") for name, p in runs if name == "mcl-h"} == {None, "twisted"}
+        particles = [dict(p)["particles"] for other, p in runs if other == method]
+        twice = method == "mcl-h" and name != "guided"
+        assert particles == ([300, 300, 1000, 1000] if twice else [300, 1000])
+    forms = {None} if name == "guided" else {None, "twisted"}
+    assert {dict(p).get("form") for method, p in runs if method == "mcl-h"} == forms
     limits = {(t.localizer, dict(t.params)["particles"]) for t in sweep.limits()}
     assert limits == ({("mcl-pilots", 100_000)} if limited else set())
     worlds = {t.trial for t in sweep.limits()}
@@ -91,7 +93,8 @@ def test_the_study_is_its_suites_around_the_same_two_centres():
         sweep = SUITES[name]
         assert (sweep.baseline, sweep.trials, sweep.filter_seeds) == ("mcl-map", 25, 2)
         presets = {t.preset for t in sweep.cells()}
-        assert presets == ({"matched"} if name == "study-plan" else {"matched", "guided"})
+        only = {"study-plan": {"matched"}, "study-pilots": {"guided"}}
+        assert presets == only.get(name, {"matched", "guided"})
         assert 300 in {dict(t.params).get("particles") for t in sweep.cells()}
         assert 20 in {t.lag for t in sweep.cells()}
         centres |= {t.preset for t in sweep.cells() if not (t.world or t.disturbance)}

@@ -64,5 +64,11 @@ STUDY_SUITES = MappingProxyType(
             preset="matched",
             vary=(axis(disturbance=((), (_CHANGED,))),),
         ),
+        "study-pilots": _study(
+            "Roll-outs per particle: M of the redraw in DEQ-MCL, K of pilots",
+            localizers=methods("mcl-map", "deq-mcl", "mcl-pilots"),
+            preset="guided",
+            vary=(axis(params__pilots=(4, 16, 64)),),
+        ),
     }
 )
