@@ -2,76 +2,40 @@
 
 import csv
 import io
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.experiment import Experiment
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
 from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.sweeps.store import writable_folder, write_bytes, write_text
-from benchmarks.sweeps.suites import paper_suite
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import check_params, room_of, trial_moments
 from benchmarks.trials.metrics import state_error
-from benchmarks.trials.presets import ASSUMED
 from benchmarks.trials.scoring import scores
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
-from deqmcl_gym.validation import integer, one_of
-from localizers import resolve
 
 
-@dataclass(frozen=True, kw_only=True)
-class LapRun:
-    """What ``deqmcl run`` can be told."""
-
-    localizer: str
-    preset: str = "paper"
-    seed: int = 0
-    particles: int = 1000
-    lag: int = 20
-
-    def __post_init__(self) -> None:
-        resolve(self.localizer)
-        one_of("preset", self.preset, ASSUMED)
-        integer("--seed", self.seed)
-        integer("--particles", self.particles, low=1)
-        integer("--lag", self.lag)
-
-    @property
-    def trial(self) -> Trial:
-        """Trial 0 of the paper's experiment with these parameters."""
-        (trial,) = paper_suite(
-            preset=self.preset,
-            localizers=[self.localizer],
-            trials=1,
-            seed=self.seed,
-            lag=self.lag,
-            particles=self.particles,
-        )
-        return trial
-
-
-def run_lap(lap: LapRun, out: Path) -> str:
-    """Run one lap; write its animation, error curve and trace; return what to print."""
+def run_lap(experiment: Experiment, out: Path) -> str:
+    """Run one lap of one localizer; write animation, error curve, trace; return what to print."""
     require_plots()
-    trial = lap.trial
+    (trial,) = experiment.sweep.distinct()
     check_params(trial)
     writable_folder(out)
     camera = camera_of(trial.preset, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
     trace = trace_of(episode, trial.offsets, room_of(trial.preset))
-    title = TITLES.get(lap.localizer, lap.localizer)
+    title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()
     }
-    write_webp(out / "lap.webp", lap_frames(episode, camera, lap.localizer), 80)
+    write_webp(out / "lap.webp", lap_frames(episode, camera, trial.localizer), 80)
     write_bytes(
-        out / "error.png", error_plot(curves, f"{title}, preset {lap.preset}, seed {lap.seed}")
+        out / "error.png", error_plot(curves, f"{title}, preset {trial.preset}, seed {trial.seed}")
     )
     write_text(out / "error.csv", _curves_csv(trace))
     write_bytes(out / "trace.npz", npz(trace))
@@ -81,11 +45,11 @@ def run_lap(lap: LapRun, out: Path) -> str:
     lines = [
         f"{state_name(row.offset):>8}: error {row.error:6.2f}, position RMSE "
         f"{row.position_rmse:6.2f} px, heading RMSE {np.degrees(row.heading_rmse):5.1f} deg"
-        for row in scores(trace, lap.lag)
+        for row in scores(trace, trial.lag)
     ]
     return "\n".join(
         [
-            f"{title}, preset {lap.preset}, seed {lap.seed}: {trace.steps} steps",
+            f"{title}, preset {trial.preset}, seed {trial.seed}: {trace.steps} steps",
             *lines,
             f"Written to {out}: lap.webp, error.png, error.csv, trace.npz, {', '.join(tracks)}.",
         ]

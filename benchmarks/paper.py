@@ -2,16 +2,15 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.experiment import Experiment
 from benchmarks.pictures.figures import FIG_4_METHODS
 from benchmarks.pictures.gallery import Gallery
 from benchmarks.sweeps.manifest import seeds
 from benchmarks.sweeps.running import check, run_trials
 from benchmarks.sweeps.store import Store, write_text
-from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
 from benchmarks.tables.table_1 import (
     Row,
     reading,
@@ -21,10 +20,8 @@ from benchmarks.tables.table_1 import (
     timings_csv,
     trials_csv,
 )
-from benchmarks.trials.presets import ASSUMED
 from benchmarks.trials.provenance import environment
-from deqmcl_gym.validation import InputError, integer, one_of
-from localizers import names, resolve
+from deqmcl_gym.validation import integer
 
 NOTE = (
     "Errors mix px and unitless components, as the paper's do; SD over trials; entropy in nats "
@@ -34,42 +31,10 @@ NOTE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PaperExperiment:
-    """What ``deqmcl paper`` can be told. Checked as a whole before anything is run or written."""
-
-    preset: str = "paper"
-    localizers: tuple[str, ...] = PAPER_METHODS
-    trials: int = 10
-    seed: int = 0
-    particles: int = 1000
-    lag: int = 20
-
-    def __post_init__(self) -> None:
-        one_of("preset", self.preset, ASSUMED)
-        if not self.localizers:
-            raise InputError(f"no localizer is named: allowed are {', '.join(names())}.")
-        for name in self.localizers:
-            resolve(name)
-        if len(set(self.localizers)) < len(self.localizers):
-            raise InputError(f"a localizer is named twice in {', '.join(self.localizers)}.")
-        integer("--trials", self.trials, low=1, high=100_000)
-        integer("--seed", self.seed)
-        integer("--particles", self.particles, low=1)
-        integer("--lag", self.lag)
-
-
-def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Sequence[str]) -> str:
+def run_paper(experiment: Experiment, out: Path, *, jobs: int, command: Sequence[str]) -> str:
     """Run the experiment (what ``out`` already holds is not run again); return what to print."""
     integer("--jobs", jobs, low=1)
-    sweep = paper_sweep(
-        preset=experiment.preset,
-        localizers=experiment.localizers,
-        trials=experiment.trials,
-        seed=experiment.seed,
-        lag=experiment.lag,
-        particles=experiment.particles,
-    )
+    sweep = experiment.sweep
     check(sweep)
     suite = sweep.distinct()
     shown = [t for t in suite if t.trial == 0 and t.localizer in FIG_4_METHODS]
@@ -97,20 +62,20 @@ def run_paper(experiment: PaperExperiment, out: Path, *, jobs: int, command: Seq
     )
 
 
-def _title(experiment: PaperExperiment) -> str:
+def _title(experiment: Experiment) -> str:
     worlds = "1 world" if experiment.trials == 1 else f"{experiment.trials} worlds"
     return (
-        f"Table 1, preset {experiment.preset}: {worlds}, N = {experiment.particles}, "
-        f"L = {experiment.lag}, seed {experiment.seed}; the paper's values beside ours"
+        f"Table 1, preset {experiment.preset}: {worlds}, {experiment.words}; "
+        "the paper's values beside ours"
     )
 
 
-def _markdown(rows: Sequence[Row], experiment: PaperExperiment) -> str:
+def _markdown(rows: Sequence[Row], experiment: Experiment) -> str:
     parts = [f"# {_title(experiment)}", table_1(rows, "github"), NOTE, reading(rows)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _manifest(experiment: PaperExperiment, command: Sequence[str]) -> str:
+def _manifest(experiment: Experiment, command: Sequence[str]) -> str:
     configuration: dict[str, Any] = vars(experiment) | {"localizers": list(experiment.localizers)}
     content = {
         "command": list(command),

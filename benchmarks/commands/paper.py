@@ -30,11 +30,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import available_cpus
-    from benchmarks.paper import PaperExperiment, run_paper
+    from benchmarks.experiment import Experiment
+    from benchmarks.paper import run_paper
     from benchmarks.sweeps.suites import PAPER_METHODS
 
     named = options.localizers
-    experiment = PaperExperiment(
+    experiment = Experiment(
         preset=options.preset,
         localizers=PAPER_METHODS if named is None else comma_separated(named),
         trials=options.trials,

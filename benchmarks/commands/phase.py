@@ -28,15 +28,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from benchmarks.phase.command import METHODS, PhaseRun, run_phase
+    from benchmarks.experiment import Experiment
+    from benchmarks.phase.command import METHODS, run_phase
 
     named = options.localizers
-    run = PhaseRun(
+    experiment = Experiment(
         localizers=METHODS if named is None else comma_separated(named),
-        fields=options.fields,
+        trials=1,
         preset=options.preset,
         seed=options.seed,
         particles=options.particles,
         lag=options.lag,
     )
-    return run_phase(run, options.out, ["deqmcl", *given])
+    return run_phase(experiment, options.fields, options.out, ["deqmcl", *given])

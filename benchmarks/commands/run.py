@@ -24,13 +24,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
-    from benchmarks.lap_run import LapRun, run_lap
+    from benchmarks.experiment import Experiment
+    from benchmarks.lap_run import run_lap
 
-    lap = LapRun(
-        localizer=options.localizer,
+    experiment = Experiment(
+        localizers=(options.localizer,),
+        trials=1,
         preset=options.preset,
         seed=options.seed,
         particles=options.particles,
         lag=options.lag,
     )
-    return run_lap(lap, options.out)
+    return run_lap(experiment, options.out)

@@ -105,8 +105,8 @@ def test_a_name_that_cannot_be_resolved_is_refused_before_anything_is_written(fo
 
 
 def test_an_unknown_name_is_refused_with_all_names():
-    from benchmarks.lap_run import LapRun
+    from benchmarks.experiment import Experiment
 
     with pytest.raises(InputError) as caught:
-        LapRun(localizer="dec-mcl")
+        Experiment(localizers=("dec-mcl",))
     assert all(name in str(caught.value) for name in names())
