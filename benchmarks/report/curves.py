@@ -121,8 +121,8 @@ def _chart(
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
         axes.set_xticks([], minor=True)
     words = _words(key)
-    together = "".join(f" = {_words(follower)}" for follower in followers)
-    axes.set(xlabel=words + together, ylabel=quantity.axis)
+    also = ", ".join(map(_words, followers))
+    axes.set(xlabel=f"{words} …" if followers else words, ylabel=quantity.axis)
     if quantity is ERROR:
         axes.set_ylim(0, None)
     legend(figure, axes, lines)
@@ -132,7 +132,7 @@ def _chart(
         figure,
         name=name,
         title=title,
-        caption=quantity.caption,
+        caption=quantity.caption + (f" … and with it {also}." if followers else ""),
         alt=title,
     )
 

@@ -261,7 +261,8 @@ def test_what_changes_together_is_one_curve():
         for w in range(2)
     ]
     (chart,) = curves(records)
-    assert "noise.drive = assumed motion.drive" in " ".join(words_of(chart).split())
+    assert "noise.drive …" in " ".join(words_of(chart).split())
+    assert chart.caption.endswith("… and with it assumed motion.drive.")
 
 
 def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
