@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.experiment import Experiment
+from benchmarks.files import writable_folder, write_bytes, write_text
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
 from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
-from benchmarks.sweeps.store import writable_folder, write_bytes, write_text
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import check_params, room_of, trial_moments
 from benchmarks.trials.metrics import state_error

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.experiment import Experiment
+from benchmarks.files import write_text
 from benchmarks.pictures.figures import FIG_4_METHODS
 from benchmarks.pictures.gallery import Gallery
 from benchmarks.sweeps.manifest import seeds
 from benchmarks.sweeps.running import check, run_trials
-from benchmarks.sweeps.store import Store, write_text
+from benchmarks.sweeps.store import Store
 from benchmarks.tables.table_1 import (
     Row,
     reading,

@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
-    from benchmarks.sweeps.store import write_text
+    from benchmarks.files import write_text
     from deqmcl_gym.validation import InputError
 
     path: Path = options.file

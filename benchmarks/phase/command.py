@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.experiment import Experiment
+from benchmarks.files import writable_folder, write_bytes
 from benchmarks.phase.cycles import Cycles, cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.figure import Panel, phase_figure
 from benchmarks.phase.page import PERFECT, cycles_csv, fields_csv, page, table, told
 from benchmarks.phase.precession import precession
 from benchmarks.pictures.plots import require_plots
-from benchmarks.sweeps.store import writable_folder, write_bytes
 from benchmarks.tables.table_1 import TITLES
 from benchmarks.trials.episode import check_params, room_of, trial_moments
 from benchmarks.trials.spec import Trial

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.sweeps.store import write_bytes
+from benchmarks.files import write_bytes
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.drawing import (

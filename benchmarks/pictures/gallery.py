@@ -9,8 +9,8 @@ from typing import Any
 
 import cv2
 
+from benchmarks.files import write_text
 from benchmarks.pictures.figures import write_figures
-from benchmarks.sweeps.store import write_text
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial

@@ -3,8 +3,8 @@
 from importlib.util import find_spec
 from pathlib import Path
 
+from benchmarks.files import writable_folder, write_bytes
 from benchmarks.sweeps.results import Results
-from benchmarks.sweeps.store import writable_folder, write_bytes
 from benchmarks.tables.comparison import comparisons, results_csv
 from benchmarks.tables.gap import gaps, gaps_csv
 from benchmarks.tables.table_1 import timings_csv, trials_csv

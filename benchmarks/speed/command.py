@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
+from benchmarks.files import writable_folder, write_bytes, write_text
 from benchmarks.speed import rays, steps, worlds
 from benchmarks.speed.figure import Figure, Measured, UnavailableError, measured
 from benchmarks.speed.plots import ratios_plot, scaling_plot
@@ -21,7 +22,6 @@ from benchmarks.speed.tables import (
     terminal_table,
 )
 from benchmarks.speed.timing import Effort
-from benchmarks.sweeps.store import writable_folder, write_bytes, write_text
 from benchmarks.trials.provenance import environment
 
 T = TypeVar("T")

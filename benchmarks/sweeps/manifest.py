@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.files import write_text
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.store import SCHEMA, write_text
+from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.plugins import source_digest
 from benchmarks.trials.provenance import code_digest, environment, versions
 from deqmcl_gym.validation import InputError

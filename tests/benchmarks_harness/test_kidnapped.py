@@ -37,9 +37,9 @@ def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
 
 def test_the_quality_tells_of_the_kidnap_at_once_and_recovery_ends_it():
     # In a room of right angles a fan of 90° fits some wrong poses too, so not every filter settles
-    # on a right one in 60 steps: about three of four do.
+    # on a right one in 60 steps: of seeds 0 to 11, on which this was written, three of four did.
     found = 0
-    for seed in range(8):
+    for seed in range(100, 108):
         errors, quality = episode(seed, recovery_alpha_slow=0.001, recovery_alpha_fast=0.1)
         assert errors[:STEP].max() < 10
         assert quality[5:STEP].min() > 0.9

@@ -1,14 +1,12 @@
 """One file per finished trial: whole or not there."""
 
-import errno
 import json
-import os
 from pathlib import Path
 
 import pytest
 
 from benchmarks.sweeps import store as store_module
-from benchmarks.sweeps.store import Store, writable_folder, write_bytes, write_text
+from benchmarks.sweeps.store import Store
 from deqmcl_gym.validation import InputError
 
 RECORD = {"scores": [{"offset": 0, "error": 1.5, "entropy": None}], "steps_done": 3}
@@ -140,49 +138,6 @@ def test_a_stray_temporary_file_is_no_trial(tmp_path):
     assert store.get(KEY) is not None
 
 
-@pytest.mark.parametrize("broken", ["fsync", "replace"])
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
-    tmp_path, monkeypatch, broken
-):
-    target = tmp_path / "table.csv"
-    write_text(target, "old\n")
-
-    def fail(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, broken, fail)
-    with pytest.raises(OSError, match="No space left") as caught:
-        write_text(target, "new\n")
-    assert caught.value.filename == str(target)  # which file, for the reader of the message
-    assert files(tmp_path) == ["table.csv"]
-    assert target.read_text() == "old\n"
-
-
-def test_an_interrupted_write_leaves_no_temporary_file(tmp_path, monkeypatch):
-    def interrupt(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "fsync", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        write_bytes(tmp_path / "lap.webp", b"x")
-    assert files(tmp_path) == []
-
-
-def test_a_write_becomes_visible_only_when_it_is_whole(tmp_path, monkeypatch):
-    target = tmp_path / "table.csv"
-    write_text(target, "old\n")
-    really, seen = os.replace, []
-
-    def look(source, destination):
-        seen.append((target.read_text(), Path(source).read_text(), Path(source).parent))
-        really(source, destination)
-
-    monkeypatch.setattr(os, "replace", look)
-    write_text(target, "new\n")
-    assert seen == [("old\n", "new\n", tmp_path)]
-    assert target.read_text() == "new\n"
-
-
 def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):
     written, really = [], store_module.write_text
 
@@ -209,23 +164,3 @@ def test_an_output_path_that_is_a_file_or_below_one_is_refused_and_the_file_kept
     with pytest.raises(InputError, match=r"the output folder .*file.* is a file.*: give a folder"):
         Store(Path(f"{tmp_path}/file{below}"))
     assert (tmp_path / "file").read_text() == "precious"
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write to a read-only folder")
-def test_a_read_only_folder_is_refused(tmp_path):
-    tmp_path.chmod(0o555)
-    with pytest.raises(InputError, match=r"cannot be written to \(Permission denied\)"):
-        writable_folder(tmp_path)
-
-
-@pytest.mark.parametrize("kind", [errno.EACCES, errno.EROFS, errno.ENOSPC])
-def test_a_folder_in_which_no_file_can_be_made_is_refused_with_the_reason(
-    tmp_path, monkeypatch, kind
-):
-    def fail(**_):
-        raise OSError(kind, os.strerror(kind))
-
-    monkeypatch.setattr(store_module.tempfile, "TemporaryFile", fail)
-    with pytest.raises(InputError, match=os.strerror(kind)) as caught:
-        writable_folder(tmp_path)
-    assert str(tmp_path) in str(caught.value)
