@@ -1,7 +1,10 @@
-"""Two small runs of ``deqmcl paper``, made once and read by many tests."""
+"""Small runs of ``deqmcl paper``, made once and read by many tests; a small sweep."""
 
 import pytest
 from deqmcl_command import DEQMCL, SMALL, exit_code, process
+from sweep_command import write_small
+
+from benchmarks.trials import attempt
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +20,17 @@ def one_worker(tmp_path_factory):
     out = tmp_path_factory.mktemp("one_worker")
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 0
     return out
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A small sweep file."""
+    return write_small(tmp_path_factory.mktemp("file"))
+
+
+@pytest.fixture
+def ran(monkeypatch):
+    """Trials that were run rather than found."""
+    found, run = [], attempt.trial_moments
+    monkeypatch.setattr(attempt, "trial_moments", lambda t: found.append(t) or run(t))
+    return found

@@ -14,20 +14,14 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
-import localizers
-from benchmarks.sweeps import dry_run, manifest, store, sweepfile
+from benchmarks.sweeps import manifest, store, sweepfile
 from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.suites import SUITES
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.trials import attempt, plugins
+from benchmarks.trials import plugins
 from benchmarks.trials.spec import unworded
 from deqmcl_gym.validation import InputError
 from localizers import registry
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return write_small(tmp_path_factory.mktemp("file"))
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +35,6 @@ def finished(file, tmp_path_factory):
 @pytest.fixture
 def copy(finished, tmp_path):
     return Path(shutil.copytree(finished, tmp_path / "copy"))
-
-
-@pytest.fixture
-def ran(monkeypatch):
-    """Trials that were run rather than found."""
-    found, run = [], attempt.trial_moments
-    monkeypatch.setattr(attempt, "trial_moments", lambda t: found.append(t) or run(t))
-    return found
 
 
 def broken(robot, **params):
@@ -328,115 +314,6 @@ def test_a_trial_is_stored_with_the_quality_at_every_step_if_its_localizer_gives
         else:
             assert len(found["quality"]) == found["steps_done"]
             assert all(0 <= q <= 1 for q in found["quality"])
-
-
-def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    file = write_small(tmp_path, trials=50, more="\n[[vary]]\npreset = ['paper', 'sharp']\n")
-    assert sweep(file, tmp_path / "out", "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "small: 200 trials in 4 cells" in said
-    assert re.search(r"sharp L=4 mcl particles=15 +50 +\d", said)
-    assert re.search(r"About \d+ (s|min) with 1 jobs: estimated from one measured trial", said)
-    assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
-
-
-def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dry_run, "BUDGET", 0.0)
-    more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
-    file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
-    assert sweep(file, tmp_path / "out", "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "small: 103 trials in 3 cells" in said
-    one = float(re.search(r"mcl particles=15 +50 +([\d.]+) s", said)[1])
-    many = float(re.search(r"mcl particles=1500000 +3 +≈ ([\d.]+) s", said)[1])
-    assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
-
-
-def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, ran):
-    file = write_small(tmp_path, trials=1, more="\n[[vary]]\nparams.particles = [5, 6, 5]\n")
-    assert sweep(file, tmp_path / "out") == 0
-    assert "3 combinations equal others and were run once." in capsys.readouterr().out
-    assert [(t.localizer, dict(t.params)) for t in ran] == [
-        ("mcl", {"particles": 5}),
-        ("dead-reckoning", {}),
-        ("mcl", {"particles": 6}),
-    ]
-
-
-TEN_MILLION = "".join(
-    f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
-    for name, count in (("drive", 125), ("turn", 100), ("drift", 200))
-)
-BAD = [  # what is added to the file, arguments, and what the sentence must name
-    ("\ntrails = 3", (), ["small.toml", "'trails'"]),
-    ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
-    ("\n[world]\nlidar.beans = 3", (), ["'beans'", "did you mean 'beams'?"]),
-    ("\n[assumed]\nscan.sigma = -3", (), ["scan.sigma", "-3"]),
-    ("\n[[vary]]\nparams.particles = [5, 0]", (), ["particles", "0"]),
-    ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
-    ("\n[[vary]]\nparams.particles = [1000000000]", (), ["particles", "1,000,000,000", "GiB"]),
-    ("\n[[vary]]\ndisturbance = [[{kind = 'earthquake'}]]", (), ["earthquake", "kidnap"]),
-    (TEN_MILLION, (), ["10,000,000", "--yes"]),
-    ("", ("--with", "dec-mcl"), ["did you mean 'deq-mcl'?"]),
-    ("", ("--jobs", "0"), ["--jobs", "0"]),
-    ("", ("--timeout", "0"), ["--timeout", "0"]),
-    ("", ("--timeout", "nan"), ["--timeout", "nan"]),
-    ("", ("--shard", "0/3"), ["--shard", "'0/3'"]),
-    ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
-    ("", ("--shard", "half"), ["--shard", "'half'"]),
-    ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
-    ("", ("--executor", "no_such:thing"), ["'no_such:thing'", "ModuleNotFoundError"]),
-    ("", ("--executor", "os:nothing"), ["'os:nothing'", "AttributeError"]),
-    ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
-    ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
-]
-
-
-@pytest.mark.parametrize(
-    ("more", "arguments", "named"), BAD, ids=[(case[0][:50] or str(case[1])) for case in BAD]
-)
-def test_what_cannot_be_run_is_refused_in_one_sentence_before_anything_is_written(
-    tmp_path, monkeypatch, capsys, more, arguments, named
-):
-    monkeypatch.chdir(tmp_path)
-    text = write_small(tmp_path).read_text()
-    (tmp_path / "small.toml").write_text(text + more)
-    assert sweep("small.toml", "out", *arguments) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("deqmcl: ")
-    assert said.err.count("\n") == 1
-    for words in named:
-        assert words in said.err
-    assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
-
-
-def test_dask_that_is_not_installed_is_said_with_the_pip_command(
-    file, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    assert sweep(file, tmp_path / "out", "--executor", "dask") == 2
-    assert "pip install 'deqmcl-gym[dask]'" in capsys.readouterr().err
-
-
-def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_loaded(
-    monkeypatch, capsys
-):
-    really = localizers.parameters
-
-    def parameters(name):
-        if name == "mcl-map":
-            raise ImportError("no module\nnamed so")
-        return really(name)
-
-    monkeypatch.setattr(localizers, "parameters", parameters)
-    assert exit_code("list") == 0
-    said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
-        assert re.search(rf"^  {words}\b", said, re.MULTILINE)
-    assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
-    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
 
 
 def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
