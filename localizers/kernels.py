@@ -8,7 +8,7 @@ from deqmcl_gym.numerics.elementary import cos32, exp64, log32, log64, sin32
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-_POSES = 256  # looked at in one go
+_POSES = 512  # looked at in one go
 _FOLD = 16  # beams multiplied before a logarithm is taken
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
 _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
@@ -106,22 +106,42 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
 
 
 @compiled
+def absorbed(
+    log_weights: Floats, log_likelihoods: Floats, most: int, out: Floats
+) -> tuple[float, float]:
+    """Do ``shifted`` and ``log_evidence``; return what both return."""
+    evidence = log_evidence(log_weights, log_likelihoods, most)
+    return shifted(log_weights, log_likelihoods, out), evidence
+
+
+@compiled
 def systematic(weights: Floats, offset: float, out: NDArray[np.intp]) -> None:
-    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1."""
+    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
+
+    Each particle is written at the first pointer that it can have, over those that have none; the
+    other pointers take the last one written. A search would wait on a guess at every pointer.
+    """
     n = weights.size
+    before = np.empty(n)  # the weight of the particles before each
     total = 0.0
     last = 0  # of weight above zero
     for i in range(n):
+        before[i] = total
         total += weights[i]
         last = i if weights[i] > 0.0 else last
-    reached = weights[0]
-    particle = 0
+    per_weight = n / total
+    for i in range(n):
+        before[i] = np.ceil(before[i] * per_weight - offset)
     for k in range(n):
-        goal = (k + offset) / n * total
-        while reached <= goal and particle < last:
-            particle += 1
-            reached += weights[particle]
-        out[k] = particle
+        out[k] = 0
+    for i in range(n):
+        first = int(before[i])
+        if 0 <= first < n:
+            out[first] = i
+    furthest = 0
+    for k in range(n):
+        furthest = max(furthest, out[k])
+        out[k] = min(furthest, last)
 
 
 @compiled
@@ -182,6 +202,25 @@ def normal_pairs(
     shift, scale = np.float32(mean), np.float32(sd)
     for i in range(n):
         second[i] = shift + scale * (radius[i] * sin32(angle[i]))
+
+
+@compiled
+def noisy_moves(
+    uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    """Fill in d + ε_d and φ + ε_φ of each action; the rest as ``OdometryMotion``.
+
+    Args:
+        uniforms: as for ``normal_pairs``, (F, n).
+        actions: (d px, φ rad), (F, 2).
+        drive, turn, drift: of the noise.
+        out: (F, 2, n).
+    """
+    for step in range(actions.shape[0]):
+        distance, angle = actions[step, 0], actions[step, 1]
+        sd = drive * abs(distance)
+        sd_angle = turn * abs(angle) + drift * abs(distance)
+        normal_pairs(uniforms[step], distance, sd, angle, sd_angle, out[step])
 
 
 @compiled

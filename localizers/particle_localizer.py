@@ -71,9 +71,9 @@ class ParticleLocalizer:
         command = checked_action(action)
         after = self.filter.step(belief, scan, command, checked_plan(plan), rng)
         assert belief.trust is not None, "reset starts it"
-        belief = after._replace(
-            events=after.events.of_scan(scan, self.robot.lidar.max_range),
-            trust=belief.trust.after(scan, after.scan_log_evidence),
+        belief = after.noted(
+            after.events.of_scan(scan, self.robot.lidar.max_range),
+            belief.trust.after(scan, after.scan_log_evidence),
         )
         self._running = (belief, rng)
         return belief

@@ -1,12 +1,13 @@
 """How rays find the nearest wall: all walls against all rays, or from cell to cell among many."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import kernels
+from deqmcl_gym.floorplan import ray_kernels
 from deqmcl_gym.floorplan.cells import Cells, cells_of
 from deqmcl_gym.floorplan.polygons import Box, Polygon, as_box, oriented_edges
 
@@ -19,6 +20,11 @@ OVERLAP = 5e-4
 MANY_WALLS = 64
 # Below, lanes over the beams of each pose are faster than lanes over the poses.
 FEW_POSES = 8
+
+
+# Rectangles that no ray leaves, and that none enters.
+EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
+NOWHERE: Box = (math.inf, math.inf, math.inf, math.inf)
 
 
 class Caster(Protocol):
@@ -36,10 +42,11 @@ class Caster(Protocol):
 
 
 class AllWalls(NamedTuple):
-    """All walls against all rays, side by side in SIMD lanes; fields as in ``kernels.cast``."""
+    """All walls against all rays, side by side in SIMD lanes; fields as in ``ray_kernels.cast``."""
 
     outer: Floats
-    rooms: Floats
+    room: Floats
+    box: Floats
     boxes: Floats
     upright: Floats
     level: Floats
@@ -47,13 +54,13 @@ class AllWalls(NamedTuple):
 
     def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
         """See ``Caster``."""
-        kernel = kernels.look if poses.shape[1] < FEW_POSES else kernels.cast
+        kernel = ray_kernels.look if poses.shape[1] < FEW_POSES else ray_kernels.cast
         kernel(poses, bearings, *self, out)
 
     @property
     def tries(self) -> int:
         """How many boxes and walls each ray is tried against."""
-        return sum(map(len, self[1:]))
+        return 2 + sum(map(len, self[3:]))
 
 
 class CellByCell(NamedTuple):
@@ -65,7 +72,7 @@ class CellByCell(NamedTuple):
 
     def cast(self, poses: Floats, bearings: Floats, out: Floats) -> None:
         """See ``Caster``."""
-        kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
+        ray_kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
 
 
 def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
@@ -76,17 +83,19 @@ def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
 
 def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
     """Sort walls by what is known of their direction, which saves arithmetic."""
-    room, boxes = as_box(outer), [as_box(polygon) for polygon in obstacles]
-    polygons = zip((outer, *obstacles), (room, *boxes), strict=True)
+    room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
+    polygons = zip((outer, *obstacles), (room, *found), strict=True)
     walls = _edges([polygon for polygon, box in polygons if box is None])
+    boxes = np.array([box for box in found if box is not None] or [NOWHERE], np.float32)
     x0, y0, x1, y1 = walls.T
     upright, level = x0 == x1, y0 == y1
     low_x, high_x = np.minimum(x0, x1) - OVERLAP, np.maximum(x0, x1) + OVERLAP
     low_y, high_y = np.minimum(y0, y1) - OVERLAP, np.maximum(y0, y1) + OVERLAP
     return AllWalls(
         outer=_outer(outer),
-        rooms=_boxes([room]),
-        boxes=_boxes(boxes),
+        room=np.array(EVERYWHERE if room is None else room, np.float32),
+        box=boxes[0],
+        boxes=boxes[1:],
         upright=_singles([x0, low_y, high_y])[upright],
         level=_singles([y0, low_x, high_x])[level],
         oblique=_directed(walls[~(upright | level)]),
@@ -114,10 +123,6 @@ def _directed(walls: NDArray[np.float64]) -> Floats:
     length = np.hypot(x1 - x0, y1 - y0)
     start = np.full_like(length, -OVERLAP)
     return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + OVERLAP])
-
-
-def _boxes(found: Sequence[Box | None]) -> Floats:
-    return np.array([box for box in found if box is not None], np.float32).reshape(-1, 4)
 
 
 def _singles(columns: list[NDArray[np.float64]]) -> Floats:

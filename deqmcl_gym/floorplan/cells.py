@@ -13,7 +13,7 @@ _MARGIN = 0.05  # px: a wall this close to a cell counts as in it, well over rou
 
 
 class Cells(NamedTuple):
-    """A grid of square cells over some walls, as ``kernels.cast_through`` takes it.
+    """A grid of square cells over some walls, as ``ray_kernels.cast_through`` takes it.
 
     Attributes:
         corner: lower left corner of the grid (x, y), px.

@@ -13,9 +13,14 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# numba keys its cache by a kernel's own file. What kernels of several files call stands in
-# elementary.py: its digest becomes part of every kernel's name, so that an edit there is seen.
-_SHARED = hashlib.sha256(Path(__file__).with_name("elementary.py").read_bytes()).hexdigest()[:8]
+# numba keys its cache by a kernel's own file, but kernels call those of other files. A digest of
+# the files that they call into becomes part of every kernel's name, so that an edit there is seen.
+_SHARED = hashlib.sha256(
+    b"".join(
+        Path(__file__).parents[1].joinpath(name).read_bytes()
+        for name in ("numerics/elementary.py", "floorplan/kernels.py")
+    )
+).hexdigest()[:8]
 
 
 def compiled(function: F) -> F:

@@ -63,13 +63,8 @@ _ATAN_Q = (
 _PI, _PI_2, _PI_4 = np.pi, np.pi / 2, np.pi / 4
 _MORE = 6.123233995736765886130e-17  # of π/2 beyond its float64
 
-# float32 exp on [-ln 2 / 2, ln 2 / 2]
-_LOG2E = _F(1.44269504088896341)
+# float32: ln 2 in two parts; log as 2 artanh by its series
 _LN2_HIGH, _LN2_LOW = _F(0.693359375), _F(-2.12194440e-4)
-_E0, _E1, _E2 = _F(1.9875691500e-4), _F(1.3981999507e-3), _F(8.3334519073e-3)
-_E3, _E4, _E5 = _F(4.1665795894e-2), _F(1.6666665459e-1), _F(5.0000001201e-1)
-_LEAST = _F(-87.0)
-# float32 log: 2 artanh by its series
 _A1, _A2, _A3, _A4 = _F(1 / 3), _F(1 / 5), _F(1 / 7), _F(1 / 9)
 _SQRT_HALF_BITS = np.int32(0x3F3504F3)
 
@@ -165,19 +160,6 @@ def atan2_64(y: Scalar, x: Scalar) -> Scalar:
     angle = _PI_2 - angle if up > right else angle
     angle = _PI - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
-
-
-@compiled
-def exp32(x: Scalar) -> Scalar:
-    """Exp of a float32 x ≤ 0, to about 1e-7; 1.6e-38 below -87 and of NaN."""
-    x = x if x > _LEAST else _LEAST
-    rounded = x * _LOG2E + _ROUNDER  # its lowest bits are the integer k
-    k = rounded - _ROUNDER
-    r = (x - k * _LN2_HIGH) - k * _LN2_LOW
-    p = ((((_E0 * r + _E1) * r + _E2) * r + _E3) * r + _E4) * r + _E5
-    mantissa = p * r * r + r + _ONE
-    power = (np.float32(rounded).view(np.int32) + np.int32(127)) << np.int32(23)
-    return mantissa * np.int32(power).view(np.float32)
 
 
 @compiled

@@ -113,10 +113,13 @@ class ParticleBelief(NamedTuple):
         states = self.queue.at(offset)
         return None if states is None else (states.T, self.weights)
 
-    def resampled(self, ancestors: Indices | None, by: LogWeights) -> "ParticleBelief":
+    def resampled(
+        self, ancestors: Indices | None, by: LogWeights, log_sum: float | None = None
+    ) -> "ParticleBelief":
         """Go on with these particles, drawn in proportion to exp(by), (n,); None changes nothing.
 
         Each keeps the weight that ``by`` leaves: none, if they were drawn by their own weights.
+        ``log_sum`` is log Σ exp(by), if it is known already.
         """
         if ancestors is None:
             return self
@@ -124,7 +127,8 @@ class ParticleBelief(NamedTuple):
             left = np.zeros(ancestors.size)
         else:
             left = self.log_weights[ancestors] - by[ancestors]
-        return self._with(self.queue.resampled(ancestors), left, self.drawn, self._evidence(by))
+        evidence = self._evidence(by, log_sum)
+        return self._with(self.queue.resampled(ancestors), left, self.drawn, evidence)
 
     def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
         """Add newest states (d, n), drawn by ``action``."""
@@ -157,7 +161,8 @@ class ParticleBelief(NamedTuple):
         and a weight collapse is counted: the cloud then goes on by motion alone until evidence
         comes that some particle can explain.
         """
-        return self._reweighted(log_factor, math.nan)
+        total = np.empty_like(self.log_weights)
+        return self._weighted(total, kernels.shifted(self.log_weights, log_factor, total))
 
     def scanned(
         self, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
@@ -166,13 +171,20 @@ class ParticleBelief(NamedTuple):
 
         The latter from at most ``most`` evenly spaced particles.
         """
-        evidence = kernels.log_evidence(self.log_weights, log_likelihood, most)
-        return self._reweighted(log_likelihood, evidence)
+        total = np.empty_like(self.log_weights)
+        top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, total)
+        return self._weighted(total, top, evidence)
 
-    def _reweighted(self, log_factor: LogWeights, scan_log_evidence: float) -> "ParticleBelief":
-        total = np.empty(self.log_weights.size)
-        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
-            return self._with(self.queue, total, self.drawn, None, scan_log_evidence)
+    def noted(self, events: Events, trust: Trust) -> "ParticleBelief":
+        """Return this belief with other events and another trust."""
+        return ParticleBelief(*self[:4], events, *self[5:7], trust, self.log_h)
+
+    def _weighted(
+        self, log_weights: LogWeights, top: float, scan_log_evidence: float = math.nan
+    ) -> "ParticleBelief":
+        """Go on with these weights, unless even the ``top`` one is 0."""
+        if top > -math.inf:
+            return self._with(self.queue, log_weights, self.drawn, None, scan_log_evidence)
         events = self.events.plus(weight_collapses=1)
         return self._replace(events=events, scan_log_evidence=scan_log_evidence)
 
@@ -195,5 +207,6 @@ class ParticleBelief(NamedTuple):
             scan_log_evidence,
         )
 
-    def _evidence(self, log_weights: LogWeights) -> float:
-        return self.log_normalizer + log_sum_exp(log_weights) - math.log(log_weights.size)
+    def _evidence(self, log_weights: LogWeights, log_sum: float | None = None) -> float:
+        total = log_sum_exp(log_weights) if log_sum is None else log_sum
+        return self.log_normalizer + total - math.log(log_weights.size)

@@ -22,6 +22,7 @@ from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import Selection, by_own_weight
 from localizers.inference.rollout import Rollout
+from localizers.inference.weights import normalized_with_log_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +100,9 @@ class ParticleFilter:
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues, and move them."""
         by = self.selection(belief)
-        ancestors = self.resampling.ancestors(by, rng)
-        return self.move(belief.resampled(ancestors, by), ancestors, rng)
+        weights, log_sum = normalized_with_log_sum(by)
+        ancestors = self.resampling.ancestors(weights, rng)
+        return self.move(belief.resampled(ancestors, by, log_sum), ancestors, rng)
 
     def _advanced(
         self, belief: ParticleBelief, action: Action, rng: np.random.Generator
@@ -108,7 +110,13 @@ class ParticleFilter:
         """Append head' ~ p(· | head, action), charged once by g(head, head')."""
         before = belief.head
         after = self.motion.sample(before, action, rng)
-        return belief.appended(after, action).reweighted(self.feasibility.log_g(before, after))
+        grown = belief.appended(after, action)
+        return grown.reweighted(self.feasibility.log_g(before, after)) if self._charged else grown
+
+    @cached_property
+    def _charged(self) -> bool:
+        """Whether any step can be infeasible; a feasibility says no by ``charges = False``."""
+        return getattr(self.feasibility, "charges", True)
 
     @cached_property
     def rollout(self) -> Rollout:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 States = NDArray[Any]  # (d, n)
 LogWeights = NDArray[np.float64]  # (n,)
+Weights = NDArray[np.float64]  # (n,), with sum 1
 Action = NDArray[np.float64]  # (k,)
 Actions = NDArray[np.float64]  # (steps, k)
 Indices = NDArray[np.intp]  # (n,)
@@ -66,6 +67,9 @@ class Walk(Protocol):
 class Resampling(Protocol):
     """When to resample, and how; draws one uniform number or row whether or not it triggers."""
 
-    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to go on with, (n,), or None to keep all with their weights."""
+    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
+        """Return the particles to go on with, (n,), or None to keep all with their weights.
+
+        The weights have sum 1, (n,).
+        """
         ...

@@ -36,6 +36,8 @@ class SlidingComposition(NamedTuple):
         """Drop the oldest link."""
         if self.old:
             return SlidingComposition(self.old[:-1], self.new, self.running)
+        if len(self.new) == 1:
+            return _NOTHING
         turned: list[Link] = []
         for link in reversed(self.new):
             turned.append(compose(link, turned[-1] if turned else None))
@@ -44,6 +46,9 @@ class SlidingComposition(NamedTuple):
     def composed(self) -> Link:
         """Return the map from the newest slot's order to the oldest's."""
         return compose(self.old[-1], self.running) if self.old else self.running
+
+
+_NOTHING = SlidingComposition()
 
 
 class Queue(NamedTuple):

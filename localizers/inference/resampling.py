@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from deqmcl_gym.validation import number, one_of
 from localizers import kernels
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Indices, LogWeights
-from localizers.inference.weights import Weights, effective_sample_size, normalized
+from localizers.inference.parts import Indices, LogWeights, Weights
+from localizers.inference.weights import effective_sample_size
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
 Selection = Callable[[ParticleBelief], LogWeights]
@@ -51,9 +51,9 @@ class Always:
 
     scheme: Scheme = systematic
 
-    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
+    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
         """Return the particles to go on with, (n,)."""
-        return self.scheme(normalized(log_weights), rng)
+        return self.scheme(weights, rng)
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,8 @@ class WhenDegenerate:
     threshold: float
     scheme: Scheme = systematic
 
-    def ancestors(self, log_weights: LogWeights, rng: np.random.Generator) -> Indices | None:
+    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
         """Return the particles to go on with, (n,), or None to keep all with their weights."""
-        weights = normalized(log_weights)
         chosen = self.scheme(weights, rng)
         degenerate = effective_sample_size(weights) < self.threshold * weights.size
         return chosen if degenerate else None

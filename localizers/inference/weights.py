@@ -1,12 +1,9 @@
 """Arithmetic of log-weights."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from localizers import kernels
-from localizers.inference.parts import LogWeights
-
-Weights = NDArray[np.float64]
+from localizers.inference.parts import LogWeights, Weights
 
 
 def log_sum_exp(log_weights: LogWeights) -> float:
@@ -16,9 +13,14 @@ def log_sum_exp(log_weights: LogWeights) -> float:
 
 def normalized(log_weights: LogWeights) -> Weights:
     """Weights with sum 1, (n,)."""
+    return normalized_with_log_sum(log_weights)[0]
+
+
+def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
+    """Weights with sum 1, (n,), and log Σ exp(log w), -inf if all weights are zero."""
     weights = np.empty_like(log_weights)
-    kernels.normalize(log_weights, weights)
-    return weights
+    log_sum = kernels.normalize(log_weights, weights)
+    return weights, log_sum
 
 
 def effective_sample_size(weights: Weights) -> float:

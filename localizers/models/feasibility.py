@@ -17,6 +17,8 @@ Poses = NDArray[np.float32]  # (3, n)
 class Unconstrained:
     """G = 1: the map says nothing about where the robot can go."""
 
+    charges = False  # need not be asked
+
     def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
         """Zero for each step, (n,)."""
         return np.zeros(after.shape[1])

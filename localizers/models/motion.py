@@ -50,7 +50,9 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        distances, turns = self.moves(action[None], states.shape[1], rng)[0]
+        distances, turns = self.moves(
+            np.asarray(action, dtype=np.float64)[None], states.shape[1], rng
+        )[0]
         return driven(states, distances, turns)
 
     def moves(
@@ -64,12 +66,8 @@ class OdometryMotion:
             (F, 2, n) px, rad.
         """
         moves = np.empty((len(actions), 2, n), np.float32)
-        for action, uniforms, drawn in zip(
-            actions, rng.random((len(actions), n)), moves, strict=True
-        ):
-            distance, turn = action.tolist()
-            sd_distance, sd_turn = self.spread(action)
-            kernels.normal_pairs(uniforms, distance, sd_distance, turn, sd_turn, drawn)
+        uniforms = rng.random((len(actions), n))
+        kernels.noisy_moves(uniforms, actions, self.drive, self.turn, self.drift, moves)
         return moves
 
 

@@ -130,3 +130,18 @@ def test_a_pose_has_the_same_bits_in_every_block(n):
     assert together.shape == (n, 3)
     for pose, fan in zip(poses, together, strict=True):
         assert np.array_equal(plan.ranges(pose[None], lidar.bearings)[0], fan)
+
+
+def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on_the_wall_too():
+    rng = np.random.default_rng(5)
+    for left, bottom, width, height in rng.uniform((-50, -50, 1, 1), (50, 50, 400, 400), (50, 4)):
+        low = np.float32([left, bottom])
+        high = np.float32([left + width, bottom + height])
+        x0, y0, x1, y1 = map(float, (*low, *high))
+        plan = FloorPlan(outer=((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+        beside = np.nextafter((low, low, high, high), np.float32([[-1e9], [1e9], [-1e9], [1e9]]))
+        xs, ys = np.vstack([low, high, beside, rng.uniform(low - 9, high + 9, (6, 2))]).T
+        poses = np.array([(x, y, 1.0) for x, y in product(xs, ys)], np.float32)
+        blind = np.isnan(plan.ranges(poses, [0.0])[:, 0])
+        assert (blind == ~plan.free(poses)).all()  # ``free`` counts windings
+        assert set(blind) == {True, False}

@@ -118,7 +118,7 @@ def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weigh
     ):
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
-            strategy.ancestors(np.log(weights), rng)
+            strategy.ancestors(normalized(np.log(weights)), rng)
         states.append(rng.bit_generator.state)
     assert all(state == states[0] for state in states)
     assert states[0] != np.random.default_rng(7).bit_generator.state
@@ -136,7 +136,7 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     rng, seen = np.random.default_rng(9), set()
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
-        chosen = WhenDegenerate(threshold).ancestors(log_weights, rng)
+        chosen = WhenDegenerate(threshold).ancestors(normalized(log_weights), rng)
         weights = np.exp(log_weights)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate
@@ -148,8 +148,8 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
 def test_weights_are_relative_so_a_common_factor_changes_nothing(shift):
     log_weights = np.random.default_rng(10).normal(0, 3, 100)
     for strategy in (Always(), WhenDegenerate(0.5)):
-        plain = strategy.ancestors(log_weights, np.random.default_rng(11))
-        shifted = strategy.ancestors(log_weights + shift, np.random.default_rng(11))
+        plain = strategy.ancestors(normalized(log_weights), np.random.default_rng(11))
+        shifted = strategy.ancestors(normalized(log_weights + shift), np.random.default_rng(11))
         assert plain.tolist() == shifted.tolist()
 
 
