@@ -41,6 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
+    from benchmarks.report import require_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.running import (
@@ -72,6 +73,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         check(sweep)
     if options.dry_run:
         return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
+    require_report()  # now, not after hours of trials
     out = options.out or Path("results") / Path(options.suite).stem
     texts, failed = [], []
     for folder, sweep in sweeps.items():

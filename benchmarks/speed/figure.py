@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from benchmarks.speed.timing import Effort, Job, rates
 
 MICROSECONDS = "µs/step"
+_APART = {"particles": "particles==0.4"}  # wants another NumPy than the extra ``peers``
 Sides = tuple[Job, Job]
 
 
@@ -96,4 +97,5 @@ def require(package: str) -> None:
         UnavailableError: naming the pip command.
     """
     if not _is_there(package):
-        raise UnavailableError("not installed (pip install 'deqmcl-gym[peers]' brings all peers)")
+        wanted = _APART.get(package, "deqmcl-gym[peers]")
+        raise UnavailableError(f"not installed (pip install '{wanted}'; see docs/speed.md)")

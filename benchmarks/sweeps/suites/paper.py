@@ -59,14 +59,14 @@ def paper_suite(**given: Any) -> list[Trial]:
 PAPER_SUITES = MappingProxyType(
     {
         "quick": Sweep(
-            title="A quick look: all methods, few worlds",
+            title="A quick look: the paper's methods on few worlds",
             localizers=methods(*PAPER_METHODS),
             trials=5,
             params=frozen({"particles": 500}),
         ),
         "paper": paper_sweep(particles=1000),
         "headline": Sweep(
-            title="All methods on 200 worlds of each preset, 3 runs each",
+            title="The paper's methods on 200 worlds of three presets, 3 runs each",
             localizers=methods(*PAPER_METHODS),
             trials=200,
             filter_seeds=3,
