@@ -9,7 +9,7 @@ from benchmarks.experiment import Experiment
 from benchmarks.files import write_text
 from benchmarks.pictures.figures import FIG_4_METHODS
 from benchmarks.pictures.gallery import Gallery
-from benchmarks.sweeps.manifest import seeds
+from benchmarks.sweeps.manifest import refuse_sweep, seeds
 from benchmarks.sweeps.running import check, run_trials
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.table_1 import (
@@ -33,15 +33,21 @@ NOTE = (
 
 
 def run_paper(experiment: Experiment, out: Path, *, jobs: int, command: Sequence[str]) -> str:
-    """Run the experiment (what ``out`` already holds is not run again); return what to print."""
+    """Run the experiment (what ``out`` already holds is not run again); return what to print.
+
+    Raises:
+        InputError: something of it is refused, or ``out`` is the folder of a sweep.
+    """
     integer("--jobs", jobs, low=1)
     sweep = experiment.sweep
     check(sweep)
+    store = Store(out)
+    refuse_sweep(out)
     suite = sweep.distinct()
     shown = [t for t in suite if t.trial == 0 and t.localizer in FIG_4_METHODS]
     figures = Gallery(shown, out / "figures")
     draw = None if figures.current() else figures.draw
-    records = run_trials(suite, Store(out), jobs=jobs, errand=draw)
+    records = run_trials(suite, store, jobs=jobs, errand=draw)
     rows = table_rows(records)
     write_text(out / "table.csv", table_csv(rows))
     write_text(out / "trials.csv", trials_csv(records))

@@ -45,6 +45,16 @@ def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
         )
 
 
+def refuse_sweep(folder: Path) -> None:
+    """Keep another command from replacing the manifest of a sweep, which then could not go on.
+
+    Raises:
+        InputError: the folder is a sweep's, or its manifest cannot be read.
+    """
+    if (folder / NAME).exists() and "identity" in read(folder):
+        raise InputError(f"{folder} is the folder of a sweep: give another --out.")
+
+
 def read(folder: Path) -> dict[str, Any]:
     """Return a folder's manifest.
 

@@ -151,3 +151,19 @@ def test_another_seed_gives_other_worlds(one_worker, tmp_path):
     theirs = {row["error"] for row in rows_of(one_worker, "trials.csv")}
     assert len(ours) == 6
     assert not ours & theirs
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [('{"identity": {}}', "is the folder of a sweep: give another --out"), ("{", "cannot be read")],
+)
+def test_the_folder_of_a_sweep_is_refused_and_left_as_it_was(tmp_path, capsys, content, words):
+    (tmp_path / "manifest.json").write_text(content)
+    (tmp_path / "trials.csv").write_text("the sweep's")
+    before = files(tmp_path)
+    few = ("--trials", "1", "--localizers", "dead-reckoning", "--jobs", "1")
+    assert exit_code("paper", *few, "--out", tmp_path) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert files(tmp_path) == before
