@@ -159,9 +159,9 @@ def run_missing(
     ):
         errands = [] if errand is None else [engine.executor.submit(errand)]
         for key, outcome in finished:
-            _keep(store, key, missing[key], outcome)
+            reason = _keep(store, key, missing[key], outcome)
             bar.update()
-            if options.fail_fast and outcome.reason is not None:
+            if options.fail_fast and reason is not None:
                 return
         for done in errands:
             done.result()
@@ -176,11 +176,17 @@ def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
         )
 
 
-def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> None:
-    if outcome.record is None:
-        store.put_failure(key, trial.canonical(), outcome.reason or "no reason was given")
-    else:
-        store.put(key, outcome.record, outcome.seconds)
+def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
+    """Store what came of a trial; return why it failed, None if it did not."""
+    reason = outcome.reason or "no reason was given"
+    if outcome.record is not None:
+        try:
+            store.put(key, outcome.record, outcome.seconds)
+            return None
+        except ValueError:  # JSON has no NaN
+            reason = "its record holds a number that is not finite"
+    store.put_failure(key, trial.canonical(), reason)
+    return reason
 
 
 def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping[str, Trial]:

@@ -193,6 +193,38 @@ def test_a_belief_that_is_not_finite_fails_the_trial_and_names_the_state(tmp_pat
         run(suite(["nowhere"], trials=1), tmp_path)
 
 
+class NowhereBetween(Nowhere):
+    """A belief that is finite where it is scored, and not between: seen by the profile alone."""
+
+    def points(self, offset=0):
+        x = 1.0 if offset in (-4, 0, 4) else math.nan
+        return np.array([[x, 50, 0]]), np.ones(1)
+
+
+def between():
+    """One trial that gives no record that can be stored, and one that does."""
+    return {plugins.key_of(t): t for t in suite(["nowhere-between", "dead-reckoning"], trials=1)}
+
+
+def test_a_record_that_is_not_finite_fails_its_trial_and_the_others_are_kept(
+    tmp_path, monkeypatch, runs
+):
+    monkeypatch.setitem(registry._FACTORIES, "nowhere-between", lambda robot: NowhereBetween())
+    (bad, good), store = between(), Store(tmp_path)
+    run_missing(between(), store, here())
+    assert store.failure(bad)["reason"] == "its record holds a number that is not finite"
+    assert store.get(good) is not None
+    runs.clear()
+    run_missing(between(), store, here())
+    assert runs == []
+
+
+def test_fail_fast_stops_at_a_record_that_is_not_finite_too(tmp_path, monkeypatch, runs):
+    monkeypatch.setitem(registry._FACTORIES, "nowhere-between", lambda robot: NowhereBetween())
+    run_missing(between(), Store(tmp_path), here(fail_fast=True))
+    assert [trial.localizer for trial in runs] == ["nowhere-between"]
+
+
 def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
     trial = Trial(
         preset="paper",
