@@ -187,7 +187,8 @@ def _row(
         if name in Row.__annotations__
     }
     shared = [world for world in scored if world in baseline]
-    differences = np.array([scored[world]["error"] - baseline[world] for world in shared])
+    errors = dict(zip(scored, columns["error"], strict=True))  # NaN where a score is None
+    differences = np.array([errors[world] - baseline[world] for world in shared])
     low, high = paired_bootstrap(differences)
     return Row(
         method=method,

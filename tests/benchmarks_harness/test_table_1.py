@@ -63,6 +63,12 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
     assert lines(record("x", 0, {0: 3.5}))[0][-2] == "n/a"
 
 
+def test_an_error_that_is_unknown_has_no_difference_to_mcls():
+    made = lines(record("mcl", 0, {0: 5.0}), record("deq-mcl", 0, {0: 3.5, -204: None}))
+    assert [cells[-2] for cells in made] == ["+0.00", "-1.50", "n/a"]
+    assert made[2][2] == "n/a (n/a)"
+
+
 def sentence(**errors):
     """The reading of a table with these errors at x[t]; underscores for hyphens."""
     return reading(
