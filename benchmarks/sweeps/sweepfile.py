@@ -34,14 +34,15 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
     """Return the suite of that name, or what the TOML file says, with localizers added.
 
     Raises:
-        InputError: there is neither.
+        InputError: there is neither, or no localizer of an added name.
     """
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
     try:
-        return with_localizers(SUITES[one_of("suite", name, (*SUITES, *FAMILIES))], added)
+        suite = SUITES[one_of("suite", name, (*SUITES, *FAMILIES))]
     except InputError as error:
         raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+    return with_localizers(suite, added)
 
 
 def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:

@@ -168,6 +168,12 @@ def test_a_misspelt_suite_is_refused_with_the_nearest_one():
         sweep_named("quik")
 
 
+def test_a_misspelt_localizer_added_to_a_suite_is_refused_without_a_word_on_suites():
+    with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
+        sweep_named("quick", ["dec-mcl"])
+    assert "toml" not in str(caught.value)
+
+
 def test_combinations_are_counted_without_being_listed(tmp_path):
     axes = "".join(
         f"[[vary]]\nworld.noise.{name} = {list(range(400))}\n" for name in ("drive", "turn")
