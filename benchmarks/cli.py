@@ -46,6 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as how:
         print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
         return TERMINATED if isinstance(how, Terminated) else INTERRUPTED
+    except SystemExit as end:  # no command of ours leaves so
+        print(
+            f"deqmcl: a plug-in called exit({end.code!r}); finished trials are kept.",
+            file=sys.stderr,
+        )
+        return FAILED
     except Exception as error:
         if options.debug:
             raise

@@ -76,7 +76,7 @@ def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
         return Outcome(reason=str(error))
     except BrokenExecutor as error:
         raise RuntimeError(f"the executor broke ({error}); finished trials are kept.") from error
-    except Exception as error:  # of the engine: errors of the trial itself are outcomes
+    except (Exception, SystemExit) as error:  # of the engine: a trial's own errors are outcomes
         if tries < TRIES:
             return None
         words = " ".join(f"{type(error).__name__}: {error}".split())

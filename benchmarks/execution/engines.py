@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.execution import dask
-from benchmarks.execution.processes import Processes
+from benchmarks.execution.processes import Processes, WorkerDiedError
 from deqmcl_gym.validation import InputError, integer, number
 
 
@@ -103,10 +103,12 @@ class ThisProcess(Executor):
     """Runs each call where it is submitted."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call ``fn``."""
+        """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
+        except SystemExit as end:
+            future.set_exception(WorkerDiedError(f"it called exit({end.code!r})"))
         except Exception as error:
             future.set_exception(error)
         return future

@@ -1,5 +1,6 @@
 """The loop that keeps an engine busy, on engines that misbehave as told."""
 
+import sys
 from collections import Counter
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, field
@@ -7,7 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from benchmarks.execution.driver import TRIES, outcomes
-from benchmarks.execution.engines import Engine
+from benchmarks.execution.engines import Engine, ThisProcess
 from benchmarks.execution.processes import TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome
 
@@ -26,7 +27,7 @@ class Scripted(Executor):
         script = self.scripts.get(key, [DONE])
         answer = script[min(Counter(self.submitted)[key], len(script)) - 1]
         future = Future()
-        if isinstance(answer, Exception):
+        if isinstance(answer, BaseException):
             future.set_exception(answer)
         elif answer is not None:
             future.set_result(answer)
@@ -59,6 +60,18 @@ def test_a_trial_that_keeps_killing_its_workers_fails_with_the_reason_after_thre
     assert found["b"].reason == (
         "lost 3 times by its worker; last: WorkerDiedError: its worker died by signal 11"
     )
+    assert found["a"] == found["c"] == DONE
+
+
+def test_a_call_that_would_end_this_process_is_lost_like_a_dead_worker():
+    with pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"):
+        ThisProcess().submit(sys.exit, 7).result()
+
+
+def test_a_trial_that_calls_exit_fails_after_three_tries_and_the_others_go_on():
+    found, executor = run({"b": [SystemExit(0)]})
+    assert Counter(executor.submitted) == {"a": 1, "b": TRIES, "c": 1}
+    assert found["b"].reason == "lost 3 times by its worker; last: SystemExit: 0"
     assert found["a"] == found["c"] == DONE
 
 

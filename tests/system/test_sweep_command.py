@@ -215,6 +215,38 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
 
 
+class Leaving:
+    """A localizer that ends the process it runs in."""
+
+    def reset(self, prior, plan, rng):
+        sys.exit()
+
+    def update(self, ranges, action, plan):
+        raise AssertionError("it was reset")
+
+
+def test_a_localizer_that_calls_exit_fails_its_trials_and_the_sweep_goes_on(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: Leaving())
+    file = write_small(tmp_path, trials=1)
+    assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
+    said = capsys.readouterr()
+    assert said.out.startswith("small: 2 of 3 trials finished, 1 failed.\n")
+    assert "last: WorkerDiedError: it called exit(None) (--debug" in said.err
+
+
+def test_a_localizer_that_calls_exit_when_it_is_made_ends_no_command_in_silence(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: sys.exit(0))
+    file = write_small(tmp_path, trials=1)
+    assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
+    assert capsys.readouterr().err == (
+        "deqmcl: a plug-in called exit(0); finished trials are kept.\n"
+    )
+
+
 def test_fail_fast_stops_and_says_what_is_missing(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(registry._FACTORIES, "broken", broken)
     file, out = write_small(tmp_path), tmp_path / "out"
