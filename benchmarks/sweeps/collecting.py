@@ -61,7 +61,7 @@ def results_in(folder: Path) -> Results:
     """
     content = manifest.read(folder)
     sweep, title, trials = _planned(folder, content)
-    store = Store(folder)
+    store = Store(folder, reading=True)
     finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
     failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
     if store.rejected and not finished and not failed:

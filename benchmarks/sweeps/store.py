@@ -22,13 +22,13 @@ class Store:
         rejected: files that were not taken for what they should be, and why.
     """
 
-    def __init__(self, out: Path) -> None:
-        """Open ``out`` (made if missing).
+    def __init__(self, out: Path, *, reading: bool = False) -> None:
+        """Open ``out`` (made if missing), or look at what is there if it is only read.
 
         Raises:
-            InputError: it is a file, or cannot be written to.
+            InputError: it is to be written to, and is a file or cannot be.
         """
-        self.out = writable_folder(out)
+        self.out = out if reading else writable_folder(out)
         self.rejected: dict[str, str] = {}
 
     def get(self, key: str) -> dict[str, Any] | None:

@@ -164,3 +164,15 @@ def test_an_output_path_that_is_a_file_or_below_one_is_refused_and_the_file_kept
     with pytest.raises(InputError, match=r"the output folder .*file.* is a file.*: give a folder"):
         Store(Path(f"{tmp_path}/file{below}"))
     assert (tmp_path / "file").read_text() == "precious"
+
+
+def test_a_store_that_is_only_read_needs_no_leave_to_write_and_makes_nothing(tmp_path, monkeypatch):
+    stored(tmp_path)
+    monkeypatch.setattr(store_module, "writable_folder", refuse)
+    assert Store(tmp_path, reading=True).get(KEY) == RECORD | {"seconds": 2.5}
+    assert Store(tmp_path / "none", reading=True).get(KEY) is None
+    assert not (tmp_path / "none").exists()
+
+
+def refuse(path):
+    raise InputError(f"{path} cannot be written to")

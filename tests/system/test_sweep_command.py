@@ -318,6 +318,14 @@ def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
     assert found.command[:2] == ["deqmcl", "sweep"]
 
 
+def test_what_a_folder_holds_can_be_read_where_nothing_can_be_written(finished, monkeypatch):
+    def refuse(path):
+        raise InputError(f"{path} cannot be written to")
+
+    monkeypatch.setattr(store, "writable_folder", refuse)
+    assert len(results_in(finished).records) == 4
+
+
 def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
     monkeypatch.setitem(registry._FACTORIES, "broken", broken)
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
