@@ -60,7 +60,13 @@ def results_in(folder: Path) -> Results:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     content = manifest.read(folder)
-    sweep, title, trials = _planned(folder, content)
+    try:
+        sweep, title, trials = _planned(content)
+        command, environment = content["command"], content["environment"]
+    except (KeyError, TypeError):
+        raise InputError(
+            f"{folder / manifest.NAME} does not say what was run: give a folder of results."
+        ) from None
     store = Store(folder, reading=True)
     finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
     failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
@@ -83,26 +89,21 @@ def results_in(folder: Path) -> Results:
         failures=failures,
         missing=len(planned) - len(records) - len(failures),
         planned=len(planned),
-        command=content["command"],
-        environment=content["environment"],
+        command=command,
+        environment=environment,
     )
     return of_sweep(sweep, results)
 
 
-def _planned(folder: Path, content: Mapping[str, Any]) -> tuple[Sweep, str, Sequence[Trial]]:
+def _planned(content: Mapping[str, Any]) -> tuple[Sweep, str, Sequence[Trial]]:
     """Return the sweep that a manifest speaks of, its title and its trials."""
     if "identity" in content:
         sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
         return sweep, sweep.title, sweep.distinct()
-    try:
-        configuration = content["configuration"]
-        title = f"The paper's experiment, preset {configuration['preset']}"
-        sweep = paper_sweep(**configuration)
-        return sweep, title, sweep.distinct()
-    except (KeyError, TypeError):
-        raise InputError(
-            f"{folder / manifest.NAME} does not say what was run: give a folder of results."
-        ) from None
+    configuration = content["configuration"]
+    title = f"The paper's experiment, preset {configuration['preset']}"
+    sweep = paper_sweep(**configuration)
+    return sweep, title, sweep.distinct()
 
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:

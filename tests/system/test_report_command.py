@@ -75,6 +75,27 @@ def test_missing_trials_are_counted(reported, tmp_path, capsys):
     assert expected in (folder / "report.html").read_text(encoding="utf-8")
 
 
+INCOMPLETE = (
+    '{"identity": {}}',
+    '{"identity": null}',
+    '{"identity": {"sweep": null}}',
+    '{"identity": {"sweep": {"title": "one", "localizers": ["mcl"]}}}',
+    '{"configuration": {}}',
+    '{"configuration": {"preset": "paper"}}',
+    '{"configuration": {"preset": "paper"}, "command": ["deqmcl", "paper"]}',
+)
+
+
+@pytest.mark.parametrize("content", INCOMPLETE)
+def test_a_manifest_that_says_too_little_is_refused_in_one_sentence(tmp_path, capsys, content):
+    (tmp_path / "manifest.json").write_text(content)
+    assert exit_code("report", tmp_path) == 2
+    assert capsys.readouterr().err == (
+        f"deqmcl: {tmp_path}/manifest.json does not say what was run: give a folder of results.\n"
+    )
+    assert set(files(tmp_path)) == {"manifest.json"}
+
+
 @pytest.mark.parametrize("content", [None, "{", "[]", "{}"])
 def test_a_folder_that_holds_no_results_is_refused_in_one_sentence(tmp_path, capsys, content):
     if content is not None:
