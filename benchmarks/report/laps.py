@@ -52,15 +52,13 @@ def laps(panel: Panel) -> list[Lap]:
     shown = dict.fromkeys((focus.baseline, focus.method))
     drawn = []
     for place, (error, world) in chosen.items():
-        records = [
-            record
+        first = {
+            method: record["trial"]
             for method in shown
-            for record in panel.own(method)
+            for record in reversed(panel.own(method))
             if record["trial"]["trial"] == world
-        ]
-        first = {record["trial"]["localizer"]: record["trial"] for record in reversed(records)}
-        trials = [trial_of(first[m.localizer]) for m in shown if m.localizer in first]
-        names = " and ".join(panel.labels[method] for method in shown)
+        }
+        names = " and ".join(panel.labels[method] for method in first)
         drawn.append(
             Lap(
                 name=f"lap-{panel.number}-{place.lower()}",
@@ -68,7 +66,7 @@ def laps(panel: Panel) -> list[Lap]:
                 caption=f"World {world}, {names}: error of {panel.labels[focus.method]} "
                 f"{error:.1f}. Every {_STRIDE}th step; orange: present, pink: past, "
                 "light blue: future.",
-                **_encoded(trials),
+                **_encoded([trial_of(trial) for trial in first.values()]),
             )
         )
         if len(ranked) == 1:

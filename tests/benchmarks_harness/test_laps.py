@@ -1,0 +1,52 @@
+"""Which trials are run again for the animations."""
+
+import pytest
+from report_cases import finished
+
+from benchmarks.report import laps
+from benchmarks.report.panels import panels
+from benchmarks.tables.comparison import comparisons
+
+# without mcl the first method is the baseline: here a form of the same localizer
+FORMS = ("systematic", "stratified")
+
+
+@pytest.fixture
+def animated(monkeypatch):
+    """Resampler, world and filter seed of the trials of each animation, side by side."""
+    seen = []
+
+    def keep(trials):
+        seen.append([(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in trials])
+        return {"animation": b"", "still": b""}
+
+    monkeypatch.setattr(laps, "_encoded", keep)
+    return seen
+
+
+def form(resampler, world, error, filter_seed=0):
+    return finished("mcl-h", world, error, params={"resampler": resampler}, filter_seed=filter_seed)
+
+
+def drawn(records):
+    (panel,) = panels(comparisons(records), records)
+    return laps.laps(panel)
+
+
+def test_two_forms_of_one_localizer_are_animated_each_by_its_own_trial(animated):
+    records = [form(one, world, 1.0 + i + world) for i, one in enumerate(FORMS) for world in (0, 1)]
+    best, *_ = drawn(records)
+    assert animated[0] == [("systematic", 0, 0), ("stratified", 0, 0)]
+    assert "mcl-h resampler=systematic and mcl-h resampler=stratified" in best.caption
+
+
+def test_of_several_filter_seeds_the_first_is_animated(animated):
+    drawn([form(one, 0, 1.0 + i, seed) for seed in (0, 1) for i, one in enumerate(FORMS)])
+    assert animated[0] == [("systematic", 0, 0), ("stratified", 0, 0)]
+
+
+def test_a_baseline_without_a_trial_on_the_world_is_not_named(animated):
+    records = [form("systematic", 1, 1.0), form("stratified", 1, 3.0), form("stratified", 0, 2.0)]
+    best, *_ = drawn(records)
+    assert animated[0] == [("stratified", 0, 0)]
+    assert best.caption.startswith("World 0, mcl-h resampler=stratified: error")
