@@ -80,7 +80,6 @@ def points_chart(panel: Panel, look: Looks) -> Picture:
 def time_charts(panel: Panel, look: Looks) -> list[Picture]:
     """Error over the lap, a chart per method, on one scale."""
     drawn = {row.method: curves(panel.own(row.method), 0) for row in panel.present}
-    baseline = panel.present[0].baseline
     top = max((float(np.nanquantile(c[1], 0.9, axis=0).max()) for c in drawn.values()), default=1)
     charts: list[Picture] = []
     for row in panel.present:
@@ -89,8 +88,8 @@ def time_charts(panel: Panel, look: Looks) -> list[Picture]:
         figure, axes = canvas(3.2, 2.3)
         low, high = np.nanquantile(errors, [0.1, 0.9], axis=0)
         axes.fill_between(states, low, high, color=mark.color, alpha=0.25, linewidth=0)
-        if baseline in drawn and baseline != method:
-            theirs = drawn[baseline]
+        if row.baseline in drawn and row.baseline != method:
+            theirs = drawn[row.baseline]
             axes.plot(theirs[0], theirs[1].mean(axis=0), "--", color=INK, linewidth=0.9)
         axes.plot(states, errors.mean(axis=0), color=mark.color)
         past = curves(panel.own(method), -panel.setting.lag) if panel.setting.lag else None

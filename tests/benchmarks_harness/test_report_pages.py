@@ -9,10 +9,11 @@ from html.parser import HTMLParser
 import pytest
 from report_cases import THREE, finished, paired, results, trial_of
 
-from benchmarks.report import story, writing
+from benchmarks.report import charts, story, writing
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
+from benchmarks.report.panels import panels
 from benchmarks.report.style import DARK, LIGHT, looks
 from benchmarks.report.svg import house_style
 from benchmarks.sweeps.suites import paper_suite
@@ -296,6 +297,32 @@ def test_words_seeds_and_single_values_make_no_curve():
         for kind in ("systematic", "multinomial")
     ]
     assert curves(records) == []
+
+
+def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
+    records = [
+        finished(name, w, error, params={"resampler": kind})
+        for name, kind, error in (
+            ("mcl", "systematic", 10.0),
+            ("mcl", "multinomial", 20.0),
+            ("deq-mcl", "multinomial", 15.0),
+        )
+        for w in range(2)
+    ]
+    (panel,) = panels(comparisons(records), records)
+    dashed = {}
+
+    def keep(figure, *, title, **_):
+        lines = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+        dashed[title.rpartition(": ")[2]] = [float(line.get_ydata()[0]) for line in lines]
+
+    monkeypatch.setattr(charts, "picture", keep)
+    charts.time_charts(panel, looks(panel.labels.items()))
+    assert dashed == {
+        "mcl resampler=systematic": [],
+        "mcl resampler=multinomial": [],
+        "deq-mcl": [20.0],
+    }
 
 
 def test_a_record_names_the_trial_that_made_it():
