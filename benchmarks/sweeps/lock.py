@@ -44,9 +44,19 @@ def _held(folder: Path, name: str, *, shared: bool) -> Iterator[None]:
             file.flush()
         yield
     finally:
-        if _got(file, shared=False):  # the last one of those who share it
-            (folder / name).unlink(missing_ok=True)
-        file.close()
+        _released(file, folder / name)
+
+
+def _released(file: IO[str], path: Path) -> None:
+    """Remove the file, unless others still share it."""
+    if fcntl is None:
+        file.close()  # Windows removes no open file …
+        with contextlib.suppress(PermissionError):  # … such as that of another shard
+            path.unlink(missing_ok=True)
+        return
+    if _got(file, shared=False):
+        path.unlink(missing_ok=True)
+    file.close()
 
 
 def _acquired(folder: Path, name: str, *, shared: bool) -> IO[str]:
