@@ -1,5 +1,6 @@
 """``deqmcl speed``: measure the figures and the curves, write them down."""
 
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -62,9 +63,9 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     """Measure, write the files; return what to print."""
     writable_folder(out)
     rows, reasons = _measure(FIGURES, extent.figures, peers=peers)
-    write_text(out / "speed.csv", speed_csv(rows))
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
+    write_text(out / "speed.csv", speed_csv(rows))
     write_text(out / "scaling.csv", scaling_csv(seen))
     pictures = _pictures(rows, seen)
     for name, picture in pictures.items():
@@ -115,7 +116,7 @@ def _markdown(
     shown = {name: f"![{_SHOWS[name]}]({name})" for name in pictures}
     parts = [
         "# Speed",
-        f"`{' '.join(command)}`",
+        f"`{shlex.join(command)}`",
         speed_table(rows, "github"),
         HOW,
         *reasons,

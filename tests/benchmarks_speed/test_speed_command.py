@@ -115,6 +115,30 @@ def test_the_command_measures_and_prints(monkeypatch, tmp_path, capsys):
     assert "`deqmcl speed --quick --out" in (tmp_path / "speed.md").read_text()
 
 
+def test_a_stop_while_the_curves_are_measured_leaves_the_old_files_as_they_were(
+    monkeypatch, tmp_path
+):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    a_few(monkeypatch)
+    monkeypatch.setattr(command, "scaled", stop)
+    for name in FILES:
+        (tmp_path / name).write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        command.run_speed(tmp_path, extent=TINY, peers=False, command=["deqmcl", "speed"])
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(
+        FILES, "old"
+    )
+
+
+def test_the_command_in_the_readable_table_is_one_that_a_shell_reads_back(monkeypatch, tmp_path):
+    a_few(monkeypatch)
+    out = tmp_path / "a b"
+    assert main(["speed", "--quick", "--out", str(out)]) == 0
+    assert f"`deqmcl speed --quick --out '{out}'`" in (out / "speed.md").read_text()
+
+
 def test_a_peer_that_is_not_installed_has_no_row(monkeypatch, tmp_path, capsys):
     def missing():
         raise UnavailableError("it is not installed")
