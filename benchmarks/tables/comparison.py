@@ -16,6 +16,7 @@ from benchmarks.tables.pairing import (
     Record,
     Setting,
     method_of,
+    per_world,
     setting_of,
 )
 from benchmarks.tables.stats import holm, paired_bootstrap, sample_sd, wilcoxon, wilson, win_rate
@@ -127,9 +128,9 @@ def _setting_rows(
         present = _column(scores[baseline].get(0, {}), "error")
         for offset, runs in offsets.items():
             errors = _column(runs, "error")
-            over_worlds = _per_world(errors)
+            over_worlds = _world_means(errors)
             low, high = paired_bootstrap(over_worlds)
-            lost = float(_per_world(_column(runs, "lost")).mean())
+            lost = float(_world_means(_column(runs, "lost")).mean())
             lost_low, lost_high = wilson(lost, over_worlds.size)
             row = Comparison(
                 setting=setting,
@@ -141,7 +142,7 @@ def _setting_rows(
                 error_low=low,
                 error_high=high,
                 error_sd=sample_sd(over_worlds),
-                means={name: float(_per_world(_column(runs, name)).mean()) for name in AVERAGED},
+                means={name: float(_world_means(_column(runs, name)).mean()) for name in AVERAGED},
                 lost_rate=lost,
                 lost_low=lost_low,
                 lost_high=lost_high,
@@ -151,7 +152,7 @@ def _setting_rows(
             )
             apart = {run: error - present[run] for run, error in errors.items() if run in present}
             itself = method == baseline and offset == 0
-            rows.append(row if itself or not apart else _compared(row, _per_world(apart)))
+            rows.append(row if itself or not apart else _compared(row, _world_means(apart)))
     return rows
 
 
@@ -192,12 +193,9 @@ def _column(runs: dict[Run, Record], name: str) -> dict[Run, float]:
     return {run: math.nan if value is None else value for run, value in values.items()}
 
 
-def _per_world(runs: dict[Run, float]) -> Floats:
+def _world_means(runs: dict[Run, float]) -> Floats:
     """Means over the filter seeds of each world, in the order of the worlds."""
-    worlds: dict[int, list[float]] = {}
-    for (world, _), value in sorted(runs.items()):
-        worlds.setdefault(world, []).append(value)
-    return np.array([sum(values) / len(values) for values in worlds.values()])
+    return np.array(list(per_world(runs).values()))
 
 
 def _six_digits(p: float) -> float:
