@@ -1,7 +1,6 @@
 """``deqmcl run``: one lap of one localizer, its animation and its error curve."""
 
-import csv
-import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from benchmarks.pictures.figures import camera_of, lap_frames
 from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
+from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import check_params, room_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
@@ -57,12 +57,14 @@ def run_lap(experiment: Experiment, out: Path) -> str:
 
 
 def _curves_csv(trace: Trace) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"])
+    header = ["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"]
+    return csv_text(header, _curve_lines(trace))
+
+
+def _curve_lines(trace: Trace) -> Iterator[list[str]]:
     for offset, kept in trace.offsets.items():
         truth = trace.truth[kept.states]
         errors = state_error(kept.means, truth)
         for state, true, mean, error in zip(kept.states, truth, kept.means, errors, strict=True):
-            writer.writerow([offset, state, *true, mean[0], mean[1], error])
-    return out.getvalue()
+            cells = (offset, state, *true, mean[0], mean[1], error)
+            yield [str(cell) for cell in cells]  # a NaN as nan, no empty cell

@@ -1,7 +1,5 @@
 """phase.md and the CSV files behind the figure."""
 
-import csv
-import io
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,6 +10,7 @@ from tabulate import tabulate
 from benchmarks.phase.cycles import Cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.precession import Precession
+from benchmarks.tables.text import csv_text
 
 PERFECT = "perfect queue"
 _NONE = "n/a"
@@ -92,7 +91,7 @@ def cycles_csv(laps: Mapping[str, Cycles]) -> str:
     """Return what the queues hold: a row per method, step and offset."""
     count = next(iter(laps.values())).activity.shape[2]
     header = ["method", "step", "offset", "state", "phase_deg", "error_px", "spread_px"]
-    return _csv([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
+    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
 
 
 def fields_csv(fields: PlaceFields) -> str:
@@ -100,7 +99,7 @@ def fields_csv(fields: PlaceFields) -> str:
     header = ["field", "x", "y", "arc", "radius"]
     arcs = [fields.path.arc((x, y)) for x, y in fields.centres.tolist()]
     places = zip(fields.centres.tolist(), arcs, strict=True)
-    return _csv(
+    return csv_text(
         header,
         (
             [i + 1, f"{x:.6g}", f"{y:.6g}", f"{arc:.6g}", f"{fields.radius:.6g}"]
@@ -120,14 +119,6 @@ def _rows(laps: Mapping[str, Cycles]) -> Iterable[list[object]]:
                 name, t, k, t + k, phases[column],
                 *(f"{value:.4g}" for value in (*numbers, *mass)),
             ]  # fmt: skip
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return out.getvalue()
 
 
 def _number(value: float, style: str) -> str:

@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 
 from benchmarks.report.panels import Panel
-from benchmarks.report.words import fixed, interval, percent
+from benchmarks.report.words import interval, percent
 from benchmarks.tables.auroc import Auroc
+from benchmarks.tables.text import fixed
 
 HEADING = "Does its quality tell when it is far off?"
 CAPTION = (

@@ -4,10 +4,11 @@ import json
 from collections.abc import Sequence
 
 from benchmarks.report.panels import Panel, short_name
-from benchmarks.report.words import fixed, interval, signed
+from benchmarks.report.words import interval, signed
 from benchmarks.tables.gap import Gap, apart
 from benchmarks.tables.pairing import Method, world_scores
 from benchmarks.tables.table_1 import state_name
+from benchmarks.tables.text import fixed
 
 Table = tuple[list[str], list[list[str]]]
 

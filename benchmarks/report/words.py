@@ -11,6 +11,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import Record, world_scores
 from benchmarks.tables.stats import paired_bootstrap
 from benchmarks.tables.table_1 import state_name
+from benchmarks.tables.text import fixed
 from benchmarks.trials.scoring import LEVELS
 
 GLANCE = (
@@ -25,11 +26,6 @@ GAP = (
 WORTH = "Calibration, with 95 % intervals over worlds; n/a: a method without a spread."
 FEW = 20  # worlds below which an interval is called rough
 _ALPHA = 0.05
-
-
-def fixed(value: float, digits: int = 2) -> str:
-    """A number, or n/a."""
-    return "n/a" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 def signed(value: float) -> str:

@@ -1,13 +1,12 @@
 """speed.csv, scaling.csv and the readable tables."""
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 
 from tabulate import tabulate
 
 from benchmarks.speed.figure import Measured
 from benchmarks.speed.scaling import Measurement
+from benchmarks.tables.text import csv_text
 
 HOW = (
     "CPU time of one core, medians of turns taken one after the other in one process. "
@@ -17,18 +16,20 @@ HOW = (
 
 def speed_csv(rows: Iterable[Measured]) -> str:
     """Return speed.csv; rates per second, or µs per step."""
-    numbers = [[row.figure.name, row.ours, row.other, row.ratio] for row in rows]
-    return _csv(["figure", "ours", "other", "ratio"], numbers)
+    numbers = (
+        [row.figure.name, *map(_six_digits, (row.ours, row.other, row.ratio))] for row in rows
+    )
+    return csv_text(["figure", "ours", "other", "ratio"], numbers)
 
 
 def scaling_csv(measurements: Iterable[Measurement]) -> str:
     """Return scaling.csv, one line per point."""
     points = [
-        [curve.task, curve.who, curve.varied, value, result, curve.unit]
+        [curve.task, curve.who, curve.varied, value, _six_digits(result), curve.unit]
         for curve, results in ((m.curve, m.results) for m in measurements)
         for value, result in zip(curve.values, results, strict=True)
     ]
-    return _csv(["task", "who", "varied", "value", "result", "unit"], points)
+    return csv_text(["task", "who", "varied", "value", "result", "unit"], points)
 
 
 def speed_table(rows: Sequence[Measured], style: str) -> str:
@@ -102,10 +103,5 @@ def _three_digits(value: float) -> str:
     return f"{value:,.{digits}f}"
 
 
-def _csv(header: Sequence[str], lines: Iterable[Iterable[object]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    for line in lines:
-        writer.writerow(f"{x:.6g}" if isinstance(x, float) else x for x in line)
-    return out.getvalue()
+def _six_digits(value: float) -> str:
+    return f"{value:.6g}"

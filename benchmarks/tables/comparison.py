@@ -20,7 +20,7 @@ from benchmarks.tables.pairing import (
     setting_of,
 )
 from benchmarks.tables.stats import holm, paired_bootstrap, sample_sd, wilcoxon, wilson, win_rate
-from benchmarks.tables.table_1 import csv_text
+from benchmarks.tables.text import csv_text
 from benchmarks.trials.scoring import SCORE_NAMES
 
 Floats = NDArray[np.float64]

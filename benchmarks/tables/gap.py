@@ -18,7 +18,7 @@ from benchmarks.tables.pairing import (
     world_scores,
 )
 from benchmarks.tables.stats import paired_bootstrap
-from benchmarks.tables.table_1 import csv_text
+from benchmarks.tables.text import csv_text
 
 Cells = dict[tuple[Setting, Method], list[Record]]
 

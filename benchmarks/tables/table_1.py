@@ -1,11 +1,8 @@
 """From the records of trials to table.csv, trials.csv, timings.csv and a readable Table 1."""
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import Any
 
 import numpy as np
 from tabulate import tabulate
@@ -13,6 +10,7 @@ from tabulate import tabulate
 from benchmarks.tables.pairing import BASELINE, METHOD_COLUMNS, SETTING_COLUMNS, Record, identity
 from benchmarks.tables.published import TABLE_1
 from benchmarks.tables.stats import paired_bootstrap, sample_sd
+from benchmarks.tables.text import csv_text, fixed
 from benchmarks.trials.scoring import SCORE_NAMES
 
 _IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
@@ -125,14 +123,14 @@ def table_1(rows: Sequence[Row], style: str) -> str:
         line = [
             TITLES.get(row.method, row.method),
             state_name(row.offset),
-            f"{_fixed(row.error)} ({_fixed(row.error_sd)})",
+            f"{fixed(row.error)} ({fixed(row.error_sd)})",
             f"{printed.error:.2f} ({printed.error_sd:.2f})" if printed else "",
-            _fixed(row.entropy),
+            fixed(row.entropy),
             f"{printed.entropy:.2f}" if printed else "",
         ]
         for name, digits in (("var_x", 1), ("var_y", 1), ("var_cos", 3), ("var_sin", 3)):
             line += [
-                _fixed(getattr(row, name), digits),
+                fixed(getattr(row, name), digits),
                 f"{getattr(printed, name):g}" if printed else "",
             ]
         line += [_interval(row), _percent(row.wall_share)]
@@ -204,24 +202,6 @@ def _row(
 
 def _world(record: Record) -> tuple[int, int]:
     return record["trial"]["trial"], record["trial"]["filter_seed"]
-
-
-def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
-    """Return a table as CSV; None and NaN are empty cells."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    for line in lines:
-        writer.writerow("" if _missing(value) else value for value in line)
-    return out.getvalue()
-
-
-def _missing(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and math.isnan(value))
-
-
-def _fixed(value: float, digits: int = 2) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 def _percent(share: float) -> str:
