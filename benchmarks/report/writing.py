@@ -13,28 +13,35 @@ from deqmcl_gym.validation import InputError
 IMAGES = "images"
 
 
+def no_report() -> str | None:
+    """Say why a report cannot be made here, naming the pip command; None if it can."""
+    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
+    if not missing:
+        return None
+    return (
+        f"a report needs {' and '.join(missing)}, which is not installed: "
+        "pip install 'deqmcl-gym[report]'."
+    )
+
+
 def require_report() -> None:
     """Refuse to go on without what a report is made with.
 
     Raises:
         InputError: naming the pip command.
     """
-    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
-    if missing:
-        raise InputError(
-            f"a report needs {' and '.join(missing)}, which is not installed: "
-            "pip install 'deqmcl-gym[report]'."
-        )
+    if (why := no_report()) is not None:
+        raise InputError(why)
 
 
 def write_report(out: Path, results: Results) -> list[Path]:
     """Write the tables, report.html, results.md and images/ into a folder; return the files.
 
     results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
-    results.md also tell times and versions. The tables are written first and need no extra.
+    results.md also tell times and versions. Without the extra ``report`` there are the tables only.
 
     Raises:
-        InputError: ``out`` cannot be written to, or the extra ``report`` is not installed.
+        InputError: ``out`` cannot be written to.
     """
     writable_folder(out)
     rows = comparisons(results.records, results.baseline)
@@ -48,7 +55,8 @@ def write_report(out: Path, results: Results) -> list[Path]:
         contents["gaps.csv"] = gaps_csv(held).encode()
     for name, content in contents.items():
         write_bytes(out / name, content)
-    require_report()
+    if no_report() is not None:
+        return [out / name for name in contents]
     from benchmarks.report.html import html
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of

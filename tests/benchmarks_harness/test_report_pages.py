@@ -211,7 +211,9 @@ def test_no_finished_trial_at_all_still_makes_a_report(tmp_path):
 def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'deqmcl-gym\[report\]'"):
-        writing.write_report(tmp_path, results(paired(THREE)))
+        writing.require_report()
+    written = writing.write_report(tmp_path, results(paired(THREE)))
+    assert {path.name for path in written} == TABLES
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.validation import InputError
+from localizers import kernels
 from localizers.inference.resampling import (
     SCHEMES,
     Always,
@@ -177,3 +178,16 @@ def test_an_unknown_scheme_is_refused_with_the_names():
         InputError, match=r"'systmatic'.*'systematic'.*multinomial, stratified, sys"
     ):
         resampling("systmatic", None)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 1000])
+def test_systematic_resampling_takes_what_equidistant_pointers_point_at(n):
+    rng = np.random.default_rng(12)
+    for _ in range(50):
+        weights = rng.random(n) * (rng.random(n) < 0.5)  # many are 0, at both ends too
+        weights[rng.integers(n)] = rng.random() + 1e-3
+        offset = rng.random()
+        searched, written = np.empty(n, np.intp), np.empty(n, np.intp)
+        kernels.pointed_at(weights, (np.arange(n) + offset) / n, searched)
+        kernels.systematic(weights, offset, written)
+        assert written.tolist() == searched.tolist()

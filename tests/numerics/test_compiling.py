@@ -2,11 +2,16 @@
 
 import os
 import tempfile
+from importlib import import_module
+from pkgutil import walk_packages
 
 import numba
 import numpy as np
 import pytest
 
+import benchmarks
+import deqmcl_gym
+import localizers
 from deqmcl_gym.numerics import compiling
 
 
@@ -80,3 +85,25 @@ def test_a_folder_that_others_could_write_to_or_have_made_is_not_trusted(tempora
     monkeypatch.setattr(os, "getuid", lambda: other)
     compiling.private_folder.cache_clear()
     assert compiling.private_folder() is None
+
+
+KERNELS = [
+    module
+    for package in (deqmcl_gym, localizers, benchmarks)
+    for module in walk_packages(package.__path__, f"{package.__name__}.")
+    if "kernels" in module.name or module.name.startswith("deqmcl_gym.numerics.")
+]
+
+
+@pytest.mark.parametrize("name", [module.name for module in KERNELS])
+def test_a_kernel_calls_only_its_own_file_and_those_whose_edits_every_cache_notices(name):
+    module = import_module(name)
+    noticed = {name, "deqmcl_gym.numerics.elementary", "deqmcl_gym.floorplan.kernels"}
+    found = {
+        value.py_func.__module__ for value in vars(module).values() if hasattr(value, "py_func")
+    }
+    assert found <= noticed
+
+
+def test_the_kernels_are_found():
+    assert {"localizers.kernels", "deqmcl_gym.floorplan.ray_kernels"} <= {k.name for k in KERNELS}

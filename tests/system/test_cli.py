@@ -7,9 +7,11 @@ import sys
 import pytest
 from deqmcl_command import DEQMCL, exit_code, process, python
 
+import localizers
 from benchmarks import paper
 from benchmarks.cli import main
 from benchmarks.commands import COMMANDS
+from benchmarks.sweeps.suites import SUITES
 
 HELP = [
     ("--help",),
@@ -133,3 +135,22 @@ def test_the_defaults_are_those_of_the_paper(monkeypatch, tmp_path):
     }
     assert (out, command) == ("results/paper", ["deqmcl", "paper"])
     assert jobs >= 1
+
+
+def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_loaded(
+    monkeypatch, capsys
+):
+    really = localizers.parameters
+
+    def parameters(name):
+        if name == "mcl-map":
+            raise ImportError("no module\nnamed so")
+        return really(name)
+
+    monkeypatch.setattr(localizers, "parameters", parameters)
+    assert exit_code("list") == 0
+    said = capsys.readouterr().out
+    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
+        assert re.search(rf"^  {words}\b", said, re.MULTILINE)
+    assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
+    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)

@@ -1,4 +1,4 @@
-"""``deqmcl sweep``: what it writes, what it runs again, and what it refuses."""
+"""``deqmcl sweep``: what it writes, what it runs once, and what it runs again."""
 
 import errno
 import json
@@ -14,6 +14,7 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
+from benchmarks.report import writing
 from benchmarks.sweeps import manifest, store, sweepfile
 from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.suites import SUITES
@@ -467,3 +468,26 @@ def test_a_family_writes_each_of_its_suites_into_a_folder_of_its_name(
     for name in suites:
         assert str(tmp_path / "out" / name) in said
         assert len(trial_files(tmp_path / "out" / name)) == 1
+
+
+def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, ran):
+    file = write_small(tmp_path, trials=1, more="\n[[vary]]\nparams.particles = [5, 6, 5]\n")
+    assert sweep(file, tmp_path / "out") == 0
+    assert "3 combinations equal others and were run once." in capsys.readouterr().out
+    assert [(t.localizer, dict(t.params)) for t in ran] == [
+        ("mcl", {"particles": 5}),
+        ("dead-reckoning", {}),
+        ("mcl", {"particles": 6}),
+    ]
+
+
+def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_command(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(writing, "find_spec", lambda name: None)
+    assert sweep(write_small(tmp_path, trials=1), tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "Tables only: a report needs jinja2 and matplotlib" in said
+    assert "pip install 'deqmcl-gym[report]'" in said
+    assert not (tmp_path / "out" / "report.html").exists()
+    assert tables(tmp_path / "out")

@@ -4,12 +4,9 @@ import re
 import sys
 
 import pytest
-from deqmcl_command import exit_code
 from sweep_command import sweep, write_small
 
-import localizers
 from benchmarks.sweeps import dry_run
-from benchmarks.sweeps.suites import SUITES
 
 
 def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
@@ -33,17 +30,6 @@ def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monke
     one = float(re.search(r"mcl particles=15 +50 +([\d.]+) s", said)[1])
     many = float(re.search(r"mcl particles=1500000 +3 +≈ ([\d.]+) s", said)[1])
     assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
-
-
-def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, ran):
-    file = write_small(tmp_path, trials=1, more="\n[[vary]]\nparams.particles = [5, 6, 5]\n")
-    assert sweep(file, tmp_path / "out") == 0
-    assert "3 combinations equal others and were run once." in capsys.readouterr().out
-    assert [(t.localizer, dict(t.params)) for t in ran] == [
-        ("mcl", {"particles": 5}),
-        ("dead-reckoning", {}),
-        ("mcl", {"particles": 6}),
-    ]
 
 
 TEN_MILLION = "".join(
@@ -100,22 +86,3 @@ def test_dask_that_is_not_installed_is_said_with_the_pip_command(
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert sweep(file, tmp_path / "out", "--executor", "dask") == 2
     assert "pip install 'deqmcl-gym[dask]'" in capsys.readouterr().err
-
-
-def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_loaded(
-    monkeypatch, capsys
-):
-    really = localizers.parameters
-
-    def parameters(name):
-        if name == "mcl-map":
-            raise ImportError("no module\nnamed so")
-        return really(name)
-
-    monkeypatch.setattr(localizers, "parameters", parameters)
-    assert exit_code("list") == 0
-    said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
-        assert re.search(rf"^  {words}\b", said, re.MULTILINE)
-    assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
-    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
