@@ -1,8 +1,11 @@
 """Small runs of ``deqmcl paper``, made once and read by many tests; a small sweep."""
 
+import shutil
+from pathlib import Path
+
 import pytest
 from deqmcl_command import DEQMCL, SMALL, exit_code, process
-from sweep_command import write_small
+from sweep_command import sweep, write_small
 
 from benchmarks.trials import attempt
 
@@ -22,7 +25,7 @@ def one_worker(tmp_path_factory):
     return out
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def file(tmp_path_factory):
     """A small sweep file."""
     return write_small(tmp_path_factory.mktemp("file"))
@@ -34,3 +37,17 @@ def ran(monkeypatch):
     found, run = [], attempt.trial_moments
     monkeypatch.setattr(attempt, "trial_moments", lambda t: found.append(t) or run(t))
     return found
+
+
+@pytest.fixture(scope="session")
+def finished(file, tmp_path_factory):
+    """The folder of a small sweep that was never interrupted."""
+    out = tmp_path_factory.mktemp("finished") / "out"
+    assert sweep(file, out) == 0
+    return out
+
+
+@pytest.fixture
+def copy(finished, tmp_path):
+    """A copy of it, to be spoilt."""
+    return Path(shutil.copytree(finished, tmp_path / "copy"))

@@ -1,0 +1,104 @@
+"""``deqmcl sweep`` when trials fail, a plug-in leaves, or the disk is full."""
+
+import errno
+import os
+import sys
+
+from deqmcl_command import files
+from sweep_command import broken, lines, sweep, tables, trial_files, write_small
+
+from localizers import registry
+
+
+def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
+    tmp_path, monkeypatch, capsys, ran
+):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    file, out = write_small(tmp_path), tmp_path / "out"
+    for again in ((), (), ("--retry-failed",)):
+        ran.clear()
+        assert sweep(file, out, "--with", "broken", *again) == 3
+        said = capsys.readouterr()
+        assert said.out.startswith("small: 4 of 6 trials finished, 2 failed.\n")
+        assert said.err == (
+            "deqmcl: 2 of 6 trials failed, the rest is kept; first: broken, trial 0: "
+            "ArithmeticError: broken (--debug shows where)\n"
+        )
+    assert [trial.localizer for trial in ran] == ["broken", "broken"]
+    assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
+
+
+class Leaving:
+    """A localizer that ends the process it runs in."""
+
+    def reset(self, prior, plan, rng):
+        sys.exit()
+
+    def update(self, ranges, action, plan):
+        raise AssertionError("it was reset")
+
+
+def test_a_localizer_that_calls_exit_fails_its_trials_and_the_sweep_goes_on(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: Leaving())
+    file = write_small(tmp_path, trials=1)
+    assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
+    said = capsys.readouterr()
+    assert said.out.startswith("small: 2 of 3 trials finished, 1 failed.\n")
+    assert "last: WorkerDiedError: it called exit(None) (--debug" in said.err
+
+
+def test_a_localizer_that_calls_exit_when_it_is_made_ends_no_command_in_silence(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: sys.exit(0))
+    file = write_small(tmp_path, trials=1)
+    assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
+    assert capsys.readouterr().err == (
+        "deqmcl: a plug-in called exit(0); finished trials are kept.\n"
+    )
+
+
+def test_fail_fast_stops_and_says_what_is_missing(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    file, out = write_small(tmp_path), tmp_path / "out"
+    assert sweep(file, out, "--with", "broken", "--fail-fast") == 3
+    assert capsys.readouterr().out.startswith(
+        "small: 2 of 6 trials finished, 1 failed, 3 missing.\n"
+        "Not complete:\n"
+        "  1 of 2: paper L=4 mcl particles=15\n"
+        "  1 of 2: paper L=4 dead-reckoning\n"
+        "  0 of 2: paper L=4 broken lag=4 particles=15\n"
+    )
+
+
+def test_a_plug_in_that_cannot_be_loaded_fails_its_trials_and_the_sweep_goes_on(tmp_path, capsys):
+    file, out = write_small(tmp_path), tmp_path / "out"
+    assert sweep(file, out, "--with", "no_such_module:Localizer") == 3
+    said = capsys.readouterr()
+    assert said.out.startswith("small: 4 of 6 trials finished, 2 failed.\n")
+    assert "no_such_module:Localizer, trial 0" in said.err
+
+
+def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
+    file, finished, tmp_path, monkeypatch, capsys
+):
+    really, writes = os.fsync, []
+
+    def fill_up(handle):
+        writes.append(handle)
+        if len(writes) == 6:  # manifest, then timing and trial of each
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        really(handle)
+
+    monkeypatch.setattr(os, "fsync", fill_up)
+    out = tmp_path / "out"
+    assert sweep(file, out) == 3
+    assert capsys.readouterr().err.startswith(f"deqmcl: No space left on device: {out}/timings/")
+    kept = trial_files(out)
+    assert len(kept) == 2
+    assert not [name for name in files(out) if "tmp" in name or "lock" in name]
+    assert sweep(file, out) == 0
+    assert kept.items() <= trial_files(out).items()
+    assert tables(out) == tables(finished)

@@ -1,0 +1,209 @@
+"""The folder of a sweep: what is run again, what is refused, who may use it, what can be read."""
+
+import subprocess
+import sys
+
+import pytest
+from deqmcl_command import DEQMCL, files, process
+from sweep_command import broken, lines, sweep, tables, write_small
+
+from benchmarks.sweeps import manifest, store
+from benchmarks.sweeps.collecting import results_in
+from benchmarks.trials import plugins
+from deqmcl_gym.validation import InputError
+from localizers import registry
+
+
+def test_a_second_run_computes_nothing_and_writes_the_same_bytes(file, copy, ran):
+    before = files(copy)
+    assert sweep(file, copy) == 0
+    assert ran == []
+    after = files(copy)
+    changed = {name for name in before | after if before.get(name) != after.get(name)}
+    assert changed == {"report.html", "results.md"}  # another --out in the command
+
+
+def test_only_what_is_missing_is_run_and_the_tables_come_back(file, finished, copy, ran):
+    for path in [*sorted((copy / "trials").iterdir())[:2], copy / "results.csv"]:
+        path.unlink()
+    assert sweep(file, copy) == 0
+    assert len(ran) == 2
+    assert tables(copy) == tables(finished)
+
+
+def edited(path):
+    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":205'))
+
+
+def torn(path):
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+@pytest.mark.parametrize(("damage", "why"), [(edited, "checksum"), (torn, "torn")])
+def test_a_damaged_trial_is_named_and_run_again_and_the_others_are_kept(
+    file, finished, copy, ran, capsys, damage, why
+):
+    path = sorted((copy / "trials").iterdir())[1]
+    damage(path)
+    assert sweep(file, copy) == 0
+    assert len(ran) == 1
+    assert tables(copy) == tables(finished)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert str(path) in line
+    assert why in line
+
+
+def test_stray_files_are_named_and_left_out(file, finished, copy, capsys):
+    some = next((copy / "trials").glob("*.json"))
+    (copy / "trials" / ".x.json.abc.tmp").write_text("{")
+    (copy / "trials" / "ffff.json").write_bytes(some.read_bytes())
+    assert sweep(file, copy) == 0
+    said = capsys.readouterr().err
+    assert ".x.json.abc.tmp is what an interrupted write has left; it is removed." in said
+    assert "ffff.json is no trial of this sweep; it is left out." in said
+    assert not (copy / "trials" / ".x.json.abc.tmp").exists()
+    assert tables(copy) == tables(finished)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"trials": 3}, ["trials was 2 and is 3"]),
+        ({"particles": 16}, ["params.particles was 15 and is 16"]),
+        ({"more": "\n[world]\nnoise.drive = 0.5"}, ["world.noise.drive was null and is 0.5"]),
+    ],
+)
+def test_another_sweep_in_the_folder_is_refused_with_all_differences(
+    copy, tmp_path, capsys, changes, named
+):
+    before = files(copy)
+    assert sweep(write_small(tmp_path, **changes), copy) == 2
+    said = capsys.readouterr().err
+    for words in named:
+        assert words in said
+    assert "--out" in said
+    assert files(copy) == before
+
+
+def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
+    monkeypatch.setattr(manifest, "code_digest", lambda: "other")
+    monkeypatch.setattr(manifest, "versions", lambda: {"numpy": "0.1"})
+    assert sweep(file, copy) == 2
+    said = capsys.readouterr().err
+    assert "code was" in said
+    assert "libraries.numpy was" in said
+    assert "libraries.numba was" in said
+
+
+def test_a_changed_plug_in_is_refused_and_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(registry._FACTORIES, "mine", registry._FACTORIES["mcl"])
+    for module in (plugins, manifest):
+        monkeypatch.setattr(module, "source_digest", lambda name: "1" if name == "mine" else "")
+    file, out = write_small(tmp_path, trials=1), tmp_path / "out"
+    assert sweep(file, out, "--with", "mine") == 0
+    assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning", "mine"}
+    for module in (plugins, manifest):
+        monkeypatch.setattr(module, "source_digest", lambda name: "2" if name == "mine" else "")
+    capsys.readouterr()
+    assert sweep(file, out, "--with", "mine") == 2
+    assert 'plug-ins.mine was "1" and is "2"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{"])
+def test_a_manifest_that_cannot_be_read_is_no_excuse_to_go_on(file, copy, capsys, content):
+    (copy / "manifest.json").write_text(content)
+    assert sweep(file, copy) == 2
+    assert "manifest.json cannot be read" in capsys.readouterr().err
+
+
+def test_the_folder_of_another_command_is_refused(file, tmp_path, capsys):
+    (tmp_path / "manifest.json").write_text('{"command": ["deqmcl", "paper"]}')
+    before = files(tmp_path)
+    assert sweep(file, tmp_path) == 2
+    assert "is not of a sweep" in capsys.readouterr().err
+    assert files(tmp_path) == before
+
+
+def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
+    found = results_in(finished)
+    assert (found.planned, found.missing, found.failures) == (4, 0, [])
+    assert [(r["trial"]["localizer"], r["trial"]["trial"]) for r in found.records] == [
+        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1)),
+    ]
+    assert found.title == "small"
+    assert found.command[:2] == ["deqmcl", "sweep"]
+
+
+def test_what_a_folder_holds_can_be_read_where_nothing_can_be_written(finished, monkeypatch):
+    def refuse(path):
+        raise InputError(f"{path} cannot be written to")
+
+    monkeypatch.setattr(store, "writable_folder", refuse)
+    assert len(results_in(finished).records) == 4
+
+
+def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
+    file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
+    assert sweep(file, out, "--with", "mcl-map,broken") == 3
+    monkeypatch.setattr(plugins, "provenance", lambda: "other")
+    (copy := out / "trials" / "note.json").write_text("{}")
+    found = results_in(out)
+    assert copy.exists()
+    assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
+    betas = [r["trial"]["params"].get("beta") for r in found.records]
+    assert betas == [None, None, "inf", 1.0]  # mcl and dead reckoning have none
+
+
+def test_a_folder_of_another_schema_is_refused_and_not_told_as_empty(finished, monkeypatch):
+    monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
+    words = rf"none of the 4 trials .* has schema {store.SCHEMA - 1}, not {store.SCHEMA}"
+    with pytest.raises(InputError, match=words):
+        results_in(finished)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
+def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_none(file, tmp_path):
+    from benchmarks.sweeps.lock import locked
+    from deqmcl_gym.validation import InputError
+
+    holder = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, tmp_path], stdout=subprocess.PIPE, text=True
+    )
+    assert holder.stdout.readline() == "locked\n"
+    done = process(DEQMCL, "sweep", file, "--out", tmp_path)
+    assert done.returncode == 2
+    assert f"another sweep (process {holder.pid}) is writing to {tmp_path}" in done.stderr
+    with pytest.raises(InputError, match="another sweep"), locked(tmp_path, "1/2"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+    holder.kill()
+    holder.communicate()
+    assert (tmp_path / ".lock").exists()  # stale
+    assert sweep(file, tmp_path) == 0
+    assert not (tmp_path / ".lock").exists()
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from benchmarks.sweeps.lock import locked
+with locked(Path(sys.argv[1])):
+    print("locked", flush=True)
+    time.sleep(1000)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
+def test_different_shards_share_a_folder_and_the_same_one_does_not(tmp_path):
+    from benchmarks.sweeps.lock import locked
+    from deqmcl_gym.validation import InputError
+
+    with locked(tmp_path, "1/2"):
+        with locked(tmp_path, "2/2"):
+            assert (tmp_path / ".lock").exists()
+        for shard in ("1/2", None):
+            with pytest.raises(InputError, match="another sweep"), locked(tmp_path, shard):
+                pass
+    assert list(tmp_path.iterdir()) == []
