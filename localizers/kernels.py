@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.floorplan import kernels as geometry
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos32, exp64, log32, log64, sin32
+from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -196,12 +197,22 @@ def normal_pairs(
     for i in range(n):
         angle[i] = angle[i] * _TURN
     first, second = out[0], out[1]
+    sincos32(angle, second, first)
     shift, scale = np.float32(first_mean), np.float32(first_sd)
     for i in range(n):
-        first[i] = shift + scale * (radius[i] * cos32(angle[i]))
+        first[i] = shift + scale * (radius[i] * first[i])
     shift, scale = np.float32(mean), np.float32(sd)
     for i in range(n):
-        second[i] = shift + scale * (radius[i] * sin32(angle[i]))
+        second[i] = shift + scale * (radius[i] * second[i])
+
+
+@compiled
+def _noisy_move(
+    uniforms: Floats, action: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    distance, angle = action
+    sd_angle = turn * abs(angle) + drift * abs(distance)
+    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out)
 
 
 @compiled
@@ -217,17 +228,32 @@ def noisy_moves(
         out: (F, 2, n).
     """
     for step in range(actions.shape[0]):
-        distance, angle = actions[step, 0], actions[step, 1]
-        sd = drive * abs(distance)
-        sd_angle = turn * abs(angle) + drift * abs(distance)
-        normal_pairs(uniforms[step], distance, sd, angle, sd_angle, out[step])
+        _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
 
 
 @compiled
-def finite(values: Floats) -> bool:
-    """Whether all numbers are, in an array of any shape."""
+def odometry(
+    poses: Singles,
+    uniforms: Floats,
+    action: Floats,
+    drive: float,
+    turn: float,
+    drift: float,
+    out: Singles,
+) -> None:
+    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
+    moves = np.empty((2, uniforms.size), np.float32)
+    _noisy_move(uniforms, action, drive, turn, drift, moves)
+    geometry.drive(poses, moves[0], moves[1], out)
+
+
+@compiled
+def finite(first: Floats, second: Floats) -> bool:
+    """Whether all numbers are, in two arrays of any shapes."""
     sound = True
-    for value in values.flat:
+    for value in first.flat:
+        sound &= np.isfinite(value)
+    for value in second.flat:
         sound &= np.isfinite(value)
     return sound
 
@@ -272,19 +298,6 @@ def agreeing(first: Floats, second: Floats) -> int:
 
 
 @compiled
-def _half_to(t: float) -> float:
-    """2^-t for t ≥ 0, to 2e-14 of itself; 2^-1000 beyond. No division, unlike ``exp64``."""
-    bounded = 1000.0 if t > 1000.0 else t
-    rounded = bounded + _ROUNDER  # its lowest bits are the integer k
-    f = (rounded - _ROUNDER) - bounded  # in [-½, ½]
-    z = f * f
-    even = (((_C8 * z + _C6) * z + _C4) * z + _C2) * z + _C0
-    odd = (((_C9 * z + _C7) * z + _C5) * z + _C3) * z + _C1
-    power = (np.int64(1023) - np.float64(rounded).view(np.int64)) << np.int64(52)
-    return (even + f * odd) * np.int64(power).view(np.float64)
-
-
-@compiled
 def mixture(
     ranges: Floats, expected: Singles, sigma: float, peak: float, floor: float, out: Floats
 ) -> None:
@@ -297,8 +310,11 @@ def mixture(
         peak, floor: floor ≥ ``LEAST_FLOOR``.
         out: (n,).
     """
-    scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-(scale (o - ô))²
+    scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-t for t = (scale (o - ô))²
     product = np.empty(_POSES, np.float64)
+    rounded = np.empty(_POSES, np.float64)
+    fraction = np.empty(_POSES, np.float64)
+    even = np.empty(_POSES, np.float64)
     n = expected.shape[1]
     for start in range(0, n, _POSES):
         count = min(_POSES, n - start)
@@ -313,6 +329,19 @@ def mixture(
                 row = expected[beam, start : start + count]
                 for i in range(count):
                     z = (measured - row[i]) * scale
-                    product[i] *= peak * _half_to(z * z) + floor
+                    t = min(z * z, 1000.0)
+                    rounded[i] = t + _ROUNDER  # its lowest bits are the integer k nearest to t
+                    fraction[i] = (rounded[i] - _ROUNDER) - t  # f = k - t, in [-½, ½]
+                for i in range(count):
+                    z = fraction[i] * fraction[i]
+                    even[i] = (((_C8 * z + _C6) * z + _C4) * z + _C2) * z + _C0
+                for i in range(count):
+                    z = fraction[i] * fraction[i]
+                    odd = (((_C9 * z + _C7) * z + _C5) * z + _C3) * z + _C1
+                    fraction[i] = even[i] + fraction[i] * odd
+                for i in range(count):
+                    power = (np.int64(1023) - np.float64(rounded[i]).view(np.int64)) << np.int64(52)
+                    hit = peak * (fraction[i] * np.int64(power).view(np.float64))
+                    product[i] *= hit + floor
             for i in range(count):
                 total[i] += log64(product[i])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.validation import InputError, integer
-from localizers.api import Prior, RobotModel, checked_action, checked_plan, checked_scan
+from localizers.api import Prior, RobotModel, checked_plan, checked_step
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import resampling
@@ -67,14 +67,11 @@ class ParticleLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         belief, rng = self._running
-        scan = checked_scan(ranges, self.robot.lidar)
-        command = checked_action(action)
-        after = self.filter.step(belief, scan, command, checked_plan(plan), rng)
-        assert belief.trust is not None, "reset starts it"
-        belief = after.noted(
-            after.events.of_scan(scan, self.robot.lidar.max_range),
-            belief.trust.after(scan, after.scan_log_evidence),
-        )
+        scan, command, ahead = checked_step(ranges, action, plan, self.robot.lidar)
+        belief = self.filter.step(belief, scan, command, ahead, rng)
+        events = belief.events.of_scan(scan, self.robot.lidar.max_range)
+        if events is not belief.events:
+            belief = belief._replace(events=events)
         self._running = (belief, rng)
         return belief
 

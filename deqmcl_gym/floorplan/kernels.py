@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos32, sin32
+from deqmcl_gym.numerics.elementary import sincos32
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -34,7 +34,7 @@ def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
     Args:
         poses: rows x px, y px, θ rad, (3, n).
         distances, turns: (n,) px, rad.
-        out: (3, n).
+        out: (3, n), other memory than the poses.
     """
     x, y, heading = poses[0], poses[1], poses[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
@@ -42,10 +42,11 @@ def drive(poses: Floats, distances: Floats, turns: Floats, out: Floats) -> None:
         angle = heading[i] + turns[i]
         angle -= _TURN * ((angle * _PER_TURN + _ROUNDER) - _ROUNDER)
         new_heading[i] = angle
+    sincos32(new_heading, new_y, new_x)
     for i in range(x.size):
-        new_x[i] = x[i] + distances[i] * cos32(new_heading[i])
+        new_x[i] = x[i] + distances[i] * new_x[i]
     for i in range(x.size):
-        new_y[i] = y[i] + distances[i] * sin32(new_heading[i])
+        new_y[i] = y[i] + distances[i] * new_y[i]
 
 
 @compiled

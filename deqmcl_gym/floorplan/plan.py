@@ -175,4 +175,5 @@ def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
 
 def _rows(items: ArrayLike, columns: int) -> Floats:
     """(n, d) in any layout as contiguous float32 rows (columns, n): no copy if it is one's view."""
-    return np.ascontiguousarray(np.asarray(items, dtype=np.float32).T[:columns])
+    rows = np.asarray(items, dtype=np.float32, order="F").T
+    return rows if len(rows) == columns else rows[:columns]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan.kernels import wind
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos32, sin32
+from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -53,6 +53,11 @@ def _inside(poses: Floats, outer: Floats, room: Rectangle) -> Flags:
 @compiled
 def _blind(inside: Flags, out: Floats) -> None:
     """Overwrite by NaN the ranges (B, n) of poses that are not inside, (n,)."""
+    outside = 0
+    for i in range(inside.size):
+        outside += not inside[i]
+    if outside == 0:
+        return
     for i in range(inside.size):
         if not inside[i]:
             for beam in range(out.shape[0]):
@@ -173,36 +178,29 @@ def cast(
     per_dx, per_dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
     beam_sine = np.empty(bearings.size, np.float32)
     beam_cosine = np.empty(bearings.size, np.float32)
-    for beam in range(bearings.size):
-        beam_sine[beam], beam_cosine[beam] = sin32(bearings[beam]), cos32(bearings[beam])
+    sincos32(bearings, beam_sine, beam_cosine)
     more = boxes.shape[0] + upright.shape[0] + level.shape[0] + oblique.shape[0] > 0
     n = poses.shape[1]
     for start in range(0, n, _RAYS):
         count = min(_RAYS, n - start)
         end = start + count
         px, py, headings = poses[0, start:end], poses[1, start:end], poses[2, start:end]
-        for i in range(count):
-            sine[i] = sin32(headings[i])
-        for i in range(count):
-            cosine[i] = cos32(headings[i])
+        sincos32(headings, sine, cosine)
         for beam in range(bearings.size):
             bs, bc = beam_sine[beam], beam_cosine[beam]
             best = out[beam, start:end]
-            for i in range(count):  # all that a room with one box needs, in one pass
-                slope_x = _inverse(cosine[i] * bc - sine[i] * bs)
-                slope_y = _inverse(sine[i] * bc + cosine[i] * bs)
-                t = _leave(room, px[i], py[i], slope_x, slope_y)
-                best[i] = _enter(box, px[i], py[i], slope_x, slope_y, t)
-            if not more:
+            for i in range(count):
+                per_dx[i] = _inverse(cosine[i] * bc - sine[i] * bs)
+                per_dy[i] = _inverse(sine[i] * bc + cosine[i] * bs)
+            for i in range(count):
+                t = _leave(room, px[i], py[i], per_dx[i], per_dy[i])
+                best[i] = _enter(box, px[i], py[i], per_dx[i], per_dy[i], t)
+            if not more:  # a room with one box needs no more
                 continue
             for i in range(count):
                 dx[i] = cosine[i] * bc - sine[i] * bs
             for i in range(count):
                 dy[i] = sine[i] * bc + cosine[i] * bs
-            for i in range(count):
-                per_dx[i] = _inverse(dx[i])
-            for i in range(count):
-                per_dy[i] = _inverse(dy[i])
             for other in boxes:
                 for i in range(count):
                     best[i] = _enter(other, px[i], py[i], per_dx[i], per_dy[i], best[i])

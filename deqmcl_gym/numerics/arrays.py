@@ -20,7 +20,7 @@ Singles = NDArray[np.float32]
 def sincos(angles: Singles) -> tuple[Singles, Singles]:
     """Sin and cos of float32 angles, |angle| < 1000 rad."""
     sines, cosines = np.empty_like(angles), np.empty_like(angles)
-    _sincos32(angles.reshape(-1), sines.reshape(-1), cosines.reshape(-1))
+    elementary.sincos32(angles.reshape(-1), sines.reshape(-1), cosines.reshape(-1))
     return sines, cosines
 
 
@@ -59,13 +59,6 @@ def _each(kernel: Callable[..., None], *arguments: ArrayLike) -> Floats:
     out = np.empty(np.shape(arguments[0]))
     kernel(*(values.reshape(-1) for values in given), out.reshape(-1))
     return out
-
-
-@compiled
-def _sincos32(angles: Any, sines: Any, cosines: Any) -> None:
-    for i in range(angles.size):
-        sines[i] = elementary.sin32(angles[i])
-        cosines[i] = elementary.cos32(angles[i])
 
 
 @compiled

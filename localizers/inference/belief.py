@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from localizers import kernels
 from localizers.inference.parts import Actions, Indices, LogWeights, States
-from localizers.inference.queue import Queue
+from localizers.inference.queue import Queue, made
 from localizers.inference.trust import Trust
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 
@@ -134,19 +134,28 @@ class ParticleBelief(NamedTuple):
         """Add newest states (d, n), drawn by ``action``."""
         newest = action[None]
         drawn = np.concatenate((self.drawn, newest)) if len(self.drawn) else newest
-        return self._with(self.queue.appended(states), self.log_weights, drawn)
+        queue = self.queue.appended(states)
+        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
+
+    def advanced(self, states: States, past: int) -> "ParticleBelief":
+        """Do ``appended`` and ``stepped`` in one, where nothing is queued after the present."""
+        queue = self.queue.advanced(states, past)
+        return self._with(queue, self.log_weights, self.drawn, self.log_normalizer)
 
     def stepped(self, past: int) -> "ParticleBelief":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        return self._with(self.queue.stepped(past), self.log_weights, self.drawn[1:])
+        queue, drawn = self.queue.stepped(past), self.drawn[1:]
+        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
 
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""
-        return self._with(self.queue.cut(keep), self.log_weights, self.drawn[:keep])
+        queue, drawn = self.queue.cut(keep), self.drawn[:keep]
+        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
 
     def followed(self, future: Sequence[States]) -> "ParticleBelief":
         """Exchange the states after the present, (d, n) each, for others drawn by ``drawn``."""
-        return self._with(self.queue.followed(future), self.log_weights, self.drawn)
+        queue = self.queue.followed(future)
+        return self._with(queue, self.log_weights, self.drawn, self.log_normalizer)
 
     def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
         """Report with h_t(x_t), (n,). Dropped and counted as in ``reweighted`` if all are 0."""
@@ -161,50 +170,65 @@ class ParticleBelief(NamedTuple):
         and a weight collapse is counted: the cloud then goes on by motion alone until evidence
         comes that some particle can explain.
         """
-        total = np.empty_like(self.log_weights)
-        return self._weighted(total, kernels.shifted(self.log_weights, log_factor, total))
+        total = np.empty(self.log_weights.size)
+        top = kernels.shifted(self.log_weights, log_factor, total)
+        return self._weighted(total, top, math.nan, self.trust)
 
     def scanned(
-        self, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
+        self,
+        ranges: NDArray[np.float64],
+        log_likelihood: LogWeights,
+        most: int = _EVIDENCE_PARTICLES,
     ) -> "ParticleBelief":
-        """Take in a scan of log-likelihoods (n,), and how well this belief predicted it.
+        """Take in a scan (B,) px of log-likelihoods (n,), and how well this belief predicted it.
 
-        The latter from at most ``most`` evenly spaced particles.
+        The latter from at most ``most`` evenly spaced particles. The scan is kept, not copied.
         """
-        total = np.empty_like(self.log_weights)
+        total = np.empty(self.log_weights.size)
         top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, total)
-        return self._weighted(total, top, evidence)
-
-    def noted(self, events: Events, trust: Trust) -> "ParticleBelief":
-        """Return this belief with other events and another trust."""
-        return ParticleBelief(*self[:4], events, *self[5:7], trust, self.log_h)
+        trust = None if self.trust is None else self.trust.after(ranges, evidence)
+        return self._weighted(total, top, evidence, trust)
 
     def _weighted(
-        self, log_weights: LogWeights, top: float, scan_log_evidence: float = math.nan
+        self, log_weights: LogWeights, top: float, scan_log_evidence: float, trust: Trust | None
     ) -> "ParticleBelief":
         """Go on with these weights, unless even the ``top`` one is 0."""
         if top > -math.inf:
-            return self._with(self.queue, log_weights, self.drawn, None, scan_log_evidence)
-        events = self.events.plus(weight_collapses=1)
-        return self._replace(events=events, scan_log_evidence=scan_log_evidence)
+            events = self.events
+        else:
+            log_weights, events = self.log_weights, self.events.plus(weight_collapses=1)
+        return made(
+            ParticleBelief,
+            (
+                self.queue,
+                log_weights,
+                self.drawn,
+                self.log_normalizer,
+                events,
+                self.redraw_ess,
+                scan_log_evidence,
+                trust,
+                None,
+            ),
+        )
 
     def _with(
-        self,
-        queue: Queue,
-        log_weights: LogWeights,
-        drawn: Actions,
-        log_normalizer: float | None = None,
-        scan_log_evidence: float = math.nan,
+        self, queue: Queue, log_weights: LogWeights, drawn: Actions, log_normalizer: float
     ) -> "ParticleBelief":
         """``_replace``, at a fifth of its cost: this is called several times a step."""
-        return ParticleBelief(
-            queue,
-            log_weights,
-            drawn,
-            self.log_normalizer if log_normalizer is None else log_normalizer,
-            self.events,
-            self.redraw_ess,
-            scan_log_evidence,
+        return made(
+            ParticleBelief,
+            (
+                queue,
+                log_weights,
+                drawn,
+                log_normalizer,
+                self.events,
+                self.redraw_ess,
+                math.nan,
+                self.trust,
+                None,
+            ),
         )
 
     def _evidence(self, log_weights: LogWeights, log_sum: float | None = None) -> float:

@@ -17,6 +17,7 @@ from localizers.inference.parts import (
     Motion,
     Resampling,
     Scan,
+    States,
 )
 from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
@@ -64,8 +65,7 @@ class ParticleFilter:
         none_drawn = np.empty((0, plan.shape[1]))
         belief = ParticleBelief(Queue((cloud,)), np.zeros(self.particles), none_drawn)
         for action in plan[: self.future]:
-            belief = self._resampled(belief, rng)
-            belief = self._advanced(belief, action, rng)
+            belief = self._appended(self._resampled(belief, rng), action, rng)
         return self.lookahead(belief, plan, rng)
 
     def step(
@@ -80,21 +80,23 @@ class ParticleFilter:
 
         Args:
             belief: of the step before.
-            ranges: the scan o_t, (B,) px.
+            ranges: the scan o_t, (B,) px; a belief that keeps trust keeps it too.
             action: carried out between t - 1 and t, (k,).
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
-        actions = action[None]  # of the steps t … t + F
-        if self.future:
-            actions = np.concatenate((actions, plan[: self.future]))
         belief = self._resampled(belief, rng)
-        if belief.queue.ahead:
-            belief = self._redraw(belief, actions, rng)
-        for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
-            belief = self._advanced(belief, newest, rng)
-        belief = belief.stepped(self.past)
-        belief = belief.scanned(self.scan.log_likelihood(belief.present, ranges))
+        if self.future:
+            actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
+            if belief.queue.ahead:
+                belief = self._redraw(belief, actions, rng)
+            for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
+                belief = self._appended(belief, newest, rng)
+            belief = belief.stepped(self.past)
+        else:
+            belief, states = self._driven(belief, action, rng)
+            belief = belief.advanced(states, self.past)
+        belief = belief.scanned(ranges, self.scan.log_likelihood(belief.present, ranges))
         return self.lookahead(belief, plan, rng)
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
@@ -104,14 +106,22 @@ class ParticleFilter:
         ancestors = self.resampling.ancestors(weights, rng)
         return self.move(belief.resampled(ancestors, by, log_sum), ancestors, rng)
 
-    def _advanced(
+    def _appended(
         self, belief: ParticleBelief, action: Action, rng: np.random.Generator
     ) -> ParticleBelief:
         """Append head' ~ p(· | head, action), charged once by g(head, head')."""
+        belief, states = self._driven(belief, action, rng)
+        return belief.appended(states, action)
+
+    def _driven(
+        self, belief: ParticleBelief, action: Action, rng: np.random.Generator
+    ) -> tuple[ParticleBelief, States]:
+        """Return head' ~ p(· | head, action), and the belief charged once by g(head, head')."""
         before = belief.head
         after = self.motion.sample(before, action, rng)
-        grown = belief.appended(after, action)
-        return grown.reweighted(self.feasibility.log_g(before, after)) if self._charged else grown
+        if self._charged:
+            belief = belief.reweighted(self.feasibility.log_g(before, after))
+        return belief, after
 
     @cached_property
     def _charged(self) -> bool:

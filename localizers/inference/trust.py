@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from localizers import kernels
 from localizers.inference.parts import Scan, States
+from localizers.inference.queue import made
 from localizers.inference.weights import log_sum_exp
 
 LOST = 0.01  # probability of getting lost, per step
@@ -31,12 +32,14 @@ class Evidence:
         scan, anywhere: as in ``Trust``.
         ranges: the scan, (B,) px.
         log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
+        before: the scan before it, in its block of ``MEMORY`` scans.
     """
 
     scan: Scan
     anywhere: States
     ranges: NDArray[np.float64]
     log_right: float
+    before: "Evidence | None"
 
     @cached_property
     def log_ratio(self) -> float:
@@ -48,30 +51,50 @@ class Evidence:
 class Trust(NamedTuple):
     """The evidence for and against a belief; looked at only when somebody asks, and then once.
 
+    Scans come in blocks of ``MEMORY``, each scan linked to the one before: what is kept is this
+    block and the one before, and a step copies none of it.
+
     Attributes:
         scan: p(o | x, m), the localizer's own.
         anywhere: poses spread evenly over free space, (3, M).
         start: probability of not being lost before the scans remembered.
-        remembered: the latest scans, at most ``MEMORY``.
+        size: how many scans this block has.
+        newest: the last of this block.
+        earlier: the last of the block before.
     """
 
     scan: Scan
     anywhere: States
     start: float = 1.0 - LOST
-    remembered: tuple[Evidence, ...] = ()
+    size: int = 0
+    newest: Evidence | None = None
+    earlier: Evidence | None = None
 
     def after(self, ranges: NDArray[np.float64], log_right: float) -> "Trust":
         """Return the trust after one more step; of a scan that is forgotten, only time remains.
 
         Args:
-            ranges: its scan, (B,) px.
+            ranges: its scan, (B,) px; it is kept, not copied.
             log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         """
-        newest = Evidence(self.scan, self.anywhere, ranges.copy(), log_right)
-        if len(self.remembered) < MEMORY:
-            return Trust(self.scan, self.anywhere, self.start, (*self.remembered, newest))
-        start = self.start * (1.0 - LOST) + (1.0 - self.start) * FOUND
-        return Trust(self.scan, self.anywhere, start, (*self.remembered[1:], newest))
+        start, size, newest, earlier = self[2:]
+        if size == MEMORY:
+            size, newest, earlier = 0, None, newest
+        if earlier is not None:  # one more is forgotten
+            start = start * (1.0 - LOST) + (1.0 - start) * FOUND
+        newest = Evidence(self.scan, self.anywhere, ranges, log_right, newest)
+        return made(Trust, (self.scan, self.anywhere, start, size + 1, newest, earlier))
+
+    @property
+    def remembered(self) -> list[Evidence]:
+        """The latest scans, at most ``MEMORY``, oldest first."""
+        found: list[Evidence] = []
+        for last in (self.newest, self.earlier):
+            evidence = last
+            while evidence is not None and len(found) < MEMORY:
+                found.append(evidence)
+                evidence = evidence.before
+        return found[::-1]
 
     @property
     def quality(self) -> float:

@@ -18,7 +18,7 @@ def normalized(log_weights: LogWeights) -> Weights:
 
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
     """Weights with sum 1, (n,), and log Σ exp(log w), -inf if all weights are zero."""
-    weights = np.empty_like(log_weights)
+    weights = np.empty(log_weights.size)
     log_sum = kernels.normalize(log_weights, weights)
     return weights, log_sum
 

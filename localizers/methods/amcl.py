@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.floorplan import Lidar
 from deqmcl_gym.validation import InputError, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_action, checked_plan, checked_scan
+from localizers.api import Prior, RobotModel, checked_plan, checked_step
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.parts import Scan, States
@@ -92,8 +92,7 @@ class AdaptiveLocalizer:
         """Start anew with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         checked_plan(plan)
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, rng.spawn(1)[0]).T, np.float32)
-        trust = Trust(self._scan, self._anywhere)
-        belief = _cloud(cloud, AdaptiveEvents())._replace(trust=trust)
+        belief = _cloud(cloud, AdaptiveEvents(), Trust(self._scan, self._anywhere))
         self._running = _Running(belief, self._recovery, 0, rng)
         return belief
 
@@ -104,21 +103,14 @@ class AdaptiveLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         now = self._running
-        scan = checked_scan(ranges, self.robot.lidar)
-        command = checked_action(action)
-        checked_plan(plan)
+        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         used = np.where(self._unused, np.nan, scan)
-        belief = self._resampled(now)._replace(trust=None)
+        belief = self._resampled(now)
         moved = self.robot.motion.sample(belief.present, command, now.rng)
         belief = belief._replace(queue=Queue((moved,)))
-        after = belief.scanned(self._scan.log_likelihood(moved, used), most=moved.shape[1])
-        trust = now.belief.trust
-        assert trust is not None, "reset starts it"
+        after = belief.scanned(used, self._scan.log_likelihood(moved, used), most=moved.shape[1])
         max_range = self.robot.lidar.max_range
-        after = after._replace(
-            events=after.events.of_scan(scan, max_range),
-            trust=trust.after(used, after.scan_log_evidence),
-        )
+        after = after._replace(events=after.events.of_scan(scan, max_range))
         beams = int(usable_beams(used, max_range).sum())
         recovery = now.recovery.after(after.scan_log_evidence, beams)
         self._running = _Running(after, recovery, now.updates + 1, now.rng)
@@ -139,7 +131,7 @@ class AdaptiveLocalizer:
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)
         enough = self._kld.enough(drawn)
         events = belief.events.plus(random_poses=int(anywhere[:enough].sum()))
-        return _cloud(np.ascontiguousarray(drawn[:, :enough]), events)
+        return _cloud(np.ascontiguousarray(drawn[:, :enough]), events, belief.trust)
 
     @cached_property
     def _anywhere(self) -> States:
@@ -245,7 +237,7 @@ def _unused_beams(lidar: Lidar, most: int) -> NDArray[np.bool_]:
     return unused
 
 
-def _cloud(states: States, events: Events) -> ParticleBelief:
+def _cloud(states: States, events: Events, trust: Trust | None) -> ParticleBelief:
     """Equally weighted particles (3, n), with what is known since reset."""
     even = np.zeros(states.shape[1])
-    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events)
+    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, trust=trust)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number
-from localizers.api import Points, Prior, RobotModel, checked_action, checked_plan, checked_scan
+from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
@@ -111,9 +111,7 @@ class KalmanLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         before = self._belief
-        scan = checked_scan(ranges, self.robot.lidar)
-        command = checked_action(action)
-        checked_plan(plan)
+        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         mean, covariance = before.mean.copy(), before.covariance.copy()
         distance, turn = command.tolist()
         kernels.predict(mean, covariance, distance, turn, *self._motion.spread(command))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError
-from localizers.api import Points, Prior, RobotModel, checked_action, checked_plan, checked_scan
+from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
 from localizers.inference import grid_kernels
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
@@ -95,9 +95,7 @@ class GridLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         before = self._belief
-        scan = checked_scan(ranges, self.robot.lidar)
-        command = checked_action(action)
-        checked_plan(plan)
+        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         events = before.events.of_scan(scan, self.robot.lidar.max_range)
         mass = self._motion.predicted(before.mass, command)
         if not mass.any():  # all of it has left the map

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import driven
 from deqmcl_gym.validation import InputError, number
 from localizers import kernels
 
@@ -50,10 +49,11 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        distances, turns = self.moves(
-            np.asarray(action, dtype=np.float64)[None], states.shape[1], rng
-        )[0]
-        return driven(states, distances, turns)
+        uniforms = rng.random(states.shape[1:])
+        after = np.empty_like(states)
+        command = np.asarray(action, dtype=np.float64)
+        kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
+        return after
 
     def moves(
         self, actions: NDArray[np.float64], n: int, rng: np.random.Generator
