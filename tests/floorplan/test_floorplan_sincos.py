@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.floorplan import sincos
+from deqmcl_gym.numerics.elementary import cos32, sin32
 
 # Half a unit in the last place of a float32 below 1 is 3e-8. The polynomial, its evaluation and the
 # reduction of the argument add a few more half units: 1.2e-7 is four of them (the kernel says
@@ -35,3 +36,11 @@ def test_zero_is_exact_and_sine_is_odd_and_cosine_even():
     assert (sines[0], cosines[0]) == (0.0, 1.0)
     assert np.array_equal(mirrored_sines, -sines)
     assert np.array_equal(mirrored_cosines, cosines)
+
+
+@pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1500])
+def test_an_array_has_the_bits_of_its_angles_one_by_one(n):
+    angles = np.random.default_rng(n).uniform(-1000, 1000, n).astype(np.float32)
+    sines, cosines = sincos(angles)
+    assert sines.tolist() == [sin32(angle) for angle in angles]
+    assert cosines.tolist() == [cos32(angle) for angle in angles]

@@ -70,6 +70,25 @@ def test_a_random_program_gives_the_states_of_a_copying_queue(seed):
         assert_same(queue, oracle)
 
 
+@pytest.mark.parametrize("past", [0, 1, 5])
+@pytest.mark.parametrize("seed", range(10))
+def test_advancing_is_appending_and_stepping(seed, past):
+    rng = np.random.default_rng(seed)
+    start = rng.integers(0, 10**9, (2, 7))
+    queue, oracle = Queue((start,)), CopyingQueue(start)
+    for _ in range(20):
+        if rng.random() < 0.7:
+            ancestors = np.sort(rng.integers(0, 7, 7))
+            queue = queue.resampled(ancestors)
+            oracle.resampled(ancestors)
+        states = rng.integers(0, 10**9, (2, 7))
+        assert queue.advanced(states, past) == queue.appended(states).stepped(past)
+        queue = queue.advanced(states, past)
+        oracle.appended(states)
+        oracle.stepped(past)
+        assert_same(queue, oracle)
+
+
 def test_a_queue_is_immutable_so_an_older_one_stays_right():
     rng = np.random.default_rng(1)
     start = rng.integers(0, 99, (1, 4))
