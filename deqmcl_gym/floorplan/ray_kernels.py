@@ -86,20 +86,28 @@ def _inverse(slope: Single) -> Single:
 
 
 @compiled
-def _leave(room: Rectangle, x: Single, y: Single, per_dx: Single, per_dy: Single) -> Single:
-    """Where a ray leaves the rectangle (x_low, y_low, x_high, y_high) that it starts in."""
-    leave_x = _more((room[0] - x) * per_dx, (room[2] - x) * per_dx)
-    leave_y = _more((room[1] - y) * per_dy, (room[3] - y) * per_dy)
+def _leave(
+    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
+) -> Single:
+    """Where a ray leaves the rectangle that it starts in, whose sides are so far in x or y."""
+    leave_x = _more(left * per_dx, right * per_dx)
+    leave_y = _more(low * per_dy, high * per_dy)
     return _less(leave_x, leave_y)
 
 
 @compiled
 def _enter(
-    box: Rectangle, x: Single, y: Single, per_dx: Single, per_dy: Single, best: Single
+    left: Single,
+    low: Single,
+    right: Single,
+    high: Single,
+    per_dx: Single,
+    per_dy: Single,
+    best: Single,
 ) -> Single:
     """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
-    to_left, to_right = (box[0] - x) * per_dx, (box[2] - x) * per_dx
-    to_low, to_high = (box[1] - y) * per_dy, (box[3] - y) * per_dy
+    to_left, to_right = left * per_dx, right * per_dx
+    to_low, to_high = low * per_dy, high * per_dy
     enter = _more(_less(to_left, to_right), _less(to_low, to_high))
     leave = _less(_more(to_left, to_right), _more(to_low, to_high))
     t = enter if enter >= _ZERO else leave
@@ -145,6 +153,15 @@ def _meet(
 
 
 @compiled
+def _sides(rectangle: Rectangle, x: Floats, y: Floats, out: Floats) -> None:
+    """Fill in how far the sides of a rectangle are from points (n,), in x or y, (4, n) px."""
+    for side in range(4):
+        start = x if side % 2 == 0 else y
+        for i in range(start.size):
+            out[side, i] = rectangle[side] - start[i]
+
+
+@compiled
 def cast(
     poses: Floats,
     bearings: Floats,
@@ -179,6 +196,7 @@ def cast(
     beam_sine = np.empty(bearings.size, np.float32)
     beam_cosine = np.empty(bearings.size, np.float32)
     sincos32(bearings, beam_sine, beam_cosine)
+    of_room, of_box = np.empty((4, _RAYS), np.float32), np.empty((4, _RAYS), np.float32)
     more = boxes.shape[0] + upright.shape[0] + level.shape[0] + oblique.shape[0] > 0
     n = poses.shape[1]
     for start in range(0, n, _RAYS):
@@ -186,6 +204,8 @@ def cast(
         end = start + count
         px, py, headings = poses[0, start:end], poses[1, start:end], poses[2, start:end]
         sincos32(headings, sine, cosine)
+        _sides(room, px, py, of_room)
+        _sides(box, px, py, of_box)
         for beam in range(bearings.size):
             bs, bc = beam_sine[beam], beam_cosine[beam]
             best = out[beam, start:end]
@@ -193,8 +213,10 @@ def cast(
                 per_dx[i] = _inverse(cosine[i] * bc - sine[i] * bs)
                 per_dy[i] = _inverse(sine[i] * bc + cosine[i] * bs)
             for i in range(count):
-                t = _leave(room, px[i], py[i], per_dx[i], per_dy[i])
-                best[i] = _enter(box, px[i], py[i], per_dx[i], per_dy[i], t)
+                left, low, right, high = of_room[0, i], of_room[1, i], of_room[2, i], of_room[3, i]
+                t = _leave(left, low, right, high, per_dx[i], per_dy[i])
+                left, low, right, high = of_box[0, i], of_box[1, i], of_box[2, i], of_box[3, i]
+                best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], t)
             if not more:  # a room with one box needs no more
                 continue
             for i in range(count):
@@ -202,8 +224,15 @@ def cast(
             for i in range(count):
                 dy[i] = sine[i] * bc + cosine[i] * bs
             for other in boxes:
+                x_low, y_low, x_high, y_high = other
                 for i in range(count):
-                    best[i] = _enter(other, px[i], py[i], per_dx[i], per_dy[i], best[i])
+                    left, low, right, high = (
+                        x_low - px[i],
+                        y_low - py[i],
+                        x_high - px[i],
+                        y_high - py[i],
+                    )
+                    best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
             for wall in range(upright.shape[0]):
                 at, low, high = upright[wall]
                 for i in range(count):
@@ -246,12 +275,16 @@ def look(
             dy[i] = sine * bc + cosine * bs
         for i in range(beams):
             per_dx[i], per_dy[i] = _inverse(dx[i]), _inverse(dy[i])
+        left, low, right, high = room[0] - px, room[1] - py, room[2] - px, room[3] - py
         for i in range(beams):
-            t = _leave(room, px, py, per_dx[i], per_dy[i])
-            best[i] = _enter(box, px, py, per_dx[i], per_dy[i], t)
+            best[i] = _leave(left, low, right, high, per_dx[i], per_dy[i])
+        left, low, right, high = box[0] - px, box[1] - py, box[2] - px, box[3] - py
+        for i in range(beams):
+            best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
         for other in boxes:
+            left, low, right, high = other[0] - px, other[1] - py, other[2] - px, other[3] - py
             for i in range(beams):
-                best[i] = _enter(other, px, py, per_dx[i], per_dy[i], best[i])
+                best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
         for wall in range(upright.shape[0]):
             at, low, high = upright[wall]
             for i in range(beams):
