@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import kernels as geometry
+from deqmcl_gym.floorplan.kernels import drive as driven
+from deqmcl_gym.floorplan.ray_kernels import cast
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
 
@@ -244,7 +245,7 @@ def odometry(
     """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
     moves = np.empty((2, uniforms.size), np.float32)
     _noisy_move(uniforms, action, drive, turn, drift, moves)
-    geometry.drive(poses, moves[0], moves[1], out)
+    driven(poses, moves[0], moves[1], out)
 
 
 @compiled
@@ -345,3 +346,47 @@ def mixture(
                     product[i] *= hit + floor
             for i in range(count):
                 total[i] += log64(product[i])
+
+
+@compiled
+def scan_mixture(
+    poses: Singles,
+    ranges: Floats,
+    out: Floats,
+    bearings: Singles,
+    outer: Singles,
+    room: Singles,
+    box: Singles,
+    boxes: Singles,
+    upright: Singles,
+    level: Singles,
+    oblique: Singles,
+    max_range: float,
+    sigma: float,
+    peak: float,
+    floor: float,
+    ends: bool,
+    outside: float,
+) -> bool:
+    """Cast rays and fill in ``mixture`` at once; return whether that is right for all ranges.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        ranges: o, (B,) px; each must be a number in [0, max_range], without the ends if not
+            ``ends``.
+        out: (n,).
+        bearings, outer, room, box, boxes, upright, level, oblique: as for ``cast``.
+        sigma, peak, floor: as for ``mixture``.
+        outside: what a pose gets that is outside the outer wall.
+    """
+    if ranges.size != bearings.size:
+        return False
+    for i in range(ranges.size):
+        at_end = (ranges[i] <= 0.0) | (ranges[i] >= max_range)
+        if not usable(ranges[i], max_range) or (at_end and not ends):
+            return False
+    expected = np.empty((bearings.size, poses.shape[1]), np.float32)
+    cast(poses, bearings, outer, room, box, boxes, upright, level, oblique, expected)
+    mixture(ranges, expected, sigma, peak, floor, out)
+    fill_where_nan(expected[0], outside, out)
+    return True

@@ -84,7 +84,7 @@ class FloorPlan:
         origins = _rows(poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
-        self._caster.cast(origins, beams, out)
+        self.caster.cast(origins, beams, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> NDArray[np.bool_]:
@@ -153,7 +153,8 @@ class FloorPlan:
         return clearance_of(self._walls32)
 
     @cached_property
-    def _caster(self) -> Caster:
+    def caster(self) -> Caster:
+        """How rays find the nearest wall; for kernels that cast rays themselves."""
         return caster_of(self.outer, self.obstacles)
 
 

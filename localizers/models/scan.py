@@ -3,12 +3,13 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.floorplan.casting import AllWalls
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number
 from localizers import kernels
@@ -43,6 +44,27 @@ class BeamDensity(Protocol):
         ...
 
 
+class Mixture(NamedTuple):
+    """Σ_b log(peak exp(-½ ((o_b - ô_b) / σ)²) + floor), the log-likelihood of two models below.
+
+    Attributes:
+        sigma: σ, px.
+        peak, floor: per px.
+        ends: whether it holds for ranges of 0 and max_range too.
+    """
+
+    sigma: float
+    peak: float
+    floor: float
+    ends: bool
+
+    def log_likelihood(self, ranges: Floats, expected: NDArray[np.float32]) -> Floats:
+        """Log-likelihood of ranges (B,) for each pose of exact ranges (n, B), compiled, (n,)."""
+        out = np.empty(len(expected))
+        kernels.mixture(ranges, expected.T, self.sigma, self.peak, self.floor, out)
+        return out
+
+
 @dataclass(frozen=True, kw_only=True)
 class GaussianUniform:
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
@@ -67,10 +89,14 @@ class GaussianUniform:
         self, ranges: Floats, expected: NDArray[np.float32], max_range: float
     ) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        floor = self.uniform / max_range
-        if floor < kernels.LEAST_FLOOR:
+        mixture = self.mixture(max_range)
+        if mixture is None:
             return _log_product(self, ranges, expected, max_range)
-        return _log_mixture(self, ranges, expected, floor)
+        return mixture.log_likelihood(ranges, expected)
+
+    def mixture(self, max_range: float) -> Mixture | None:
+        """Return what the log-likelihood is; None if the kernel cannot compute it."""
+        return _mixture(self, self.uniform / max_range, ends=True)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
@@ -109,14 +135,18 @@ class CensoredGaussianUniform:
         self, ranges: Floats, expected: NDArray[np.float32], max_range: float
     ) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        floor = self.uniform / (max_range + 2 * ATOM)
-        if floor < kernels.LEAST_FLOOR:
+        mixture = self.mixture(max_range)
+        if mixture is None:
             return _log_product(self, ranges, expected, max_range)
         clipped = (ranges <= 0) | (ranges >= max_range)
         if not clipped.any():
-            return _log_mixture(self, ranges, expected, floor)
-        inside = _log_mixture(self, ranges[~clipped], expected[:, ~clipped], floor)
+            return mixture.log_likelihood(ranges, expected)
+        inside = mixture.log_likelihood(ranges[~clipped], expected[:, ~clipped])
         return inside + _log_product(self, ranges[clipped], expected[:, clipped], max_range)
+
+    def mixture(self, max_range: float) -> Mixture | None:
+        """Return what the log-likelihood is between the ends; None if the kernel cannot do it."""
+        return _mixture(self, self.uniform / (max_range + 2 * ATOM), ends=False)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
@@ -213,6 +243,15 @@ class LidarScan:
 
     def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
+        if self._one_pass is not None:
+            poses = np.ascontiguousarray(states, dtype=np.float32)
+            log_likelihood = np.empty(poses.shape[1])
+            if kernels.scan_mixture(poses, ranges, log_likelihood, *self._one_pass):
+                return log_likelihood
+        return self._of_usable_beams(states, ranges)
+
+    def _of_usable_beams(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+        """Do it step by step: for any scan, beam model and floor plan."""
         max_range = self.lidar.max_range
         count = kernels.count_usable(ranges, max_range)
         if count == 0:
@@ -229,6 +268,17 @@ class LidarScan:
     @cached_property
     def _bearings(self) -> NDArray[np.float32]:
         return self.lidar.bearings.astype(np.float32)
+
+    @cached_property
+    def _one_pass(self) -> tuple[Any, ...] | None:
+        """What ``kernels.scan_mixture`` wants to know; None if the parts are not made for it."""
+        caster = getattr(self.floor_plan, "caster", None)  # a floor plan of another kind has none
+        if not isinstance(self.beam, GaussianUniform | CensoredGaussianUniform):
+            return None
+        mixture = self.beam.mixture(self.lidar.max_range)
+        if mixture is None or not isinstance(caster, AllWalls):
+            return None
+        return (self._bearings, *caster, self.lidar.max_range, *mixture, OUTSIDE)
 
 
 class ScanTable:
@@ -264,17 +314,14 @@ def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:
     return usable
 
 
-def _log_mixture(
-    beam: "GaussianUniform | CensoredGaussianUniform",
-    ranges: Floats,
-    expected: NDArray[np.float32],
-    floor: float,
-) -> Floats:
-    """Σ_b log((1 - u) N(o_b; ô_b, σ²) + floor) for each pose, compiled, (n,)."""
-    out = np.empty(len(expected))
+def _mixture(
+    beam: GaussianUniform | CensoredGaussianUniform, floor: float, *, ends: bool
+) -> Mixture | None:
+    """(1 - u) N(o; ô, σ²) + floor; None if a product of such densities may be no normal number."""
+    if floor < kernels.LEAST_FLOOR:
+        return None
     peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
-    kernels.mixture(ranges, expected.T, beam.sigma, peak, floor, out)
-    return out
+    return Mixture(beam.sigma, peak, floor, ends)
 
 
 def _log_product(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.floorplan import Lidar
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, kernels
 from localizers.models.scan import OUTSIDE, LidarScan, usable_beams
 
 NAN, INF = math.nan, math.inf
@@ -89,3 +89,27 @@ def test_what_is_given_is_left_alone(scan):
     scan.log_likelihood(poses, ranges)
     assert np.array_equal(poses, POSES)
     assert np.array_equal(ranges, before, equal_nan=True)
+
+
+@pytest.mark.parametrize("beam", [GaussianUniform(sigma=20.0), CensoredGaussianUniform(sigma=20.0)])
+@pytest.mark.parametrize("n", [1, 7, 8, 512, 1001])
+def test_one_pass_gives_the_bits_of_step_by_step(room, beam, n):
+    rng = np.random.default_rng(n)
+    scan = LidarScan(floor_plan=room, lidar=LIDAR, beam=beam)
+    poses = rng.uniform((-30, -30, -4), (380, 330, 4), (n, 3)).astype(np.float32).T
+    for ranges in (SCAN, np.array([0.0, 80.0, 400.0, 80.0, 60.0]), np.array([NAN, *SCAN[1:]])):
+        seen = scan.log_likelihood(poses, ranges)
+        assert seen.tolist() == scan._of_usable_beams(poses, ranges).tolist()
+
+
+def test_one_pass_is_for_all_beams_usable_and_none_at_an_end_that_is_an_atom(room):
+    poses = np.ascontiguousarray(POSES)
+    out = np.empty(4)
+    for beam, ends in ((GaussianUniform(), True), (CensoredGaussianUniform(), False)):
+        scan = LidarScan(floor_plan=room, lidar=LIDAR, beam=beam)
+        for value, taken in ((60.0, True), (0.0, ends), (400.0, ends), (NAN, False), (-1.0, False)):
+            ranges = SCAN.copy()
+            ranges[2] = value
+            assert kernels.scan_mixture(poses, ranges, out, *scan._one_pass) == taken
+        assert not kernels.scan_mixture(poses, SCAN[:4], out, *scan._one_pass)
+    assert LidarScan(floor_plan=room, lidar=LIDAR, beam=BeamModel())._one_pass is None

@@ -98,7 +98,8 @@ KERNELS = [
 @pytest.mark.parametrize("name", [module.name for module in KERNELS])
 def test_a_kernel_calls_only_its_own_file_and_those_whose_edits_every_cache_notices(name):
     module = import_module(name)
-    noticed = {name, "deqmcl_gym.numerics.elementary", "deqmcl_gym.floorplan.kernels"}
+    shared = ("numerics.elementary", "floorplan.kernels", "floorplan.ray_kernels")
+    noticed = {name, *(f"deqmcl_gym.{file}" for file in shared)}
     found = {
         value.py_func.__module__ for value in vars(module).values() if hasattr(value, "py_func")
     }
