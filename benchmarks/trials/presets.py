@@ -80,17 +80,17 @@ ASSUMED = MappingProxyType(
     {
         # ten times the world's noise and more
         "paper": Assumptions(),
-        # exactly the world's noise, sensor and start
+        # the world's noise, sensor and start, but for the uniform share of the beams
         "matched": Assumptions(
             motion=OdometryMotion(drive=0.02, turn=0.02, drift=0.0005),
             scan=CensoredGaussianUniform(sigma=100.0),
         ),
-        # five times the world's motion noise (drift: twenty times), exactly its sensor
+        # five times the world's motion noise (drift: twenty times), its sensor but for that share
         "sharp": Assumptions(
             motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.01),
             scan=CensoredGaussianUniform(sigma=5.0),
         ),
-        # exactly the world's noise, sensor and start
+        # the world's noise, sensor and start, but for the uniform share of the beams
         "guided": Assumptions(
             motion=OdometryMotion(drive=0.2, turn=0.2, drift=0.02),
             scan=CensoredGaussianUniform(sigma=100.0),

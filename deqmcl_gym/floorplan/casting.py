@@ -60,7 +60,8 @@ class AllWalls(NamedTuple):
     @property
     def tries(self) -> int:
         """How many boxes and walls each ray is tried against."""
-        return 2 + sum(map(len, self[3:]))
+        rectangles = sum(bool(np.isfinite(rectangle[0])) for rectangle in (self.room, self.box))
+        return rectangles + sum(map(len, self[3:]))
 
 
 class CellByCell(NamedTuple):

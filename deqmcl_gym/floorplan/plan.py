@@ -21,7 +21,8 @@ class FloorPlan:
 
     Estimators use four calls only: :meth:`ranges`, :meth:`collides`, :meth:`free`, :attr:`bounds`.
     All take many items at once and compute in float32 by compiled kernels; the plain NumPy form of
-    each stands in ``deqmcl_gym.floorplan.reference``.
+    each stands in ``deqmcl_gym.floorplan.reference``. Kernels that cast rays themselves ask for the
+    :attr:`caster`.
 
     Attributes:
         outer: corners of the outer wall, in order, closed by itself.

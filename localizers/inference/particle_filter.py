@@ -125,8 +125,8 @@ class ParticleFilter:
 
     @cached_property
     def _charged(self) -> bool:
-        """Whether any step can be infeasible; a feasibility says no by ``charges = False``."""
-        return getattr(self.feasibility, "charges", True)
+        """Whether any step can be infeasible; ``charges = False`` of its own class says no."""
+        return bool(vars(type(self.feasibility)).get("charges", True))
 
     @cached_property
     def rollout(self) -> Rollout:

@@ -17,7 +17,7 @@ Poses = NDArray[np.float32]  # (3, n)
 class Unconstrained:
     """G = 1: the map says nothing about where the robot can go."""
 
-    charges = False  # need not be asked
+    charges = False  # need not be asked; a subclass must be
 
     def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
         """Zero for each step, (n,)."""
@@ -51,7 +51,8 @@ class FreeSpace:
 
     def walk(self, motion: object) -> ChargedDrives | None:
         """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        if type(motion) is not OdometryMotion:  # a subclass may draw in another way
+        # a subclass of either may draw or charge in another way
+        if type(self) is not FreeSpace or type(motion) is not OdometryMotion:
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta

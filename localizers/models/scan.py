@@ -271,14 +271,19 @@ class LidarScan:
 
     @cached_property
     def _one_pass(self) -> tuple[Any, ...] | None:
-        """What ``kernels.scan_mixture`` wants to know; None if the parts are not made for it."""
-        caster = getattr(self.floor_plan, "caster", None)  # a floor plan of another kind has none
-        if not isinstance(self.beam, GaussianUniform | CensoredGaussianUniform):
+        """What ``kernels.scan_mixture`` wants to know; None if the parts are not made for it.
+
+        A subclass of a part may measure or weigh in another way.
+        """
+        beam, floor_plan, max_range = self.beam, self.floor_plan, self.lidar.max_range
+        if type(floor_plan) is not FloorPlan or not isinstance(floor_plan.caster, AllWalls):
             return None
-        mixture = self.beam.mixture(self.lidar.max_range)
-        if mixture is None or not isinstance(caster, AllWalls):
+        if type(beam) is not GaussianUniform and type(beam) is not CensoredGaussianUniform:
             return None
-        return (self._bearings, *caster, self.lidar.max_range, *mixture, OUTSIDE)
+        mixture = beam.mixture(max_range)
+        if mixture is None:
+            return None
+        return (self._bearings, *floor_plan.caster, max_range, *mixture, OUTSIDE)
 
 
 class ScanTable:

@@ -113,3 +113,12 @@ def test_one_pass_is_for_all_beams_usable_and_none_at_an_end_that_is_an_atom(roo
             assert kernels.scan_mixture(poses, ranges, out, *scan._one_pass) == taken
         assert not kernels.scan_mixture(poses, SCAN[:4], out, *scan._one_pass)
     assert LidarScan(floor_plan=room, lidar=LIDAR, beam=BeamModel())._one_pass is None
+
+
+def test_a_beam_model_that_weighs_in_its_own_way_is_asked(room):
+    class Flat(GaussianUniform):
+        def log_likelihood(self, ranges, expected, max_range):
+            return np.zeros(len(expected))
+
+    scan = LidarScan(floor_plan=room, lidar=LIDAR, beam=Flat())
+    assert scan.log_likelihood(POSES, SCAN).tolist() == [0.0] * 4

@@ -54,6 +54,17 @@ def test_a_motion_that_draws_in_its_own_way_is_asked_step_by_step(room):
     assert np.array_equal(paths[-1][:, 0], cloud(5))
 
 
+def test_walls_that_charge_in_their_own_way_are_asked_step_by_step(room):
+    class Soft(FreeSpace):
+        def log_g(self, before, after):
+            return np.full(after.shape[1], -0.5)
+
+    walls = Soft(floor_plan=room, radius=8.0)
+    assert walls.walk(MOTION) is None
+    _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
+    assert np.array_equal(log_g, np.full((1, 5), -0.5 * len(PLAN)))
+
+
 def test_the_states_of_a_queue_from_a_step_on_are_those_at_each():
     rng = RNG(0)
     queue = Queue((cloud(20),))
