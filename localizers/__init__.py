@@ -7,9 +7,9 @@ world. Plug-ins inherit nothing: see ``Localizer``; ``resolve`` says by which na
 
 from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of
 from localizers.beliefs import PointsBelief, PoseBelief
+from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
-from localizers.models.scan import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.plugins import absolute_name
 from localizers.registry import make, names, parameters, register, resolve, source_digest
 

@@ -10,8 +10,8 @@ from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, array, number
 from localizers import kernels
+from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
-from localizers.models.scan import BeamDensity, GaussianUniform
 
 Floats = NDArray[np.float64]
 Points = tuple[NDArray[np.floating], Floats]

@@ -1,28 +1,16 @@
-"""The compiled inner loops of the estimators: weights, resampling, likelihoods of beams."""
+"""The compiled inner loops of the estimators: weights, resampling, motion."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan.kernels import drive as driven
-from deqmcl_gym.floorplan.ray_kernels import cast
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-_POSES = 512  # looked at in one go
-_FOLD = 16  # beams multiplied before a logarithm is taken
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
 _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
-LEAST_FLOOR = 1e-19  # so that the product of _FOLD densities is a normal float64
-
-_LOG2E = 1.4426950408889634
-_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds
-# 2^f on [-½, ½], through the Chebyshev nodes
-_C0, _C1, _C2 = 1.0000000000000135, 0.6931471805599462, 0.2402265069564034
-_C3, _C4, _C5 = 0.05550410866465169, 0.009618129193934344, 0.0013333558200794293
-_C6, _C7, _C8 = 0.00015403433751204343, 1.5252672923793398e-05, 1.3259645259555697e-06
-_C9 = 1.020590545408595e-07
 
 
 @compiled
@@ -260,35 +248,6 @@ def finite(first: Floats, second: Floats) -> bool:
 
 
 @compiled
-def usable(range_: float, max_range: float) -> bool:
-    """Whether a range is a number in [0, max_range]."""
-    return (range_ >= 0.0) & (range_ <= max_range)  # both are false for NaN
-
-
-@compiled
-def mark_usable(ranges: Floats, max_range: float, out: NDArray[np.bool_]) -> None:
-    """Fill in which ranges are usable, (B,)."""
-    for i in range(ranges.size):
-        out[i] = usable(ranges[i], max_range)
-
-
-@compiled
-def count_usable(ranges: Floats, max_range: float) -> int:
-    """How many ranges (B,) are usable."""
-    count = 0
-    for i in range(ranges.size):
-        count += usable(ranges[i], max_range)
-    return count
-
-
-@compiled
-def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
-    """Overwrite ``out`` by ``value`` where ``marks`` is NaN, (n,)."""
-    for i in range(out.size):
-        out[i] = value if np.isnan(marks[i]) else out[i]
-
-
-@compiled
 def agreeing(first: Floats, second: Floats) -> int:
     """How many leading rows of two tables (·, k) are the same, by exact comparison."""
     for row in range(min(len(first), len(second))):
@@ -296,97 +255,3 @@ def agreeing(first: Floats, second: Floats) -> int:
             if first[row, column] != second[row, column]:
                 return row
     return min(len(first), len(second))
-
-
-@compiled
-def mixture(
-    ranges: Floats, expected: Singles, sigma: float, peak: float, floor: float, out: Floats
-) -> None:
-    """Fill in Σ_b log(peak exp(-½ ((o_b - ô_b) / σ)²) + floor) for each pose.
-
-    Args:
-        ranges: o, (B,) px.
-        expected: ô, (B, n) px.
-        sigma: px.
-        peak, floor: floor ≥ ``LEAST_FLOOR``.
-        out: (n,).
-    """
-    scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-t for t = (scale (o - ô))²
-    product = np.empty(_POSES, np.float64)
-    rounded = np.empty(_POSES, np.float64)
-    fraction = np.empty(_POSES, np.float64)
-    even = np.empty(_POSES, np.float64)
-    n = expected.shape[1]
-    for start in range(0, n, _POSES):
-        count = min(_POSES, n - start)
-        total = out[start : start + count]
-        for i in range(count):
-            total[i] = 0.0
-        for first in range(0, ranges.size, _FOLD):
-            for i in range(count):
-                product[i] = 1.0
-            for beam in range(first, min(first + _FOLD, ranges.size)):
-                measured = ranges[beam]
-                row = expected[beam, start : start + count]
-                for i in range(count):
-                    z = (measured - row[i]) * scale
-                    t = min(z * z, 1000.0)
-                    rounded[i] = t + _ROUNDER  # its lowest bits are the integer k nearest to t
-                    fraction[i] = (rounded[i] - _ROUNDER) - t  # f = k - t, in [-½, ½]
-                for i in range(count):
-                    z = fraction[i] * fraction[i]
-                    even[i] = (((_C8 * z + _C6) * z + _C4) * z + _C2) * z + _C0
-                for i in range(count):
-                    z = fraction[i] * fraction[i]
-                    odd = (((_C9 * z + _C7) * z + _C5) * z + _C3) * z + _C1
-                    fraction[i] = even[i] + fraction[i] * odd
-                for i in range(count):
-                    power = (np.int64(1023) - np.float64(rounded[i]).view(np.int64)) << np.int64(52)
-                    hit = peak * (fraction[i] * np.int64(power).view(np.float64))
-                    product[i] *= hit + floor
-            for i in range(count):
-                total[i] += log64(product[i])
-
-
-@compiled
-def scan_mixture(
-    poses: Singles,
-    ranges: Floats,
-    out: Floats,
-    bearings: Singles,
-    outer: Singles,
-    room: Singles,
-    box: Singles,
-    boxes: Singles,
-    upright: Singles,
-    level: Singles,
-    oblique: Singles,
-    max_range: float,
-    sigma: float,
-    peak: float,
-    floor: float,
-    ends: bool,
-    outside: float,
-) -> bool:
-    """Cast rays and fill in ``mixture`` at once; return whether that is right for all ranges.
-
-    Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        ranges: o, (B,) px; each must be a number in [0, max_range], without the ends if not
-            ``ends``.
-        out: (n,).
-        bearings, outer, room, box, boxes, upright, level, oblique: as for ``cast``.
-        sigma, peak, floor: as for ``mixture``.
-        outside: what a pose gets that is outside the outer wall.
-    """
-    if ranges.size != bearings.size:
-        return False
-    for i in range(ranges.size):
-        at_end = (ranges[i] <= 0.0) | (ranges[i] >= max_range)
-        if not usable(ranges[i], max_range) or (at_end and not ends):
-            return False
-    expected = np.empty((bearings.size, poses.shape[1]), np.float32)
-    cast(poses, bearings, outer, room, box, boxes, upright, level, oblique, expected)
-    mixture(ranges, expected, sigma, peak, floor, out)
-    fill_where_nan(expected[0], outside, out)
-    return True

@@ -18,7 +18,7 @@ from localizers import (
     OdometryMotion,
     RobotModel,
 )
-from localizers.models.scan import BeamDensity
+from localizers.models.beams import BeamDensity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from deqmcl_gym.floorplan import FloorPlan, Lidar
 from deqmcl_gym.validation import InputError
 from localizers.api import RobotModel
+from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
-from localizers.models.scan import GaussianUniform
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from localizers.checks.subject import LawSkippedError, Subject, history, require_valid
-from localizers.models.scan import GaussianUniform
+from localizers.models.beams import GaussianUniform
 from localizers.registry import parameters_of
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from localizers import kernels
+from localizers import kernels, scan_kernels
 from localizers.inference.parts import Actions, Indices, LogWeights, States
 from localizers.inference.queue import Queue, made
 from localizers.inference.trust import Trust
@@ -40,7 +40,7 @@ class Events:
 
     def of_scan(self, ranges: NDArray[np.float64], max_range: float) -> Self:
         """Return these events and those of a scan (B,) px: beams that say nothing."""
-        usable = kernels.count_usable(ranges, max_range)
+        usable = scan_kernels.count_usable(ranges, max_range)
         if usable == ranges.size:
             return self
         return self.plus(skipped_beams=ranges.size - usable, blind_scans=int(usable == 0))

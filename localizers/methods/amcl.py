@@ -18,9 +18,10 @@ from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.parts import Scan, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import ANYWHERE, Trust
+from localizers.models.beams import BeamModel
 from localizers.models.free_space import even_poses, random_poses
 from localizers.models.likelihood_field import LikelihoodField
-from localizers.models.scan import BeamModel, LidarScan, usable_beams
+from localizers.models.scan import LidarScan, usable_beams
 from localizers.particle_localizer import MAX_PARTICLES
 
 Floats = NDArray[np.float64]

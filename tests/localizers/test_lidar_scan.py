@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.floorplan import Lidar
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, kernels
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, scan_kernels
 from localizers.models.scan import OUTSIDE, LidarScan, usable_beams
 
 NAN, INF = math.nan, math.inf
@@ -110,8 +110,8 @@ def test_one_pass_is_for_all_beams_usable_and_none_at_an_end_that_is_an_atom(roo
         for value, taken in ((60.0, True), (0.0, ends), (400.0, ends), (NAN, False), (-1.0, False)):
             ranges = SCAN.copy()
             ranges[2] = value
-            assert kernels.scan_mixture(poses, ranges, out, *scan._one_pass) == taken
-        assert not kernels.scan_mixture(poses, SCAN[:4], out, *scan._one_pass)
+            assert scan_kernels.scan_mixture(poses, ranges, out, *scan._one_pass) == taken
+        assert not scan_kernels.scan_mixture(poses, SCAN[:4], out, *scan._one_pass)
     assert LidarScan(floor_plan=room, lidar=LIDAR, beam=BeamModel())._one_pass is None
 
 
