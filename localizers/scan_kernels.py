@@ -10,6 +10,7 @@ from deqmcl_gym.numerics.elementary import log64
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 _POSES = 512  # looked at in one go
+_KEPT = 8192  # poses whose exact ranges are kept at one time, in the processor's cache
 _FOLD = 16  # beams multiplied before a logarithm is taken
 LEAST_FLOOR = 1e-19  # so that the product of _FOLD densities is a normal float64
 
@@ -138,8 +139,11 @@ def scan_mixture(
         at_end = (ranges[i] <= 0.0) | (ranges[i] >= max_range)
         if not usable(ranges[i], max_range) or (at_end and not ends):
             return False
-    expected = np.empty((bearings.size, poses.shape[1]), np.float32)
-    cast(poses, bearings, outer, room, box, boxes, upright, level, oblique, expected)
-    mixture(ranges, expected, sigma, peak, floor, out)
-    fill_where_nan(expected[0], outside, out)
+    n = poses.shape[1]
+    for start in range(0, n, _KEPT):
+        part = poses[:, start : start + _KEPT]
+        expected = np.empty((bearings.size, part.shape[1]), np.float32)
+        cast(part, bearings, outer, room, box, boxes, upright, level, oblique, expected)
+        mixture(ranges, expected, sigma, peak, floor, out[start : start + _KEPT])
+        fill_where_nan(expected[0], outside, out[start : start + _KEPT])
     return True

@@ -92,7 +92,7 @@ def test_what_is_given_is_left_alone(scan):
 
 
 @pytest.mark.parametrize("beam", [GaussianUniform(sigma=20.0), CensoredGaussianUniform(sigma=20.0)])
-@pytest.mark.parametrize("n", [1, 7, 8, 512, 1001])
+@pytest.mark.parametrize("n", [1, 7, 8, 512, 1001, 8192, 10_000])
 def test_one_pass_gives_the_bits_of_step_by_step(room, beam, n):
     rng = np.random.default_rng(n)
     scan = LidarScan(floor_plan=room, lidar=LIDAR, beam=beam)
