@@ -155,13 +155,12 @@ def checked_step(
     """
     scan = checked_scan(ranges, lidar)
     if (
-        isinstance(action, np.ndarray)
-        and isinstance(plan, np.ndarray)
+        type(action) is type(plan) is np.ndarray
         and action.shape == (2,)
         and plan.shape[1:] == (2,)
         and action.dtype.kind == plan.dtype.kind == "f"
     ):
-        command, ahead = action.astype(np.float64), plan.astype(np.float64)
+        command, ahead = action.astype(np.float64), plan.astype(np.float64, order="C")
         if kernels.finite(command, ahead):
             return scan, command, ahead
     return scan, checked_action(action), checked_plan(plan)

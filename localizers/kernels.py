@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan.kernels import drive as driven
+from deqmcl_gym.floorplan.kernels import drive as drive_poses
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
 
@@ -233,7 +233,7 @@ def odometry(
     """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
     moves = np.empty((2, uniforms.size), np.float32)
     _noisy_move(uniforms, action, drive, turn, drift, moves)
-    driven(poses, moves[0], moves[1], out)
+    drive_poses(poses, moves[0], moves[1], out)
 
 
 @compiled

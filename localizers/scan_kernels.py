@@ -122,7 +122,7 @@ def scan_mixture(
     ends: bool,
     outside: float,
 ) -> bool:
-    """Cast rays and fill in ``mixture`` at once; return whether that is right for all ranges.
+    """Cast rays and fill in ``mixture`` at once; False, and fill in nothing, if a range is amiss.
 
     Args:
         poses: rows x px, y px, θ rad, (3, n).

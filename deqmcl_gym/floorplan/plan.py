@@ -176,6 +176,6 @@ def driven(poses: Floats, distances: Floats, turns: Floats) -> Floats:
 
 
 def _rows(items: ArrayLike, columns: int) -> Floats:
-    """(n, d) in any layout as contiguous float32 rows (columns, n): no copy if it is one's view."""
+    """(n, d) in any layout as contiguous float32 rows (columns, n); such rows' .T is not copied."""
     rows = np.asarray(items, dtype=np.float32, order="F").T
     return rows if len(rows) == columns else rows[:columns]

@@ -127,7 +127,7 @@ def cos32(angle: Scalar) -> Scalar:
 def sincos32(angles: Scalar, sines: Scalar, cosines: Scalar) -> None:
     """Fill in sin32 and cos32 of angles (n,); the three arrays share no memory.
 
-    In loops so short that the compiler keeps their constants in registers: 2.6 times as fast.
+    In loops so short that the compiler keeps their constants in registers: quicker than one loop.
     """
     quarters = np.empty(_LANES, np.int32)
     r = np.empty(_LANES, np.float32)

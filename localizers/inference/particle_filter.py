@@ -86,7 +86,7 @@ class ParticleFilter:
             rng: the only source of randomness.
         """
         belief = self._resampled(belief, rng)
-        if self.future:
+        if self.future or belief.queue.ahead:
             actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
             if belief.queue.ahead:
                 belief = self._redraw(belief, actions, rng)
@@ -126,7 +126,8 @@ class ParticleFilter:
     @cached_property
     def _charged(self) -> bool:
         """Whether any step can be infeasible; ``charges = False`` of its own class says no."""
-        return bool(vars(type(self.feasibility)).get("charges", True))
+        inherited = "charges" not in vars(type(self.feasibility))
+        return inherited or bool(getattr(self.feasibility, "charges", True))
 
     @cached_property
     def rollout(self) -> Rollout:

@@ -51,8 +51,10 @@ class FreeSpace:
 
     def walk(self, motion: object) -> ChargedDrives | None:
         """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        # a subclass of either may draw or charge in another way
-        if type(self) is not FreeSpace or type(motion) is not OdometryMotion:
+        # a subclass may draw, charge or collide in another way
+        if type(motion) is not OdometryMotion:
+            return None
+        if type(self) is not FreeSpace or type(self.floor_plan) is not FloorPlan:
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta

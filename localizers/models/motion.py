@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.floorplan import driven
 from deqmcl_gym.validation import InputError, number
 from localizers import kernels
 
@@ -49,9 +50,11 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
+        command = np.asarray(action, dtype=np.float64)
+        if type(self).moves is not OdometryMotion.moves:  # a subclass draws in its own way
+            return driven(states, *self.moves(command[None], states.shape[1], rng)[0])
         uniforms = rng.random(states.shape[1:])
         after = np.empty_like(states)
-        command = np.asarray(action, dtype=np.float64)
         kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
         return after
 

@@ -35,6 +35,14 @@ def test_a_rectangle_counts_as_one_however_many_walls_it_has():
     assert all_walls(room, boxes).tries == len(boxes) + 1
 
 
+@pytest.mark.parametrize(("walls", "kind"), [(63, AllWalls), (64, CellByCell)])
+def test_walls_that_make_no_rectangle_count_one_each(walls, kind):
+    angles = np.arange(walls) * 2 * np.pi / walls + 0.1
+    ring = [(100 * x, 100 * y) for x, y in zip(np.cos(angles), np.sin(angles), strict=True)]
+    assert all_walls(ring, ()).tries == walls
+    assert isinstance(caster_of(ring, ()), kind)
+
+
 def cast(caster, poses: np.ndarray) -> np.ndarray:
     out = np.empty((1, len(poses)), np.float32)
     caster.cast(np.ascontiguousarray(poses.T, np.float32), np.zeros(1, np.float32), out)

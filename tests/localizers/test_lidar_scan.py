@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.floorplan import FloorPlan, Lidar
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, scan_kernels
 from localizers.models.scan import OUTSIDE, LidarScan, usable_beams
 
@@ -91,15 +91,30 @@ def test_what_is_given_is_left_alone(scan):
     assert np.array_equal(ranges, before, equal_nan=True)
 
 
+HALL = FloorPlan(
+    outer=[(0, 0), (350, 0), (350, 300), (100, 300), (0, 200)],
+    obstacles=(
+        [(100, 100), (150, 100), (150, 200), (100, 200)],
+        [(200, 150), (300, 150), (300, 260), (200, 260)],
+        [(200, 50), (300, 50), (250, 90)],
+    ),
+)
+
+
 @pytest.mark.parametrize("beam", [GaussianUniform(sigma=20.0), CensoredGaussianUniform(sigma=20.0)])
 @pytest.mark.parametrize("n", [1, 7, 8, 512, 1001, 8192, 10_000])
-def test_one_pass_gives_the_bits_of_step_by_step(room, beam, n):
+@pytest.mark.parametrize("hall", [False, True])
+def test_one_pass_gives_the_bits_of_step_by_step(room, hall, beam, n):
     rng = np.random.default_rng(n)
-    scan = LidarScan(floor_plan=room, lidar=LIDAR, beam=beam)
+    scan = LidarScan(floor_plan=HALL if hall else room, lidar=LIDAR, beam=beam)
     poses = rng.uniform((-30, -30, -4), (380, 330, 4), (n, 3)).astype(np.float32).T
-    for ranges in (SCAN, np.array([0.0, 80.0, 400.0, 80.0, 60.0]), np.array([NAN, *SCAN[1:]])):
-        seen = scan.log_likelihood(poses, ranges)
+    ends = np.array([0.0, 80.0, 400.0, 80.0, 60.0])
+    for ranges in (SCAN, ends) if type(beam) is GaussianUniform else (SCAN,):
+        seen = np.empty(n)
+        rows = np.ascontiguousarray(poses)
+        assert scan_kernels.scan_mixture(rows, ranges, seen, *scan._one_pass)
         assert seen.tolist() == scan._of_usable_beams(poses, ranges).tolist()
+        assert seen.tolist() == scan.log_likelihood(poses, ranges).tolist()
 
 
 def test_one_pass_is_for_all_beams_usable_and_none_at_an_end_that_is_an_atom(room):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import localizers
+from deqmcl_gym.floorplan import Lidar
 from localizers.inference.queue import Queue, SlidingComposition, compose
 
 
@@ -134,3 +136,15 @@ def test_compose_applies_the_inner_map_first_and_none_is_the_identity():
     assert compose(None, inner) is inner
     assert compose(outer, None) is outer
     assert compose(None, None) is None
+
+
+@pytest.mark.parametrize("method", ["mcl", "mcl-smoother", "mcl-map", "deq-mcl", "mcl-h"])
+def test_named_tuples_made_without_their_type_have_all_its_fields(method, room):
+    robot = localizers.RobotModel(floor_plan=room, lidar=Lidar(beams=4))
+    localizer = localizers.make(method, robot, particles=5)
+    plan = np.full((60, 2), (1.0, 0.0))
+    localizer.reset(localizers.GaussianPrior(mean=(50, 50, 0)), plan, np.random.default_rng(0))
+    for t in range(55):  # the trust begins a second block after 50
+        belief = localizer.update(np.full(4, 100.0), plan[t], plan[t + 1 :])
+        for found in (belief, belief.queue, belief.queue.future, belief.trust):
+            assert len(found) == len(type(found)._fields)

@@ -58,6 +58,17 @@ def test_of_scans_beyond_the_memory_only_time_remains():
     assert trusted(evidence) == pytest.approx(trusted(forgotten), rel=1e-12)
 
 
+def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
+    trust, start = Trust(Table(), np.zeros((3, 2), np.float32)), 1 - LOST
+    for i in range(4 * MEMORY + 1):
+        seen = [evidence.ranges[0] for evidence in trust.remembered]
+        assert seen == list(range(max(0, i - MEMORY), i))
+        assert trust.start == start
+        trust = trust.after(np.array([float(i)]), -1.0)
+        if i >= MEMORY:
+            start = start * (1 - LOST) + (1 - start) * FOUND
+
+
 def test_impossible_and_unknown_evidence_leaves_a_number():
     assert trusted([-math.inf]) == 0.0
     assert trusted([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND)
