@@ -141,7 +141,7 @@ def scan_mixture(
             return False
     n = poses.shape[1]
     for start in range(0, n, _KEPT):
-        part = poses[:, start : start + _KEPT]
+        part = poses[:, start : start + _KEPT].copy()  # rows without gaps are quicker
         expected = np.empty((bearings.size, part.shape[1]), np.float32)
         cast(part, bearings, outer, room, box, boxes, upright, level, oblique, expected)
         mixture(ranges, expected, sigma, peak, floor, out[start : start + _KEPT])
