@@ -49,22 +49,22 @@ class Commands:
             f"to {self._most:g} px and a turn from {self._right:.4g} to {self._left:.4g} rad."
         )
 
-    def checked_each(self, actions: Any, among: NDArray[np.bool_]) -> Actions:
+    def checked_each(self, actions: Any, resting: NDArray[np.bool_]) -> Actions:
         """Return one action for each room as a fresh array, (n, 2) float32.
 
-        Those of rooms not ``among`` are not looked at, but must be numbers.
+        Those of rooms that are ``resting`` (n,) are not looked at, but must be numbers.
 
         Raises:
             InputError: another shape, or an action that is not in the space.
         """
         commands = _as_float32(actions)
-        if commands is None or commands.shape != (among.size, 2):
+        if commands is None or commands.shape != (resting.size, 2):
             given = repr(actions) if commands is None else f"of shape {commands.shape}"
             raise InputError(
-                f"the actions are {given}, but must be numbers of shape ({among.size}, 2): a "
+                f"the actions are {given}, but must be numbers of shape ({resting.size}, 2): a "
                 "distance and a turn for each room."
             )
-        room = _first_outside(commands, self.space.low, self.space.high, among)
+        room = _first_outside(commands, self.space.low, self.space.high, resting)
         if room >= 0:
             try:
                 self.checked(commands[room])
@@ -97,10 +97,12 @@ def _as_float32(action: Any) -> Actions | None:
 
 
 @compiled
-def _first_outside(commands: Actions, low: Actions, high: Actions, among: NDArray[np.bool_]) -> int:
-    """Return the first row ``among`` that is not in [low, high], -1 if there is none."""
-    for room in range(among.size):
-        if among[room]:
+def _first_outside(
+    commands: Actions, low: Actions, high: Actions, resting: NDArray[np.bool_]
+) -> int:
+    """Return the first row, of those not ``resting``, outside [low, high]; -1 if there is none."""
+    for room in range(resting.size):
+        if not resting[room]:
             for i in range(2):
                 if not low[i] <= commands[room, i] <= high[i]:
                     return room

@@ -85,8 +85,7 @@ class Episode:
         return progress, collided
 
     def _follow_path(self) -> float:
-        before, self.arc = self.arc, self._path.arc(self._physics.position)
-        gone = self._path.advance(before, self.arc)
+        self.arc, gone = self._path.follow(self._physics.position, self.arc)
         self.way += gone
         return gone
 

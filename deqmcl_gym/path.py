@@ -51,16 +51,10 @@ class Path:
         """Signed way along the path between two arc lengths, the shorter way round, px."""
         return path_kernels.advance(before, after, self.length)
 
-    def follow(self, points: Floats, arcs: Floats) -> Floats:
-        """Return how far each robot came along the path, (n,) px.
-
-        Args:
-            points: where they are now, (n, 2); further columns are ignored.
-            arcs: arc lengths where they were, (n,); overwritten by where they are.
-        """
-        progress = np.empty_like(arcs)
-        path_kernels.follow(points, self.edges, self.length, arcs, progress)
-        return progress
+    def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
+        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``, px."""
+        x, y = point
+        return path_kernels.follow(x, y, before, self.edges, self.length)
 
     def bottom_centre(self) -> Pose:
         """Return the middle of the lowest edge, heading along the path."""

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64
+from deqmcl_gym.numerics.elementary import atan2_64, centred64, cos64, sin64
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
+_TURN = 2 * np.pi
 
 
 @compiled
@@ -30,15 +31,17 @@ def nearest_arc(x: float, y: float, edges: Floats) -> float:
 @compiled
 def advance(before: float, after: float, length: float) -> float:
     """Signed way along the path between two arc lengths, the shorter way round."""
-    return (after - before + length / 2) % length - length / 2
+    way: float = centred64(after - before, length)
+    return way
 
 
 @compiled
-def follow(points: Floats, edges: Floats, length: float, arcs: Floats, progress: Floats) -> None:
-    """Fill in each robot's progress since ``arcs``, (n,); overwrite these by where it is."""
-    for i in range(arcs.size):
-        before, arcs[i] = arcs[i], nearest_arc(points[i, 0], points[i, 1], edges)
-        progress[i] = advance(before, arcs[i], length)
+def follow(
+    x: float, y: float, before: float, edges: Floats, length: float
+) -> tuple[float, float]:
+    """Arc length of the path's point nearest to (x, y), and the way to there from another one."""
+    arc = nearest_arc(x, y, edges)
+    return arc, advance(before, arc, length)
 
 
 @compiled
@@ -73,15 +76,15 @@ def roll_out(
         if way >= end:
             return count
         to_x, to_y = _point_at((arc + look_ahead) % length, edges)
-        error = _wrapped(atan2_64(to_y - y, to_x - x) - heading)
+        error = centred64(atan2_64(to_y - y, to_x - x) - heading, _TURN)
         actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
         actions[count, 1] = min(max(error, -most), most)
         # on with what float32 made of it
-        heading = _wrapped(heading + np.float64(actions[count, 1]))
+        heading = centred64(heading + np.float64(actions[count, 1]), _TURN)
         distance = np.float64(actions[count, 0])
         x, y = x + distance * cos64(heading), y + distance * sin64(heading)
-        before, arc = arc, nearest_arc(x, y, edges)
-        way += advance(before, arc, length)
+        arc, gone = follow(x, y, arc, edges, length)
+        way += gone
     return rows
 
 
@@ -93,8 +96,3 @@ def _point_at(arc: float, edges: Floats) -> tuple[float, float]:
         edge -= 1
     share = (arc - edges[edge, 5]) / edges[edge, 4]
     return edges[edge, 0] + share * edges[edge, 2], edges[edge, 1] + share * edges[edge, 3]
-
-
-@compiled
-def _wrapped(angle: float) -> float:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

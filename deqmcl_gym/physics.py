@@ -65,24 +65,28 @@ class Physics:
     def __init__(self, walls: Walls, position: Point) -> None:
         """Put the disc somewhere."""
         self.walls = walls
-        self.place(position)
+        self.position = position
+        self._gap = 0.0  # it can drive so far without meeting a wall, at least
 
     def place(self, position: Point) -> None:
         """Put the robot somewhere, whatever lies between."""
         self.position = position
-        self._gap = self.walls.gap(position)
+        self._gap = 0.0
 
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
-        The contact is asked for only if the wall that was nearest can be reached: a gap of 40 px is
-        good for 40 px of driving, in whatever direction. A robot that overlaps a wall stays there.
+        The contact is asked for only if the nearest wall can be reached, and how far that is only
+        if it may be: a gap of 40 px is good for 40 px of driving, in whatever direction. A robot
+        that overlaps a wall stays there.
         """
         way = abs(distance)
         if way == 0.0:
             return False
-        if self._gap < 0.0:
-            return True
+        if way >= self._gap - SKIN:
+            self._gap = self.walls.gap(self.position)
+            if self._gap < 0.0:
+                return True
         x, y = start = self.position
         dx, dy = distance * math.cos(heading), distance * math.sin(heading)
         end = (x + dx, y + dy)

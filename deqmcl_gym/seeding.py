@@ -73,8 +73,8 @@ class NormalTable:
 
         :meth:`renew` names the stream.
         """
-        # Few calls of NumPy for a lap, and few numbers drawn in vain at its end.
-        blocks = -(-lap * width // 512)
+        # A call of NumPy for a lap, or few, and no more than 32 KB of a room's numbers at a time.
+        blocks = -(-lap * width // 4096)
         self.drawn = np.empty((rooms, -(-lap // blocks), width))
         self.at = np.zeros(rooms, np.intp)
         self._sure = 0  # calls of fill() before a room may have none left

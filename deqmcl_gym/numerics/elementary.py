@@ -180,6 +180,15 @@ def cos64(angle: Scalar) -> Scalar:
 
 
 @compiled
+def centred64(value: Scalar, period: Scalar) -> Scalar:
+    """Value less whole periods, in [-period / 2, period / 2)."""
+    ahead: Scalar = value + period / 2
+    if not 0.0 <= ahead < period:  # seldom, and remainders take long
+        ahead %= period
+    return ahead - period / 2
+
+
+@compiled
 def atan2_64(y: Scalar, x: Scalar) -> Scalar:
     """Angle of (x, y) in [-π, π], to about 2e-16; 0 at the origin, NaN if either is."""
     up, right = abs(y), abs(x)

@@ -76,7 +76,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         self.single_action_space = setting.commands.space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._rooms = Rooms(setting, self.num_envs)
+        self._rooms = Rooms(setting, self.num_envs, self._limit)
         # seed and number since the seed of each room's episode
         self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
         self._all_begun = False
@@ -123,20 +123,19 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
             InputError: bad actions. No room has taken its step.
         """
         self._check_begun("step")
-        again = self._ended.nonzero()[0]  # none are left by SAME_STEP
+        resting = self._ended  # nobody, by SAME_STEP
+        again = resting.nonzero()[0]
         if again.size and self._mode is AutoresetMode.DISABLED:
             raise RuntimeError(
                 f"the episode in room {again[0]} has ended: call reset() with its "
                 "reset_mask before step()."
             )
-        among = ~self._ended
-        commands = self._setting.commands.checked_each(actions, among)
+        commands = self._setting.commands.checked_each(actions, resting)
         if again.size:
             self._begin(again)
             commands[again] = 0.0
-        rewards, collided, terminated = self._rooms.move(commands, among)
+        rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
         self._rooms.look()
-        truncated = self._rooms.steps >= self._limit
         self._ended = terminated | truncated
         final: Info = {}
         if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
@@ -162,6 +161,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
         self._all_begun = self._all_begun or None not in self._episodes
+        self._ended = self._ended.copy()
         self._ended[rooms] = False
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
@@ -203,9 +203,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         if among is not self._all:
             for values in told.values():
                 values[~among] = 0
-        masks = np.empty((len(told), among.size), np.bool_)
-        masks[:] = among
-        told.update(zip(_MASKS, masks, strict=True))
+        told.update({mask: among.copy() for mask in _MASKS})
         return told
 
     def _chosen(self, options: object) -> Bools:

@@ -21,12 +21,14 @@ class Moved(NamedTuple):
     Attributes:
         rewards: progress along the path less the penalty, (n,) px.
         collided: whether a wall stopped the robot, (n,).
-        ended: whether the plan is used up or, where that counts, the lap is done, (n,).
+        terminated: whether the plan is used up or, where that counts, the lap is done, (n,).
+        truncated: whether the episode is as long as it may be, (n,).
     """
 
     rewards: Floats
     collided: Bools
-    ended: Bools
+    terminated: Bools
+    truncated: Bools
 
 
 class Rooms:
@@ -38,16 +40,19 @@ class Rooms:
         scans: the last ones, (n, B) px float32.
     """
 
-    def __init__(self, setting: Setting, number: int) -> None:
-        """Make rooms without an episode: :meth:`begin` gives them one."""
+    def __init__(self, setting: Setting, number: int, limit: int) -> None:
+        """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
         world, lidar = setting.world, setting.world.lidar
         self._setting = setting
         self._path = setting.course.path
-        self._sides = kernels.sides(world.floor_plan.walls)
-        self._noise = (world.noise.drive, world.noise.turn, world.noise.drift)
-        self._radius = world.robot.radius
-        self._lap = (self._path.length, self._radius if setting.ends_at_goal else -1.0)
         self._most = len(setting.course.actions)
+        noise, radius = world.noise, world.robot.radius
+        self._rules = (
+            (noise.drive, noise.turn, noise.drift),
+            kernels.sides(world.floor_plan.walls), radius, SKIN,
+            self._path.edges, self._path.length, radius if setting.ends_at_goal else -1.0,
+            self._most, COLLISION_PENALTY, limit,
+        )  # fmt: skip
         self._motion = NormalTable(number, 2, self._most)
         self._sensor = NormalTable(number, lidar.beams, self._most + 1)
         self._scanner = Scanner(world.floor_plan, lidar)
@@ -75,18 +80,14 @@ class Rooms:
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._sensor.renew(room, episode_stream(*episode, Stream.SENSOR))
 
-    def move(self, commands: NDArray[np.float32], among: Bools) -> Moved:
-        """Turn and drive the robots ``among``: one step of noisy motion."""
-        moved = Moved(np.empty(among.size), np.empty(among.size, np.bool_), np.empty_like(among))
+    def move(self, commands: NDArray[np.float32], resting: Bools) -> Moved:
+        """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
+        n = resting.size
+        moved = Moved(np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_))
         self._motion.fill()
-        kernels.drive(
-            self.poses, self._gaps, commands, self._motion.drawn, self._motion.at, among,
-            self._noise, self._sides, self._radius, SKIN, self.steps, moved.collided,
-        )  # fmt: skip
-        kernels.judge(
-            self._path.follow(self.poses, self._arcs), moved.collided, COLLISION_PENALTY,
-            self._progress, self._lap, self.poses, self._starts, self.steps, self._most,
-            moved.rewards, moved.ended,
+        kernels.step(
+            self.poses, self._gaps, self._arcs, self._progress, self.steps, self._starts,
+            commands, resting, self._motion.drawn, self._motion.at, *self._rules, *moved,
         )  # fmt: skip
         return moved
 
