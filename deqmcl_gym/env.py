@@ -193,7 +193,7 @@ def _info(episode: Episode, command: NDArray[np.float32], collided: bool) -> dic
         "collided": collided,
         "truth": np.array(episode.pose),
     }
-    return cast(dict[str, Any], info)
+    return cast("dict[str, Any]", info)
 
 
 def _replaceable(plan: Plan) -> FixedPlan:

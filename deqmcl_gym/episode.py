@@ -21,6 +21,7 @@ class Episode:
     Attributes:
         plan: says what is to be done next.
         step: steps carried out.
+        pose: the true one (x px, y px, θ rad).
         arc: arc length of the path's point nearest to the robot, px.
         way: from the arc length at reset to there, jumps included, px.
         ended: whether there is no further one.
@@ -39,8 +40,8 @@ class Episode:
         self._noise = world.noise
         self._motion = NormalRows(self.stream(Stream.MOTION), 2)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        x, y, self._heading = setting.start(seed, number)
-        self._start = (x, y)
+        self.pose = setting.start(seed, number)
+        self._start = self.pose[:2]
         self._physics = Physics(walls, self._start)
         self.arc, self.way = self._path.arc(self._start), 0.0
         self._progress = 0.0
@@ -53,12 +54,6 @@ class Episode:
         return episode_stream(self._seed, self._number, stream, twin)
 
     @property
-    def pose(self) -> Pose:
-        """The true pose (x px, y px, θ rad)."""
-        x, y = self._physics.position
-        return x, y, self._heading
-
-    @property
     def lap_done(self) -> bool:
         """Whether the progress adds up to one lap and the robot is back at its start."""
         if round(self._progress / self._path.length) < 1:
@@ -67,8 +62,8 @@ class Episode:
 
     def place(self, pose: Pose) -> None:
         """Put the robot somewhere; that makes no progress."""
-        x, y, self._heading = pose
-        self._physics.place((x, y))
+        self.pose = pose
+        self._physics.place(pose[:2])
         self._follow_path()
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
@@ -93,6 +88,8 @@ class Episode:
         noise = self._noise
         noise_distance, noise_turn = self._motion.next().tolist()
         sd_turn = noise.turn * abs(turn) + noise.drift * distance
-        self._heading = wrapped(self._heading + turn + sd_turn * noise_turn)
+        heading = wrapped(self.pose[2] + turn + sd_turn * noise_turn)
         driven = distance * (1 + noise.drive * noise_distance)
-        return self._physics.drive(driven, self._heading)
+        collided = self._physics.drive(driven, heading)
+        self.pose = (*self._physics.position, heading)
+        return collided

@@ -12,64 +12,63 @@ Floats = NDArray[np.float64]
 Scan = NDArray[np.float32]
 
 
-class Scanner:
-    """o = clip(r + ε, 0, max_range) for each beam, r the exact distance to the wall."""
-
-    def __init__(self, floor_plan: FloorPlan, lidar: Lidar) -> None:
-        """Mount ``lidar`` on robots in a room."""
-        self._caster = floor_plan.caster
-        self._bearings = lidar.bearings.astype(np.float32)  # as the caster takes them
-        self._max_range, self._sigma = lidar.max_range, lidar.sigma
-
-    def scan(self, pose: Pose, noise: Floats) -> Scan:
-        """Return the ranges seen from a pose with ``noise`` ε (B,): fresh, (B,) px."""
-        exact = self._exact(np.array([pose]))
-        seen = np.empty(noise.size, np.float32)
-        _report(exact, noise, self._max_range, seen)
-        return seen
-
-    def scan_rooms(
-        self, rooms: NDArray[np.intp], poses: Floats, noise: NormalTable, scans: Scan
-    ) -> None:
-        """Take a scan in each of some ``rooms``.
-
-        Args:
-            rooms: their numbers, (k,).
-            poses: in these, (k, 3).
-            noise: ε / σ of all rooms; each of ``rooms`` takes its next row.
-            scans: of all rooms, (n, B) px; those of ``rooms`` are overwritten.
-        """
-        exact = self._exact(poses)
-        noise.fill()
-        _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, scans)
-
-    def _exact(self, poses: Floats) -> NDArray[np.float32]:
-        """Return r, beam by beam, (B, n) px: ``FloorPlan.ranges`` without its questions."""
-        origins = poses.T.astype(np.float32, order="C")
-        exact = np.empty((self._bearings.size, len(poses)), np.float32)
-        self._caster.cast(origins, self._bearings, exact)
-        return exact
-
-
 class LidarSensor:
-    """The lidar of one robot, ε ~ N(0, σ²)."""
+    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
 
     def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._scanner = Scanner(floor_plan, lidar)
+        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+        self._max_range = lidar.max_range
         self._noise = NormalRows(rng, lidar.beams, lidar.sigma)
+        self._origin = np.empty((3, 1), np.float32)
+        self._exact = np.empty((lidar.beams, 1), np.float32)
 
     def scan(self, pose: Pose) -> Scan:
         """Return the ranges seen from a pose as a fresh array, (B,) px, in [0, max_range]."""
-        return self._scanner.scan(pose, self._noise.next())
+        origin, exact = self._origin, self._exact
+        origin[0, 0], origin[1, 0], origin[2, 0] = pose
+        self._caster.cast(origin, self._bearings, exact)
+        seen = np.empty(exact.size, np.float32)
+        _report(exact, self._noise.next(), self._max_range, seen)
+        return seen
+
+
+class LidarSensors:
+    """The same lidar in each of many rooms.
+
+    Attributes:
+        scans: the last ones, (n, B) px float32.
+    """
+
+    def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rooms: int, scans: int) -> None:
+        """Mount ``lidar`` in n ``rooms``, for some ``scans`` in an episode."""
+        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+        self._max_range, self._sigma = lidar.max_range, lidar.sigma
+        self._noise = NormalTable(rooms, lidar.beams, scans)
+        self.scans = np.zeros((rooms, lidar.beams), np.float32)
+
+    def renew(self, room: int, rng: np.random.Generator) -> None:
+        """Let the noise in a room come from another stream from now on."""
+        self._noise.renew(room, rng)
+
+    def scan(self, rooms: NDArray[np.intp], poses: Floats) -> None:
+        """Take a scan in each of some ``rooms`` (k,), at ``poses`` (k, 3)."""
+        origins = poses.T.astype(np.float32, order="C")
+        exact = np.empty((self._bearings.size, rooms.size), np.float32)
+        self._caster.cast(origins, self._bearings, exact)
+        noise = self._noise
+        noise.fill()
+        _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
+
+
+def _bearings(lidar: Lidar) -> NDArray[np.float32]:
+    """As the caster takes them."""
+    return lidar.bearings.astype(np.float32)
 
 
 @compiled
 def _report(exact: Scan, noise: Floats, max_range: float, out: Scan) -> None:
-    """Fill in clip(exact + noise, 0, max_range), (B,): one pass for what takes NumPy five.
-
-    ``exact`` is (B, 1) px.
-    """
+    """Fill in clip(exact (B, 1) + noise (B,), 0, max_range): one pass for what takes NumPy five."""
     for beam in range(out.size):
         seen = exact[beam, 0] + noise[beam]
         out[beam] = min(max(seen, 0.0), max_range)

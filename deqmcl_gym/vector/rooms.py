@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.lidar import Scanner
+from deqmcl_gym.lidar import LidarSensors
 from deqmcl_gym.seeding import NormalTable, Stream, episode_stream
 from deqmcl_gym.setting import COLLISION_PENALTY, SKIN, Setting
 from deqmcl_gym.vector import kernels
@@ -37,7 +37,6 @@ class Rooms:
     Attributes:
         poses: the true poses (x px, y px, θ rad), (n, 3).
         steps: carried out, (n,).
-        scans: the last ones, (n, B) px float32.
     """
 
     def __init__(self, setting: Setting, number: int, limit: int) -> None:
@@ -54,11 +53,9 @@ class Rooms:
             self._most, COLLISION_PENALTY, limit,
         )  # fmt: skip
         self._motion = NormalTable(number, 2, self._most)
-        self._sensor = NormalTable(number, lidar.beams, self._most + 1)
-        self._scanner = Scanner(world.floor_plan, lidar)
+        self._lidars = LidarSensors(world.floor_plan, lidar, number, self._most + 1)
         self.poses = np.tile(setting.course.start, (number, 1))
         self.steps = np.zeros(number, np.intp)
-        self.scans = np.zeros((number, lidar.beams), np.float32)
         self._starts = self.poses.copy()
         self._every = np.arange(number)
         self._arcs = np.zeros(number)
@@ -78,7 +75,7 @@ class Rooms:
         self.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
-            self._sensor.renew(room, episode_stream(*episode, Stream.SENSOR))
+            self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
 
     def move(self, commands: NDArray[np.float32], resting: Bools) -> Moved:
         """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
@@ -93,6 +90,12 @@ class Rooms:
 
     def look(self, rooms: Ints | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
-        poses = self.poses if rooms is None else self.poses[rooms]
-        rooms = self._every if rooms is None else rooms
-        self._scanner.scan_rooms(rooms, poses, self._sensor, self.scans)
+        if rooms is None:
+            self._lidars.scan(self._every, self.poses)
+        else:
+            self._lidars.scan(rooms, self.poses[rooms])
+
+    @property
+    def scans(self) -> NDArray[np.float32]:
+        """The last ones, (n, B) px."""
+        return self._lidars.scans
