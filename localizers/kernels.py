@@ -43,13 +43,19 @@ def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> flo
         top_both = max(top_both, after[i])
     if not (top > -np.inf and top_both > -np.inf):
         return top_both - top  # -inf, or NaN
+    alike = True  # as after resampling: then each exponential is 1
     for i in range(before.size):
-        before[i] = exp64(before[i] - top)
+        alike &= before[i] == top
+    weights, both = float(before.size), 0.0
+    if not alike:
+        for i in range(before.size):
+            before[i] = exp64(before[i] - top)
+        weights = 0.0
+        for i in range(before.size):
+            weights += before[i]
     for i in range(after.size):
         after[i] = exp64(after[i] - top_both)
-    weights, both = 0.0, 0.0
-    for i in range(before.size):
-        weights += before[i]
+    for i in range(after.size):
         both += after[i]
     return float(top_both - top + log64(both / weights))
 
@@ -114,24 +120,24 @@ def systematic(weights: Floats, offset: float, out: NDArray[np.intp]) -> None:
     n = weights.size
     before = np.empty(n)  # the weight of the particles before each
     total = 0.0
-    last = 0  # of weight above zero
     for i in range(n):
         before[i] = total
         total += weights[i]
-        last = i if weights[i] > 0.0 else last
+    last = n - 1  # of weight above zero
+    while last > 0 and not weights[last] > 0.0:
+        last -= 1
     per_weight = n / total
     for i in range(n):
         before[i] = np.ceil(before[i] * per_weight - offset)
-    for k in range(n):
-        out[k] = 0
-    for i in range(n):
+    written = np.zeros(n)
+    for i in range(last + 1):
         first = int(before[i])
         if 0 <= first < n:
-            out[first] = i
-    furthest = 0
+            written[first] = i
+    furthest = 0.0  # not an int: of its maximum the compiler would make a branch
     for k in range(n):
-        furthest = max(furthest, out[k])
-        out[k] = min(furthest, last)
+        furthest = max(furthest, written[k])
+        out[k] = int(furthest)
 
 
 @compiled
@@ -234,17 +240,6 @@ def odometry(
     moves = np.empty((2, uniforms.size), np.float32)
     _noisy_move(uniforms, action, drive, turn, drift, moves)
     drive_poses(poses, moves[0], moves[1], out)
-
-
-@compiled
-def finite(first: Floats, second: Floats) -> bool:
-    """Whether all numbers are, in two arrays of any shapes."""
-    sound = True
-    for value in first.flat:
-        sound &= np.isfinite(value)
-    for value in second.flat:
-        sound &= np.isfinite(value)
-    return sound
 
 
 @compiled

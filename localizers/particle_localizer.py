@@ -67,11 +67,10 @@ class ParticleLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         belief, rng = self._running
-        scan, command, ahead = checked_step(ranges, action, plan, self.robot.lidar)
+        scan, command, ahead, usable = checked_step(ranges, action, plan, self.robot.lidar)
         belief = self.filter.step(belief, scan, command, ahead, rng)
-        events = belief.events.of_scan(scan, self.robot.lidar.max_range)
-        if events is not belief.events:
-            belief = belief._replace(events=events)
+        if usable < scan.size:
+            belief = belief._replace(events=belief.events.of_scan(scan.size, usable))
         self._running = (belief, rng)
         return belief
 

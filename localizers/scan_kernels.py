@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan.ray_kernels import cast
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import log64
+from deqmcl_gym.numerics.elementary import logs64
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -43,6 +43,20 @@ def count_usable(ranges: Floats, max_range: float) -> int:
     for i in range(ranges.size):
         count += usable(ranges[i], max_range)
     return count
+
+
+@compiled
+def usable_if_sound(ranges: Floats, action: Floats, plan: Floats, max_range: float) -> int:
+    """``count_usable``; -1 unless the action (2,) and those of the plan (h, 2) are finite pairs."""
+    if action.size != 2 or plan.shape[1] != 2:
+        return -1
+    amiss = 0
+    for i in range(action.size):
+        amiss += not np.isfinite(action[i])
+    planned = plan.ravel()
+    for i in range(planned.size):
+        amiss += not np.isfinite(planned[i])
+    return count_usable(ranges, max_range) if amiss == 0 else -1
 
 
 @compiled
@@ -84,7 +98,7 @@ def mixture(
                 row = expected[beam, start : start + count]
                 for i in range(count):
                     z = (measured - row[i]) * scale
-                    t = min(z * z, 1000.0)
+                    t = z * z if z * z < 1000.0 else 1000.0
                     rounded[i] = t + _ROUNDER  # its lowest bits are the integer k nearest to t
                     fraction[i] = (rounded[i] - _ROUNDER) - t  # f = k - t, in [-½, ½]
                 for i in range(count):
@@ -98,8 +112,9 @@ def mixture(
                     power = (np.int64(1023) - np.float64(rounded[i]).view(np.int64)) << np.int64(52)
                     hit = peak * (fraction[i] * np.int64(power).view(np.float64))
                     product[i] *= hit + floor
+            logs64(product[:count], even)
             for i in range(count):
-                total[i] += log64(product[i])
+                total[i] += even[i]
 
 
 @compiled

@@ -243,8 +243,8 @@ def exp64(x: Scalar) -> Scalar:
 
 
 @compiled
-def log64(x: Scalar) -> Scalar:
-    """Log of a float64, to about 2e-16; -inf at 0 (and below the normal numbers), NaN below."""
+def _log_reduced(x: Scalar) -> Scalar:
+    """Return e and s with x = 2**e (1 + s) / (1 - s), |s| < 0.172."""
     bits = np.float64(x).view(np.int64)
     half = (bits & np.int64(0x000FFFFFFFFFFFFF)) | np.int64(0x3FE0000000000000)
     m = np.int64(half).view(np.float64)  # in [½, 1): x = m 2**e
@@ -253,16 +253,59 @@ def log64(x: Scalar) -> Scalar:
     low = m < _SQRT_HALF
     m = 2.0 * m if low else m  # in [√½, √2)
     e = e - 1.0 if low else e
-    # log m = 2 artanh s, |s| < 0.172
-    s = (m - 1.0) / (m + 1.0)
-    z = s * s
+    return e, (m - 1.0) / (m + 1.0)
+
+
+@compiled
+def _log_series_high(z: Scalar) -> Scalar:
     series: Scalar = _L10 * z + _L9
-    for coefficient in (_L8, _L7, _L6, _L5, _L4, _L3, _L2, _L1):
+    for coefficient in (_L8, _L7, _L6, _L5):
         series = series * z + coefficient
+    return series
+
+
+@compiled
+def _log_series(z: Scalar, high: Scalar) -> Scalar:
+    series: Scalar = high
+    for coefficient in (_L4, _L3, _L2, _L1):
+        series = series * z + coefficient
+    return series
+
+
+@compiled
+def _log_of(x: Scalar, e: Scalar, s: Scalar, series: Scalar) -> Scalar:
+    """Log x = e log 2 + 2 artanh s, and what it is where x is no normal number."""
+    z = s * s
     value: Scalar = e * _LN2_HI + (e * _LN2_LO + (2.0 * s + 2.0 * s * z * series))
     value = value if x >= _LEAST_NORMAL else -np.inf
     value = value if x < np.inf else np.inf
     return value if x >= 0.0 else np.nan
+
+
+@compiled
+def log64(x: Scalar) -> Scalar:
+    """Log of a float64, to about 2e-16; -inf at 0 (and below the normal numbers), NaN below."""
+    e, s = _log_reduced(x)
+    z = s * s
+    return _log_of(x, e, s, _log_series(z, _log_series_high(z)))
+
+
+@compiled
+def logs64(x: Scalar, out: Scalar) -> None:
+    """Fill in log64 of numbers (n,); the arrays share no memory. In short loops, as sincos32."""
+    e = np.empty(_LANES, np.float64)
+    s = np.empty(_LANES, np.float64)
+    for start in range(0, x.size, _LANES):
+        count = min(_LANES, x.size - start)
+        given, log = x[start : start + count], out[start : start + count]
+        for i in range(count):
+            e[i], s[i] = _log_reduced(given[i])
+        for i in range(count):
+            log[i] = _log_series_high(s[i] * s[i])
+        for i in range(count):
+            log[i] = _log_series(s[i] * s[i], log[i])
+        for i in range(count):
+            log[i] = _log_of(given[i], e[i], s[i], log[i])
 
 
 @compiled

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from localizers import kernels, scan_kernels
+from localizers import kernels
 from localizers.inference.parts import Actions, Indices, LogWeights, States
 from localizers.inference.queue import Queue, made
 from localizers.inference.trust import Trust
@@ -38,12 +38,11 @@ class Events:
         """Return these events and some more."""
         return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
 
-    def of_scan(self, ranges: NDArray[np.float64], max_range: float) -> Self:
-        """Return these events and those of a scan (B,) px: beams that say nothing."""
-        usable = scan_kernels.count_usable(ranges, max_range)
-        if usable == ranges.size:
+    def of_scan(self, beams: int, usable: int) -> Self:
+        """Return these events and those of a scan: beams that say nothing."""
+        if usable == beams:
             return self
-        return self.plus(skipped_beams=ranges.size - usable, blind_scans=int(usable == 0))
+        return self.plus(skipped_beams=beams - usable, blind_scans=int(usable == 0))
 
 
 class ParticleBelief(NamedTuple):

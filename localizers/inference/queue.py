@@ -126,7 +126,7 @@ class Queue(NamedTuple):
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
-        order = self._order(index)
+        order = self.pending if index == len(self.slots) - 1 else self._order(index)
         states = self.slots[index]
         return states if order is None else states.take(order, axis=1)
 
@@ -144,8 +144,6 @@ class Queue(NamedTuple):
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""
-        if index == len(self.slots) - 1:
-            return self.pending
         if index <= self.present:
             order = compose(self.future.composed(), self.pending)
             later = self.links[index : self.present]

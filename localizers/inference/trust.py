@@ -6,8 +6,6 @@ the localizer's own scan model, so what is wrong with that model cancels to firs
 """
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,28 +22,34 @@ MEMORY = 50  # scans looked back at: 1 / (LOST + FOUND)
 ANYWHERE = 128  # poses that stand for "somewhere in free space"
 
 
-@dataclass(eq=False)
 class Evidence:
     """A scan, and how well the belief before it predicted it.
 
     Attributes:
-        scan, anywhere: as in ``Trust``.
         ranges: the scan, (B,) px.
         log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         before: the scan before it, in its block of ``MEMORY`` scans.
     """
 
-    scan: Scan
-    anywhere: States
-    ranges: NDArray[np.float64]
-    log_right: float
-    before: "Evidence | None"
+    __slots__ = ("_log_ratio", "before", "log_right", "ranges")
 
-    @cached_property
-    def log_ratio(self) -> float:
-        """Log p(o | lost) - log p(o | belief); NaN if nothing is known or both deny the scan."""
-        likelihoods = self.scan.log_likelihood(self.anywhere, self.ranges)
-        return log_sum_exp(likelihoods) - math.log(likelihoods.size) - self.log_right
+    def __init__(
+        self, ranges: NDArray[np.float64], log_right: float, before: "Evidence | None"
+    ) -> None:
+        """Keep it; nothing is computed yet."""
+        self.ranges, self.log_right, self.before = ranges, log_right, before
+        self._log_ratio: float | None = None
+
+    def log_ratio(self, scan: Scan, anywhere: States) -> float:
+        """Log p(o | lost) - log p(o | belief); NaN if nothing is known or both deny the scan.
+
+        Computed once: ``scan`` and ``anywhere`` are those of ``Trust``.
+        """
+        if self._log_ratio is None:
+            likelihoods = scan.log_likelihood(anywhere, self.ranges)
+            lost = log_sum_exp(likelihoods) - math.log(likelihoods.size)
+            self._log_ratio = lost - self.log_right
+        return self._log_ratio
 
 
 class Trust(NamedTuple):
@@ -77,13 +81,13 @@ class Trust(NamedTuple):
             ranges: its scan, (B,) px; it is kept, not copied.
             log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         """
-        start, size, newest, earlier = self[2:]
+        scan, anywhere, start, size, newest, earlier = self
         if size == MEMORY:
             size, newest, earlier = 0, None, newest
         if earlier is not None:  # one more is forgotten
             start = start * (1.0 - LOST) + (1.0 - start) * FOUND
-        newest = Evidence(self.scan, self.anywhere, ranges, log_right, newest)
-        return made(Trust, (self.scan, self.anywhere, start, size + 1, newest, earlier))
+        newest = Evidence(ranges, log_right, newest)
+        return made(Trust, (scan, anywhere, start, size + 1, newest, earlier))
 
     @property
     def remembered(self) -> list[Evidence]:
@@ -102,5 +106,5 @@ class Trust(NamedTuple):
 
         q⁻ = q (1 - LOST) + (1 - q) FOUND; then q ∝ q⁻ p(o | belief), 1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        log_ratios = np.array([evidence.log_ratio for evidence in self.remembered])
-        return kernels.two_states(self.start, 1.0 - LOST, FOUND, log_ratios)
+        ratios = [evidence.log_ratio(self.scan, self.anywhere) for evidence in self.remembered]
+        return kernels.two_states(self.start, 1.0 - LOST, FOUND, np.array(ratios))

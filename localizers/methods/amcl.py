@@ -104,15 +104,14 @@ class AdaptiveLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         now = self._running
-        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
+        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
         used = np.where(self._unused, np.nan, scan)
         belief = self._resampled(now)
         moved = self.robot.motion.sample(belief.present, command, now.rng)
         belief = belief._replace(queue=Queue((moved,)))
         after = belief.scanned(used, self._scan.log_likelihood(moved, used), most=moved.shape[1])
-        max_range = self.robot.lidar.max_range
-        after = after._replace(events=after.events.of_scan(scan, max_range))
-        beams = int(usable_beams(used, max_range).sum())
+        after = after._replace(events=after.events.of_scan(scan.size, usable))
+        beams = int(usable_beams(used, self.robot.lidar.max_range).sum())
         recovery = now.recovery.after(after.scan_log_evidence, beams)
         self._running = _Running(after, recovery, now.updates + 1, now.rng)
         return after

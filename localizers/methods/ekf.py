@@ -111,11 +111,11 @@ class KalmanLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         before = self._belief
-        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
+        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
         mean, covariance = before.mean.copy(), before.covariance.copy()
         distance, turn = command.tolist()
         kernels.predict(mean, covariance, distance, turn, *self._motion.spread(command))
-        events = before.events.of_scan(scan, self.robot.lidar.max_range)
+        events = before.events.of_scan(scan.size, usable)
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
         likelihoods = self._scan.log_likelihood(predicted, scan)
         trust = before.trust.after(scan, log_evidence(np.zeros(6), likelihoods, 6))

@@ -95,8 +95,8 @@ class GridLocalizer:
                 "update was called before reset: call reset(prior, plan, rng) first."
             )
         before = self._belief
-        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
-        events = before.events.of_scan(scan, self.robot.lidar.max_range)
+        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
+        events = before.events.of_scan(scan.size, usable)
         mass = self._motion.predicted(before.mass, command)
         if not mass.any():  # all of it has left the map
             mass, events = before.mass, events.plus(weight_collapses=1)
