@@ -156,9 +156,11 @@ def scan_mixture(
             return False
     n = poses.shape[1]
     for start in range(0, n, _KEPT):
-        part = poses[:, start : start + _KEPT].copy()  # rows without gaps are quicker
+        end = min(start + _KEPT, n)
+        # rows without gaps are quicker
+        part = poses if n <= _KEPT else poses[:, start:end].copy()
         expected = np.empty((bearings.size, part.shape[1]), np.float32)
         cast(part, bearings, outer, room, box, boxes, upright, level, oblique, expected)
-        mixture(ranges, expected, sigma, peak, floor, out[start : start + _KEPT])
-        fill_where_nan(expected[0], outside, out[start : start + _KEPT])
+        mixture(ranges, expected, sigma, peak, floor, out[start:end])
+        fill_where_nan(expected[0], outside, out[start:end])
     return True

@@ -80,6 +80,8 @@ class Queue(NamedTuple):
 
     def advanced(self, states: States, past: int) -> "Queue":
         """Do ``appended`` and ``stepped`` in one, where nothing is held after the present."""
+        if past == 0:
+            return made(Queue, ((states,), (), None, 0, _NOTHING))
         drop = max(self.present + 1 - past, 0)
         slots, links = (*self.slots, states)[drop:], (*self.links, self.pending)[drop:]
         return made(Queue, (slots, links, None, self.present + 1 - drop, _NOTHING))

@@ -31,10 +31,11 @@ class LidarScan:
 
     def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
-        if self._one_pass is not None:
+        one_pass = self._one_pass
+        if one_pass is not None:
             poses = np.ascontiguousarray(states, dtype=np.float32)
             log_likelihood = np.empty(poses.shape[1])
-            if scan_kernels.scan_mixture(poses, ranges, log_likelihood, *self._one_pass):
+            if scan_kernels.scan_mixture(poses, ranges, log_likelihood, *one_pass):
                 return log_likelihood
         return self._of_usable_beams(states, ranges)
 
