@@ -154,18 +154,17 @@ def checked_step(
 
     Quicker than those where nothing is wrong: this is done at every step.
     """
-    scan = checked_scan(ranges, lidar)
     if (
-        type(action) is type(plan) is np.ndarray
-        and action.ndim == 1
+        type(ranges) is type(action) is type(plan) is np.ndarray
+        and ranges.ndim == action.ndim == 1
         and plan.ndim == 2
-        and action.dtype.kind == plan.dtype.kind == "f"
+        and ranges.dtype.kind == action.dtype.kind == plan.dtype.kind == "f"
     ):
-        command, ahead = _as_float64(action), _as_float64(plan)
-        usable = scan_kernels.usable_if_sound(scan, command, ahead, lidar.max_range)
+        scan, command, ahead = _as_float64(ranges), _as_float64(action), _as_float64(plan)
+        usable = scan_kernels.usable_if_sound(scan, command, ahead, lidar.beams, lidar.max_range)
         if usable >= 0:
             return scan, command, ahead, usable
-    command, ahead = checked_action(action), checked_plan(plan)
+    scan, command, ahead = checked_scan(ranges, lidar), checked_action(action), checked_plan(plan)
     return scan, command, ahead, scan_kernels.count_usable(scan, lidar.max_range)
 
 
@@ -173,7 +172,7 @@ def _as_float64(values: NDArray[np.floating]) -> Floats:
     """Return a copy, row by row."""
     if values.dtype is _FLOAT64:
         return values.copy()  # takes half the time
-    return values.astype(np.float64, order="C")
+    return values.astype(_FLOAT64, "C")
 
 
 def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:

@@ -46,9 +46,15 @@ def count_usable(ranges: Floats, max_range: float) -> int:
 
 
 @compiled
-def usable_if_sound(ranges: Floats, action: Floats, plan: Floats, max_range: float) -> int:
-    """``count_usable``; -1 unless the action (2,) and those of the plan (h, 2) are finite pairs."""
-    if action.size != 2 or plan.shape[1] != 2:
+def usable_if_sound(
+    ranges: Floats, action: Floats, plan: Floats, beams: int, max_range: float
+) -> int:
+    """``count_usable`` of a step; -1 if it is not one.
+
+    That is, unless there are as many ranges as ``beams``, and the action (2,) and those of the plan
+    (h, 2) are pairs of finite numbers.
+    """
+    if ranges.size != beams or action.size != 2 or plan.shape[1] != 2:
         return -1
     amiss = 0
     for i in range(action.size):
