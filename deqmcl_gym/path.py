@@ -13,9 +13,14 @@ Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 
+def centred(value: float, period: float) -> float:
+    """Return a value less whole periods, in [-period / 2, period / 2)."""
+    return (value + period / 2) % period - period / 2
+
+
 def wrapped(angle: float) -> float:
     """Return the same direction in [-π, π), rad."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
+    return centred(angle, 2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ class Path:
 
     def advance(self, before: float, after: float) -> float:
         """Signed way along the path between two arc lengths, the shorter way round, px."""
-        return path_kernels.advance(before, after, self.length)
+        return centred(after - before, self.length)
 
     def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
         """Return :meth:`arc` of a point, and how far one came to there from arc ``before``, px."""

@@ -29,19 +29,13 @@ def nearest_arc(x: float, y: float, edges: Floats) -> float:
 
 
 @compiled
-def advance(before: float, after: float, length: float) -> float:
-    """Signed way along the path between two arc lengths, the shorter way round."""
-    way: float = centred64(after - before, length)
-    return way
+def follow(x: float, y: float, before: float, edges: Floats, length: float) -> tuple[float, float]:
+    """Return the arc length of the path's point nearest to (x, y), and the way from ``before``.
 
-
-@compiled
-def follow(
-    x: float, y: float, before: float, edges: Floats, length: float
-) -> tuple[float, float]:
-    """Arc length of the path's point nearest to (x, y), and the way to there from another one."""
+    That is signed, along the path, the shorter way round.
+    """
     arc = nearest_arc(x, y, edges)
-    return arc, advance(before, arc, length)
+    return arc, centred64(arc - before, length)
 
 
 @compiled

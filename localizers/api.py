@@ -1,7 +1,7 @@
 """What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
 
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -168,7 +168,7 @@ def checked_step(
     return scan, command, ahead, scan_kernels.count_usable(scan, lidar.max_range)
 
 
-def _as_float64(values: NDArray[np.floating]) -> Floats:
+def _as_float64(values: NDArray[Any]) -> Floats:
     """Return a copy, row by row."""
     if values.dtype is _FLOAT64:
         return values.copy()  # takes half the time

@@ -25,7 +25,7 @@ def largest(values: Floats) -> float:
         fourth = max(fourth, values[i + 3])
     for i in range(whole, values.size):
         first = max(first, values[i])
-    return max(max(first, second), max(third, fourth))
+    return max(first, second, third, fourth)
 
 
 @compiled

@@ -18,7 +18,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 _SHARED = hashlib.sha256(
     b"".join(
         Path(__file__).parents[1].joinpath(name).read_bytes()
-        for name in ("numerics/elementary.py", "floorplan/kernels.py", "floorplan/ray_kernels.py")
+        for name in (
+            "numerics/elementary.py",
+            "floorplan/kernels.py",
+            "floorplan/ray_kernels.py",
+            "path_kernels.py",
+        )
     )
 ).hexdigest()[:8]
 

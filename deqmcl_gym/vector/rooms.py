@@ -80,7 +80,9 @@ class Rooms:
     def move(self, commands: NDArray[np.float32], resting: Bools) -> Moved:
         """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
         n = resting.size
-        moved = Moved(np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_))
+        moved = Moved(
+            np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
+        )
         self._motion.fill()
         kernels.step(
             self.poses, self._gaps, self._arcs, self._progress, self.steps, self._starts,

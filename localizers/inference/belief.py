@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from localizers import kernels
-from localizers.inference.parts import Actions, Indices, LogWeights, States
-from localizers.inference.queue import Queue, made
+from localizers.inference.parts import Actions, Indices, LogWeights, States, made
+from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 

@@ -16,6 +16,8 @@ Action = NDArray[np.float64]  # (k,)
 Actions = NDArray[np.float64]  # (steps, k)
 Indices = NDArray[np.intp]  # (n,)
 
+made = tuple.__new__  # of a named tuple and all its fields: at half the cost of calling its type
+
 
 class Initial(Protocol):
     """p(x_0)."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from localizers import kernels
-from localizers.inference.parts import Scan, States
-from localizers.inference.queue import made
+from localizers.inference.parts import Scan, States, made
 from localizers.inference.weights import log_sum_exp
 
 LOST = 0.01  # probability of getting lost, per step

@@ -61,19 +61,32 @@ class Mixture(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaussianUniform:
+class _HitOrAnything:
+    """A beam hits what it should, with normal noise σ, or, a share u of all, measures anything."""
+
+    sigma: float = 100.0
+    uniform: float = 0.05
+
+    def __post_init__(self) -> None:
+        number("scan.sigma", self.sigma, low=0, above=True)
+        number("scan.uniform", self.uniform, low=0, high=1)
+
+    def _mixture(self, floor: float, *, ends: bool) -> Mixture | None:
+        """(1 - u) N(o; ô, σ²) + floor; None if a product of such densities may be no normal."""
+        if floor < scan_kernels.LEAST_FLOOR:
+            return None
+        peak = (1 - self.uniform) / (self.sigma * math.sqrt(2 * math.pi))
+        return Mixture(self.sigma, peak, floor, ends)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianUniform(_HitOrAnything):
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
 
     Attributes:
         sigma: σ > 0, px.
         uniform: u, share of beams that measure anything at all.
     """
-
-    sigma: float = 100.0
-    uniform: float = 0.05
-
-    def __post_init__(self) -> None:
-        _check_mixture(self.sigma, self.uniform)
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range, (n, B) per px."""
@@ -91,7 +104,7 @@ class GaussianUniform:
 
     def mixture(self, max_range: float) -> Mixture | None:
         """Return what the log-likelihood is; None if the kernel cannot compute it."""
-        return _mixture(self, self.uniform / max_range, ends=True)
+        return self._mixture(self.uniform / max_range, ends=True)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
@@ -99,7 +112,7 @@ class GaussianUniform:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CensoredGaussianUniform:
+class CensoredGaussianUniform(_HitOrAnything):
     """The GaussianUniform of a world that adds noise, then clips to [0, max_range].
 
     Inside, p(o | ô) = (1 - u) N(o; ô, σ²) + v; at o = max_range the mass is
@@ -110,12 +123,6 @@ class CensoredGaussianUniform:
         sigma: σ > 0, px.
         uniform: u, share of beams that measure anything at all.
     """
-
-    sigma: float = 100.0
-    uniform: float = 0.05
-
-    def __post_init__(self) -> None:
-        _check_mixture(self.sigma, self.uniform)
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range inside, mass at the two ends, (n, B)."""
@@ -141,7 +148,7 @@ class CensoredGaussianUniform:
 
     def mixture(self, max_range: float) -> Mixture | None:
         """Return what the log-likelihood is between the ends; None if the kernel cannot do it."""
-        return _mixture(self, self.uniform / (max_range + 2 * ATOM), ends=False)
+        return self._mixture(self.uniform / (max_range + 2 * ATOM), ends=False)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
@@ -224,16 +231,6 @@ class BeamModel:
         return seen + self.sigma * shift, self.sigma**2 * spread
 
 
-def _mixture(
-    beam: GaussianUniform | CensoredGaussianUniform, floor: float, *, ends: bool
-) -> Mixture | None:
-    """(1 - u) N(o; ô, σ²) + floor; None if a product of such densities may be no normal number."""
-    if floor < scan_kernels.LEAST_FLOOR:
-        return None
-    peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
-    return Mixture(beam.sigma, peak, floor, ends)
-
-
 def _log_product(
     beam: BeamDensity, ranges: Floats, expected: NDArray[np.float32], max_range: float
 ) -> Floats:
@@ -241,8 +238,3 @@ def _log_product(
     density = beam.density(ranges, expected.astype(np.float64), max_range)
     total: Floats = arrays.log(density).sum(axis=1)
     return total
-
-
-def _check_mixture(sigma: float, uniform: float) -> None:
-    number("scan.sigma", sigma, low=0, above=True)
-    number("scan.uniform", uniform, low=0, high=1)

@@ -53,7 +53,8 @@ class OdometryMotion:
         command = np.asarray(action, dtype=np.float64)
         if type(self).moves is not OdometryMotion.moves:  # a subclass draws in its own way
             return driven(states, *self.moves(command[None], states.shape[1], rng)[0])
-        uniforms = rng.random(states.shape[1])
+        n: int = states.shape[1]
+        uniforms = rng.random(n)
         after = np.empty(states.shape, np.float32)
         kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
         return after

@@ -77,9 +77,13 @@ BAD_PLANS = [
     [[INF, 0]],
     np.zeros((2, 2, 2)),
     np.full((40, 2), "x"),
+    np.array([[5.0, 0.0], [5.0, -INF]]),
+    np.ones((4, 3)),
 ]
 BAD_ACTIONS = [None, 5.0, "ab", [1], [1, 2, 3], [[1, 2]], [NAN, 0], [0, INF], []]
+BAD_ACTIONS += [np.array([5.0, NAN]), np.ones(3), np.ones((1, 2)), np.ones((2, 1), np.float32)]
 BAD_SCANS = [None, 5.0, "a", ["a"], [], [1, 2], [[1]], [[1], [2, 3]], np.full((30, 30), "x")]
+BAD_SCANS += [np.ones(2), np.ones((1, 2), np.float32)]
 
 
 @pytest.mark.parametrize("name", ["mcl", "deq-mcl", "dead-reckoning"])

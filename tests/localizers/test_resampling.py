@@ -40,6 +40,20 @@ def test_systematic_resampling_copies_each_particle_floor_or_ceil_n_w_times(n):
         assert (copies <= np.ceil(n * weights + 1e-9)).all()
 
 
+@pytest.mark.parametrize("n", [1, 3, 50])
+def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle(n):
+    assert systematic(np.zeros(n), np.random.default_rng(0)).tolist() == [0] * n
+
+
+@pytest.mark.parametrize("n", range(10))
+def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
+    values = -1.0 - np.arange(n)
+    assert kernels.largest(values) == max(values, default=-math.inf)
+    for place in range(n):
+        assert kernels.largest(np.roll(values, place)) == -1.0
+    assert kernels.largest(np.full(n, -math.inf)) == -math.inf
+
+
 @pytest.mark.parametrize("n", [2, 7, 64])
 def test_stratified_resampling_copies_each_particle_within_two_of_n_w(n):
     # the strata that a particle's interval covers wholly give one copy each, those at its ends may

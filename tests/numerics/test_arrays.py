@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import arrays, elementary
 
 EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
@@ -61,6 +61,26 @@ def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
 @pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "normal_cdf"])
 def test_nan_stays_nan(name):
     assert np.isnan(getattr(arrays, name)([np.nan])).all()
+
+
+@pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1300])
+def test_many_logs_in_short_loops_are_the_logs_of_each_to_the_bit(n):
+    x = np.exp2(np.random.default_rng(n).uniform(-1022, 1023, n))
+    x[::7], x[1::7], x[2::7], x[3::7], x[4::7] = 0.0, -1.0, np.inf, np.nan, 5e-324
+    found = np.full(n, 7.0)
+    elementary.logs64(x, found)
+    assert found.tobytes() == arrays.log(x).tobytes()
+
+
+@pytest.mark.parametrize("period", [2 * math.pi, 780.0, 1e-3])
+def test_a_centred_value_has_the_bits_of_pythons_remainder(period):
+    rng = np.random.default_rng(5)
+    near = rng.uniform(-0.6, 0.6, 2000) * period
+    ends = [k * period / 2 for k in range(-4, 5)]
+    for value in [*near, *(1e3 * near), *ends, *np.nextafter(ends, -np.inf), -0.0]:
+        expected = (value + period / 2) % period - period / 2
+        assert elementary.centred64(value, period) == expected
+        assert -period / 2 <= expected <= period / 2
 
 
 def test_log_of_zero_and_of_negative_numbers():

@@ -98,7 +98,7 @@ KERNELS = [
 @pytest.mark.parametrize("name", [module.name for module in KERNELS])
 def test_a_kernel_calls_only_its_own_file_and_those_whose_edits_every_cache_notices(name):
     module = import_module(name)
-    shared = ("numerics.elementary", "floorplan.kernels", "floorplan.ray_kernels")
+    shared = ("numerics.elementary", "floorplan.kernels", "floorplan.ray_kernels", "path_kernels")
     noticed = {name, *(f"deqmcl_gym.{file}" for file in shared)}
     found = {
         value.py_func.__module__ for value in vars(module).values() if hasattr(value, "py_func")
