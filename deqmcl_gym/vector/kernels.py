@@ -17,7 +17,7 @@ _TURN = 2 * np.pi
 
 
 def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as :func:`step` takes them.
+    """Return walls (x₀, y₀, x₁, y₁) as :func:`drive` takes them.
 
     Returns:
         (x₀, y₀, unit x, unit y, length), (S, 5) px.
@@ -28,118 +28,65 @@ def sides(walls: Floats) -> Floats:
 
 
 @compiled
-def step(
+def drive(
     poses: Floats,
     gaps: Floats,
-    arcs: Floats,
-    sums: Floats,
-    steps: Ints,
-    starts: Floats,
     commands: NDArray[np.float32],
-    resting: Bools,
     normals: Floats,
     at: Ints,
+    resting: Bools,
     noise: tuple[float, float, float],
     walls: Floats,
     radius: float,
     skin: float,
-    edges: Floats,
-    length: float,
-    near: float,
-    most: int,
-    penalty: float,
-    limit: int,
-    rewards: Floats,
+    steps: Ints,
     collided: Bools,
-    terminated: Bools,
-    truncated: Bools,
 ) -> None:
-    """Turn and drive robots; say of all what that is worth, and whose episode ends.
+    """Turn and drive the robots that are not ``resting``, in place: one step.
 
     Args:
-        poses: x px, y px, θ rad in [-π, π), (n, 3); changed.
+        poses: x px, y px, θ rad in [-π, π), (n, 3).
         gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,)
-            px; 0 if nobody knows; changed.
-        arcs: arc length of the path's point nearest to each, (n,) px; changed.
-        sums: progress along the path since reset, (n,) px; changed.
-        steps: carried out, (n,); changed.
-        starts: where they began, (n, 2+) px.
+            px; 0 if nobody knows.
         commands: distance px, turn rad, (n, 2).
-        resting: which robots stay, (n,).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
         at: the row of these that each robot takes, (n,); goes on to the next one.
+        resting: which robots stay, (n,).
         noise: σ_dd, σ_φφ, σ_φd.
         walls: as :func:`sides` returns them; free space to their left.
         radius: of the robots, px.
         skin: how far before the contact they stop, px.
-        edges: of the path, see ``deqmcl_gym.path_kernels``.
-        length: of the path, px.
-        near: how near to the start a lap ends, px; negative if episodes do not end with it.
-        most: steps of a plan.
-        penalty: for a contact, px.
-        limit: steps of an episode.
-        rewards: filled in, (n,) px.
+        steps: carried out, (n,); one more.
         collided: filled in: whether a wall stopped the robot, (n,).
-        terminated: filled in: whether the plan is used up or the lap is done, (n,).
-        truncated: filled in: whether the episode is that long, (n,).
     """
+    of_drive, of_turn, of_drift = noise
     for i in range(resting.size):
         collided[i] = False
-        if not resting[i]:
-            distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
-            driven = _turn(i, distance, turn, poses, normals[i, at[i]], noise)
-            at[i] += 1
-            steps[i] += 1
-            collided[i] = _drive(i, driven, poses, gaps, walls, radius, skin)
+        if resting[i]:
+            continue
+        normal_drive, normal_turn = normals[i, at[i]]
+        at[i] += 1
+        steps[i] += 1
+        distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
+        sd_turn = of_turn * abs(turn) + of_drift * distance
+        heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, _TURN)
+        poses[i, 2] = heading
+        driven = distance * (1 + of_drive * normal_drive)
+        way = abs(driven)
+        if way == 0.0:
+            continue
         x, y = poses[i, 0], poses[i, 1]
-        arcs[i], progress = follow(x, y, arcs[i], edges, length)
-        sums[i] += progress
-        rewards[i] = progress - penalty * collided[i]
-        dx, dy = x - starts[i, 0], y - starts[i, 1]
-        around = np.rint(sums[i] / length) >= 1.0
-        truncated[i] = steps[i] >= limit
-        terminated[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))
-
-
-@compiled
-def _turn(
-    i: int,
-    distance: float,
-    turn: float,
-    poses: Floats,
-    normals: Floats,
-    noise: tuple[float, float, float],
-) -> float:
-    """Turn robot i by ``turn`` and noise; return how far it drives then, with noise."""
-    of_drive, of_turn, of_drift = noise
-    sd_turn = of_turn * abs(turn) + of_drift * distance
-    poses[i, 2] = centred64(poses[i, 2] + turn + sd_turn * normals[1], _TURN)
-    driven: float = distance * (1 + of_drive * normals[0])
-    return driven
-
-
-@compiled
-def _drive(
-    i: int, driven: float, poses: Floats, gaps: Floats, walls: Floats, radius: float, skin: float
-) -> bool:
-    """Drive robot i straight ahead, until just before the first contact; was there one?"""
-    way = abs(driven)
-    if way == 0.0:
-        return False
-    x, y, heading = poses[i]
-    dx, dy = driven * cos64(heading), driven * sin64(heading)
-    collided = False
-    if gaps[i] <= way + skin:
-        gaps[i] = _gap(x, y, walls) - radius
-    if gaps[i] <= way + skin:
-        share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
-        if share < np.inf:
-            collided = True
-            share = max(share - skin / way, 0.0)
-            dx, dy, way = share * dx, share * dy, share * way
-    gaps[i] -= way
-    poses[i, 0], poses[i, 1] = x + dx, y + dy
-    return collided
+        dx, dy = driven * cos64(heading), driven * sin64(heading)
+        if gaps[i] <= way + skin:
+            gaps[i] = _gap(x, y, walls) - radius
+        if gaps[i] <= way + skin:
+            share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
+            if share < np.inf:
+                collided[i] = True
+                share = max(share - skin / way, 0.0)
+                dx, dy, way = share * dx, share * dy, share * way
+        gaps[i] -= way
+        poses[i, 0], poses[i, 1] = x + dx, y + dy
 
 
 @compiled
@@ -181,3 +128,50 @@ def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radi
             if share <= 1.0:
                 first = min(first, share)
     return first
+
+
+@compiled
+def judge(
+    poses: Floats,
+    starts: Floats,
+    arcs: Floats,
+    sums: Floats,
+    steps: Ints,
+    collided: Bools,
+    edges: Floats,
+    length: float,
+    penalty: float,
+    near: float,
+    most: int,
+    limit: int,
+    rewards: Floats,
+    terminated: Bools,
+    truncated: Bools,
+) -> None:
+    """What a step is worth, and whether the episode ends with it.
+
+    Args:
+        poses, starts: where the robots are and where they began, (n, 2+) px.
+        arcs: arc length of the path's point nearest to where they were, (n,) px; to where they are.
+        sums: progress along the path since reset, (n,) px; this step's is added.
+        steps: carried out, (n,).
+        collided: whether a wall stopped the robot, (n,).
+        edges: of the path, as in ``deqmcl_gym.path_kernels``.
+        length: of the path, px.
+        penalty: for a contact, px.
+        near: how near to the start a lap ends, px; negative if episodes do not end with it.
+        most: steps of a plan.
+        limit: steps of an episode.
+        rewards: filled in, (n,) px.
+        terminated: filled in: whether the plan is used up or the lap is done, (n,).
+        truncated: filled in: whether the episode has reached its limit, (n,).
+    """
+    for i in range(arcs.size):
+        x, y = poses[i, 0], poses[i, 1]
+        arcs[i], progress = follow(x, y, arcs[i], edges, length)
+        sums[i] += progress
+        rewards[i] = progress - penalty * collided[i]
+        dx, dy = x - starts[i, 0], y - starts[i, 1]
+        around = np.rint(sums[i] / length) >= 1.0
+        terminated[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))
+        truncated[i] = steps[i] >= limit

@@ -44,16 +44,17 @@ class Rooms:
         world, lidar = setting.world, setting.world.lidar
         self._setting = setting
         self._path = setting.course.path
-        self._most = len(setting.course.actions)
+        most = len(setting.course.actions)
         noise, radius = world.noise, world.robot.radius
-        self._rules = (
-            (noise.drive, noise.turn, noise.drift),
-            kernels.sides(world.floor_plan.walls), radius, SKIN,
-            self._path.edges, self._path.length, radius if setting.ends_at_goal else -1.0,
-            self._most, COLLISION_PENALTY, limit,
+        near = radius if setting.ends_at_goal else -1.0
+        walls = kernels.sides(world.floor_plan.walls)
+        # as the two kernels of a step take them
+        self._driving = ((noise.drive, noise.turn, noise.drift), walls, radius, SKIN)
+        self._judging = (
+            self._path.edges, self._path.length, COLLISION_PENALTY, near, most, limit,
         )  # fmt: skip
-        self._motion = NormalTable(number, 2, self._most)
-        self._lidars = LidarSensors(world.floor_plan, lidar, number, self._most + 1)
+        self._motion = NormalTable(number, 2, most)
+        self._lidars = LidarSensors(world.floor_plan, lidar, number, most + 1)
         self.poses = np.tile(setting.course.start, (number, 1))
         self.steps = np.zeros(number, np.intp)
         self._starts = self.poses.copy()
@@ -80,15 +81,18 @@ class Rooms:
     def move(self, commands: NDArray[np.float32], resting: Bools) -> Moved:
         """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
         n = resting.size
-        moved = Moved(
-            np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
-        )
+        rewards, collided = np.empty(n), np.empty(n, np.bool_)
+        terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
         self._motion.fill()
-        kernels.step(
-            self.poses, self._gaps, self._arcs, self._progress, self.steps, self._starts,
-            commands, resting, self._motion.drawn, self._motion.at, *self._rules, *moved,
+        kernels.drive(
+            self.poses, self._gaps, commands, self._motion.drawn, self._motion.at, resting,
+            *self._driving, self.steps, collided,
         )  # fmt: skip
-        return moved
+        kernels.judge(
+            self.poses, self._starts, self._arcs, self._progress, self.steps, collided,
+            *self._judging, rewards, terminated, truncated,
+        )  # fmt: skip
+        return Moved(rewards, collided, terminated, truncated)
 
     def look(self, rooms: Ints | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
