@@ -65,13 +65,12 @@ class Physics:
     def __init__(self, walls: Walls, position: Point) -> None:
         """Put the disc somewhere."""
         self.walls = walls
-        self.position = position
-        self._gap = 0.0  # it can drive so far without meeting a wall, at least
+        self.place(position)
 
     def place(self, position: Point) -> None:
         """Put the robot somewhere, whatever lies between."""
         self.position = position
-        self._gap = 0.0
+        self._gap = 0.0  # it can drive so far without meeting a wall, at least
 
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
