@@ -1,15 +1,18 @@
 """The world's lidar: exact ranges, plus noise, clipped to what the instrument reports."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.floorplan.casting import Caster
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.path import Pose
 from deqmcl_gym.seeding import NormalRows, NormalTable
 
 Floats = NDArray[np.float64]
-Scan = NDArray[np.float32]
+Ranges = NDArray[np.float32]
 
 
 class LidarSensor:
@@ -17,13 +20,13 @@ class LidarSensor:
 
     def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+        self._caster, self._bearings = _caster(floor_plan), _bearings(lidar)
         self._max_range = lidar.max_range
         self._noise = NormalRows(rng, lidar.beams, lidar.sigma)
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
 
-    def scan(self, pose: Pose) -> Scan:
+    def scan(self, pose: Pose) -> Ranges:
         """Return the ranges seen from a pose as a fresh array, (B,) px, in [0, max_range]."""
         origin, exact = self._origin, self._exact
         origin[0, 0], origin[1, 0], origin[2, 0] = pose
@@ -40,11 +43,11 @@ class LidarSensors:
         scans: the last ones, (n, B) px float32.
     """
 
-    def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rooms: int, scans: int) -> None:
-        """Mount ``lidar`` in n ``rooms``, for some ``scans`` in an episode."""
-        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+    def __init__(self, floor_plan: FloorPlan, lidar: Lidar, rooms: int, most: int) -> None:
+        """Mount ``lidar`` in n ``rooms``, for at ``most`` so many scans in an episode."""
+        self._caster, self._bearings = _caster(floor_plan), _bearings(lidar)
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
-        self._noise = NormalTable(rooms, lidar.beams, scans)
+        self._noise = NormalTable(rooms, lidar.beams, most)
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
@@ -61,13 +64,30 @@ class LidarSensors:
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
 
 
-def _bearings(lidar: Lidar) -> NDArray[np.float32]:
+class _Asking(NamedTuple):
+    """A caster that asks a floor plan which measures in its own way."""
+
+    floor_plan: FloorPlan
+
+    def cast(self, poses: Ranges, bearings: Ranges, out: Ranges) -> None:
+        """See ``Caster``."""
+        out[:] = self.floor_plan.ranges(poses.T, bearings).T
+
+
+def _caster(floor_plan: FloorPlan) -> Caster:
+    """Return what casts a floor plan's rays; a subclass may do that in its own way."""
+    if type(floor_plan).ranges is FloorPlan.ranges:
+        return floor_plan.caster
+    return _Asking(floor_plan)
+
+
+def _bearings(lidar: Lidar) -> Ranges:
     """As the caster takes them."""
     return lidar.bearings.astype(np.float32)
 
 
 @compiled
-def _report(exact: Scan, noise: Floats, max_range: float, out: Scan) -> None:
+def _report(exact: Ranges, noise: Floats, max_range: float, out: Ranges) -> None:
     """Fill in clip(exact (B, 1) + noise (B,), 0, max_range): one pass for what takes NumPy five."""
     for beam in range(out.size):
         seen = exact[beam, 0] + noise[beam]
@@ -77,14 +97,17 @@ def _report(exact: Scan, noise: Floats, max_range: float, out: Scan) -> None:
 @compiled
 def _report_rooms(
     rooms: NDArray[np.intp],
-    exact: Scan,
+    exact: Ranges,
     normals: Floats,
     at: NDArray[np.intp],
     sigma: float,
     max_range: float,
-    out: Scan,
+    out: Ranges,
 ) -> None:
-    """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers."""
+    """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers.
+
+    ``exact`` is (B, k) px.
+    """
     for i in range(rooms.size):
         room = rooms[i]
         row = at[room]

@@ -14,7 +14,7 @@ Pose = tuple[float, float, float]
 
 
 def centred(value: float, period: float) -> float:
-    """Return a value less whole periods, in [-period / 2, period / 2)."""
+    """Return a value less whole periods, in [-period / 2, period / 2) but for rounding."""
     return (value + period / 2) % period - period / 2
 
 

@@ -73,7 +73,7 @@ class NormalTable:
 
         :meth:`renew` names the stream.
         """
-        # A call of NumPy for a lap, or few, and no more than 32 KB of a room's numbers at a time.
+        # A call of NumPy for a lap, or few; about 32 KB of a room's numbers at a time, or a row.
         blocks = -(-lap * width // 4096)
         self.drawn = np.empty((rooms, -(-lap // blocks), width))
         self.at = np.zeros(rooms, np.intp)

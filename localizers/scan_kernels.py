@@ -104,7 +104,7 @@ def mixture(
                 row = expected[beam, start : start + count]
                 for i in range(count):
                     z = (measured - row[i]) * scale
-                    t = z * z if z * z < 1000.0 else 1000.0
+                    t = 1000.0 if z * z > 1000.0 else z * z  # NaN stays NaN
                     rounded[i] = t + _ROUNDER  # its lowest bits are the integer k nearest to t
                     fraction[i] = (rounded[i] - _ROUNDER) - t  # f = k - t, in [-½, ½]
                 for i in range(count):
@@ -118,9 +118,10 @@ def mixture(
                     power = (np.int64(1023) - np.float64(rounded[i]).view(np.int64)) << np.int64(52)
                     hit = peak * (fraction[i] * np.int64(power).view(np.float64))
                     product[i] *= hit + floor
-            logs64(product[:count], even)
+            logs = even  # no longer needed
+            logs64(product[:count], logs)
             for i in range(count):
-                total[i] += even[i]
+                total[i] += logs[i]
 
 
 @compiled

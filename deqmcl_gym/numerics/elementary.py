@@ -181,7 +181,7 @@ def cos64(angle: Scalar) -> Scalar:
 
 @compiled
 def centred64(value: Scalar, period: Scalar) -> Scalar:
-    """Value less whole periods, in [-period / 2, period / 2), with the bits of Python's ``%``."""
+    """``deqmcl_gym.path.centred``, to the bit: value less whole periods."""
     ahead: Scalar = value + period / 2
     if not 0.0 <= ahead < period:  # seldom, and remainders take long
         ahead %= period

@@ -161,7 +161,7 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
         for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
         self._all_begun = self._all_begun or None not in self._episodes
-        self._ended = self._ended.copy()
+        self._ended = self._ended.copy()  # step() goes on with those that had ended
         self._ended[rooms] = False
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
@@ -244,9 +244,10 @@ class RoomVectorEnv(VectorEnv[Scans, Actions, NDArray[Any]]):
 
 
 def _limit(steps: int | None) -> int:
+    never: int = np.iinfo(np.intp).max
     if steps is None or steps == -1:  # -1 as in gym.make
-        return np.iinfo(np.intp).max
-    return integer("max_episode_steps", steps, low=1)
+        return never
+    return min(integer("max_episode_steps", steps, low=1), never)
 
 
 def _same_for_all(plan: Plan) -> FixedPlan:

@@ -126,7 +126,8 @@ class Queue(NamedTuple):
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
-        order = self.pending if index == len(self.slots) - 1 else self._order(index)
+        newest = index == len(self.slots) - 1  # asked for at every step
+        order = self.pending if newest else self._order(index)
         states = self.slots[index]
         return states if order is None else states.take(order, axis=1)
 

@@ -42,7 +42,7 @@ class Evidence:
     def log_ratio(self, scan: Scan, anywhere: States) -> float:
         """Log p(o | lost) - log p(o | belief); NaN if nothing is known or both deny the scan.
 
-        Computed once: ``scan`` and ``anywhere`` are those of ``Trust``.
+        Computed once, so ``scan`` and ``anywhere`` must be those of ``Trust`` at every call.
         """
         if self._log_ratio is None:
             likelihoods = scan.log_likelihood(anywhere, self.ranges)

@@ -55,7 +55,7 @@ class OdometryMotion:
             return driven(states, *self.moves(command[None], states.shape[1], rng)[0])
         n: int = states.shape[1]
         uniforms = rng.random(n)
-        after = np.empty(states.shape, np.float32)
+        after = np.empty_like(states)
         kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
         return after
 

@@ -104,6 +104,12 @@ def test_minus_one_is_no_time_limit_as_in_make():
     assert not any(cut)
 
 
+@pytest.mark.parametrize("steps", [2**62, 2**63, 10**30])
+def test_a_time_limit_beyond_all_counting_never_comes(steps):
+    env = rooms(1, max_episode_steps=steps)
+    assert not env.step(forward(1))[3][0]
+
+
 def test_render_shows_each_room_as_a_single_env_does():
     env = rooms(2, render_mode="rgb_array")
     single = gym.make(ROOM_ID, render_mode="rgb_array")

@@ -161,3 +161,11 @@ def test_a_uniform_share_outside_zero_to_one_is_refused(model, bad):
 def test_a_beam_model_whose_shares_or_decay_are_bad_is_refused(bad, words):
     with pytest.raises(InputError, match=words):
         BeamModel(**bad)
+
+
+@pytest.mark.parametrize("model", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
+def test_nan_in_a_scan_or_among_the_exact_ranges_is_no_likelihood(model):
+    expected = np.array([[100.0, 50.0], [100.0, np.nan], [np.nan, 50.0]], np.float32)
+    told = model.log_likelihood(np.array([90.0, 60.0]), expected, MAX)
+    assert np.isnan(told).tolist() == [False, True, True]
+    assert np.isnan(model.log_likelihood(np.array([90.0, np.nan]), expected, MAX)).all()

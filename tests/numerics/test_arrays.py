@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.numerics import arrays, elementary
+from deqmcl_gym.path import centred
 
 EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
@@ -73,14 +74,14 @@ def test_many_logs_in_short_loops_are_the_logs_of_each_to_the_bit(n):
 
 
 @pytest.mark.parametrize("period", [2 * math.pi, 780.0, 1e-3])
-def test_a_centred_value_has_the_bits_of_pythons_remainder(period):
-    rng = np.random.default_rng(5)
-    near = rng.uniform(-0.6, 0.6, 2000) * period
-    ends = [k * period / 2 for k in range(-4, 5)]
-    for value in [*near, *(1e3 * near), *ends, *np.nextafter(ends, -np.inf), -0.0]:
-        expected = (value + period / 2) % period - period / 2
-        assert elementary.centred64(value, period) == expected
-        assert -period / 2 <= expected <= period / 2
+def test_the_compiled_centred_value_has_the_bits_of_pythons_remainder(period):
+    near = np.random.default_rng(5).uniform(-0.6, 0.6, 2000) * period
+    ends = np.arange(-4, 5) * period / 2
+    values = np.concatenate([near, 1e3 * near, ends, np.nextafter(ends, -np.inf), [-0.0]])
+    found = each(lambda value: elementary.centred64(value, period), values)
+    assert found.tobytes() == each(lambda value: centred(value, period), values.tolist()).tobytes()
+    assert (np.abs(found) <= period / 2).all()
+    assert math.isnan(elementary.centred64(math.nan, period))
 
 
 def test_log_of_zero_and_of_negative_numbers():
