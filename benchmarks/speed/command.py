@@ -53,7 +53,7 @@ FULL = Extent(
     largest=1_000_000,
 )
 QUICK = Extent(
-    figures=Effort(repeats=5, seconds=0.03),
+    figures=Effort(repeats=11, seconds=0.06),
     scaling=Effort(repeats=3, seconds=0.01),
     largest=100_000,
 )
