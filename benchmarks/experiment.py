@@ -13,7 +13,7 @@ from localizers import names, resolve
 class Experiment:
     """What ``paper``, ``run`` and ``phase`` share; checked before anything is run or written."""
 
-    preset: str = "paper"
+    scenario: str = "paper"
     localizers: tuple[str, ...] = PAPER_METHODS
     trials: int = 10
     seed: int = 0
@@ -21,7 +21,7 @@ class Experiment:
     lag: int = 20
 
     def __post_init__(self) -> None:
-        one_of("preset", self.preset, ASSUMED)
+        one_of("scenario", self.scenario, ASSUMED)
         if not self.localizers:
             raise InputError(f"no localizer is named: allowed are {', '.join(names())}.")
         for name in self.localizers:
@@ -37,7 +37,7 @@ class Experiment:
     def sweep(self) -> Sweep:
         """All localizers on the same worlds."""
         return paper_sweep(
-            preset=self.preset,
+            scenario=self.scenario,
             localizers=self.localizers,
             trials=self.trials,
             seed=self.seed,

@@ -25,9 +25,9 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     (trial,) = experiment.sweep.distinct()
     check_params(trial)
     writable_folder(out)
-    camera = camera_of(trial.preset, trial.lag, scale=1.6)
+    camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
-    trace = trace_of(episode, trial.offsets, room_of(trial.preset))
+    trace = trace_of(episode, trial.offsets, room_of(trial.scenario))
     title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
@@ -35,7 +35,8 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     }
     write_webp(out / "lap.webp", lap_frames(episode, camera, trial.localizer), 80)
     write_bytes(
-        out / "error.png", error_plot(curves, f"{title}, preset {trial.preset}, seed {trial.seed}")
+        out / "error.png",
+        error_plot(curves, f"{title}, scenario {trial.scenario}, seed {trial.seed}"),
     )
     write_text(out / "error.csv", _curves_csv(trace))
     write_bytes(out / "trace.npz", npz(trace))
@@ -49,7 +50,7 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     ]
     return "\n".join(
         [
-            f"{title}, preset {trial.preset}, seed {trial.seed}: {trace.steps} steps",
+            f"{title}, scenario {trial.scenario}, seed {trial.seed}: {trace.steps} steps",
             *lines,
             f"Written to {out}: lap.webp, error.png, error.csv, trace.npz, {', '.join(tracks)}.",
         ]

@@ -72,7 +72,7 @@ def run_paper(experiment: Experiment, out: Path, *, jobs: int, command: Sequence
 def _title(experiment: Experiment) -> str:
     worlds = "1 world" if experiment.trials == 1 else f"{experiment.trials} worlds"
     return (
-        f"Table 1, preset {experiment.preset}: {worlds}, {experiment.words}; "
+        f"Table 1, scenario {experiment.scenario}: {worlds}, {experiment.words}; "
         "the paper's values beside ours"
     )
 

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.numerics.types import Floats
 
 T = TypeVar("T")
 
@@ -69,7 +71,7 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     return given
 
 
-def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> Floats:
     """Return finite numbers of ``shape`` (None: any length) as a fresh array, else refuse."""
     try:
         given = np.asarray(value)
@@ -102,7 +104,7 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
     return x, y, heading
 
 
-def actions(what: str, value: ArrayLike) -> NDArray[np.float64]:
+def actions(what: str, value: ArrayLike) -> Floats:
     """Return actions (distance px, turn rad), (k, 2), as a fresh array, else refuse; [] is none."""
     none = isinstance(value, list | tuple) and not value
     return array(what, np.empty((0, 2)) if none else value, (None, 2))

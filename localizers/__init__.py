@@ -10,8 +10,8 @@ from localizers.beliefs import PointsBelief, PoseBelief
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
-from localizers.plugins import absolute_name
-from localizers.registry import make, names, parameters, register, resolve, source_digest
+from localizers.naming.plugins import absolute_name
+from localizers.naming.registry import make, names, parameters, register, resolve, source_digest
 
 __all__ = [
     "BeamModel",

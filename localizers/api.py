@@ -6,15 +6,15 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, array, number
-from localizers import scan_kernels
+from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
 
-Floats = NDArray[np.float64]
-Points = tuple[NDArray[np.floating], Floats]
+Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
 
 
@@ -54,7 +54,7 @@ class Belief(Protocol):
 class Localizer(Protocol):
     """Follows a robot by its commands, its scans and its plan."""
 
-    def reset(self, prior: Prior, plan: NDArray[np.floating], rng: np.random.Generator) -> Belief:
+    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Belief:
         """Start anew and return the belief at t = 0.
 
         Args:
@@ -66,9 +66,9 @@ class Localizer(Protocol):
 
     def update(
         self,
-        ranges: NDArray[np.floating],
-        action: NDArray[np.floating],
-        plan: NDArray[np.floating],
+        ranges: Reals,
+        action: Reals,
+        plan: Reals,
     ) -> Belief:
         """Return the belief after one step.
 
@@ -83,9 +83,7 @@ class Localizer(Protocol):
 class Motion(Protocol):
     """The assumed motion model; see ``localizers.models.motion.OdometryMotion``."""
 
-    def sample(
-        self, states: NDArray[np.float32], action: Floats, rng: np.random.Generator
-    ) -> NDArray[np.float32]:
+    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n)."""
         ...
 
@@ -102,7 +100,7 @@ class RobotModel:
         scan: p(o | ô) of one beam.
     """
 
-    floor_plan: FloorPlan
+    floor_plan: Map
     lidar: Lidar
     radius: float = 8.0
     motion: Motion = field(default_factory=OdometryMotion)
@@ -175,7 +173,7 @@ def _as_float64(values: NDArray[Any]) -> Floats:
     return values.astype(_FLOAT64, "C")
 
 
-def mean_pose(poses: NDArray[np.floating], weights: Floats) -> tuple[float, float, float]:
+def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
     """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
     sine, cosine = (weights * arrays.sin(heading)).sum(), (weights * arrays.cos(heading)).sum()

@@ -1,8 +1,9 @@
 """Ready-made beliefs, so that a plug-in need not write its own."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, array
 from localizers.api import Points
 
@@ -24,7 +25,7 @@ class PointsBelief:
         n = len(self._poses)
         if n == 0:
             raise InputError("the belief has no poses: give one or more.")
-        shares: NDArray[np.float64] = np.ones(n)
+        shares: Floats = np.ones(n)
         if weights is not None:
             shares = array("the belief's weights", weights, (n,))
         total = float(shares.sum())

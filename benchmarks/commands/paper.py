@@ -36,7 +36,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
     named = options.localizers
     experiment = Experiment(
-        preset=options.preset,
+        scenario=options.scenario,
         localizers=PAPER_METHODS if named is None else comma_separated(named),
         trials=options.trials,
         seed=options.seed,

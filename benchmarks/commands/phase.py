@@ -35,7 +35,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     experiment = Experiment(
         localizers=METHODS if named is None else comma_separated(named),
         trials=1,
-        preset=options.preset,
+        scenario=options.scenario,
         seed=options.seed,
         particles=options.particles,
         lag=options.lag,

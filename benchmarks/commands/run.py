@@ -30,7 +30,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     experiment = Experiment(
         localizers=(options.localizer,),
         trials=1,
-        preset=options.preset,
+        scenario=options.scenario,
         seed=options.seed,
         particles=options.particles,
         lag=options.lag,

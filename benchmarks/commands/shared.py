@@ -7,7 +7,7 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the root seed, the world, and the parameters that most localizers have."""
     parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
     parser.add_argument(
-        "--preset",
+        "--scenario",
         default="paper",
         help="the world: paper, matched, sharp or guided (paper)",
     )

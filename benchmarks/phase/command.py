@@ -29,10 +29,10 @@ def run_phase(experiment: Experiment, fields: int, out: Path, command: Sequence[
     for trial in trials:
         check_params(trial)
     writable_folder(out)
-    room = room_of(experiment.preset)
+    room = room_of(experiment.scenario)
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
-    title = f"The queue as theta phase: preset {experiment.preset}, {experiment.words}"
+    title = f"The queue as theta phase: scenario {experiment.scenario}, {experiment.words}"
     perfect, laps = _laps(trials, places)
     panels = [_panel(name, cycles) for name, cycles in laps.items()]
     first = _panel(PERFECT, perfect)

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.trials.episode import Moment
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from localizers import Belief
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +34,7 @@ class Cycles:
     spread: Floats
     past_centres: Floats
     progress: Floats
-    home: NDArray[np.intp]
+    home: Indices
 
     @property
     def steps(self) -> int:
@@ -49,7 +47,7 @@ class Cycles:
         return int(self.error.shape[1] // 2)
 
     @property
-    def offsets(self) -> NDArray[np.intp]:
+    def offsets(self) -> Indices:
         """k, (2R + 1,)."""
         return np.arange(-self.reach, self.reach + 1)
 
@@ -59,7 +57,7 @@ class Cycles:
         return phase(self.offsets, self.lag)
 
     @property
-    def held(self) -> NDArray[np.bool_]:
+    def held(self) -> Bools:
         """Whether the queue at t holds offset k, (T + 1, 2R + 1)."""
         return ~np.isnan(self.error)
 
@@ -82,7 +80,7 @@ class Cycles:
         return passed
 
 
-def phase(offsets: NDArray[np.intp], lag: int) -> Floats:
+def phase(offsets: Indices, lag: int) -> Floats:
     """360° (k + L + ½) / (2L + 1): the cycle in 2L + 1 equal parts, the oldest state first."""
     return 360 * (offsets + lag + 0.5) / (2 * lag + 1)
 
@@ -107,7 +105,7 @@ class _TrueQueue:
     truth: Floats
     step: int
 
-    def points(self, offset: int = 0) -> tuple[NDArray[np.floating], Floats] | None:
+    def points(self, offset: int = 0) -> tuple[Reals, Floats] | None:
         return self.truth[self.step + offset][None], np.ones(1)
 
 
@@ -140,7 +138,7 @@ def _cycles(truth: Floats, beliefs: Sequence[Belief], fields: PlaceFields, lag: 
     )
 
 
-def _moments(poses: NDArray[np.floating], weights: Floats, truth: Floats) -> tuple[float, float]:
+def _moments(poses: Reals, weights: Floats, truth: Floats) -> tuple[float, float]:
     """Distance of the mean place from the truth, and root of the total variance, px."""
     places = np.asarray(poses[:, :2], dtype=np.float64)
     shares = weights[:, None]

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.path import Path
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.world.path import Path
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class PlaceFields:
         """Number of fields."""
         return len(self.centres)
 
-    def mass(self, points: NDArray[np.floating], weights: Floats) -> Floats:
+    def mass(self, points: Reals, weights: Floats) -> Floats:
         """P(x in the field) of weighted poses (n, ≥ 2), for each field, (k,)."""
         x, y = np.asarray(points[:, :2], dtype=np.float64).T
         off_x, off_y = x - self.centres[:, :1], y - self.centres[:, 1:]
@@ -55,7 +53,7 @@ class PlaceFields:
         mass: Floats = np.where(inside, weights, 0.0).sum(axis=1)
         return mass
 
-    def past_centres(self, points: NDArray[np.floating]) -> Floats:
+    def past_centres(self, points: Reals) -> Floats:
         """How far each point (n, ≥ 2) is past each field's centre along the lap, px, (n, k).
 
         Negative before it, the shorter way round.
@@ -65,11 +63,11 @@ class PlaceFields:
             [[self.path.advance(home, arc) for home in homes] for arc in self._arcs(points)]
         )
 
-    def progress(self, points: NDArray[np.floating]) -> Floats:
+    def progress(self, points: Reals) -> Floats:
         """How far along the lap each of a row of points (n, ≥ 2) is past the first, px, (n,)."""
         arcs = self._arcs(points)
         steps = [self.path.advance(*pair) for pair in pairwise(arcs)]
         return np.cumsum([0.0, *steps])
 
-    def _arcs(self, points: NDArray[np.floating]) -> list[float]:
+    def _arcs(self, points: Reals) -> list[float]:
         return [self.path.arc((x, y)) for x, y in np.asarray(points)[:, :2].tolist()]

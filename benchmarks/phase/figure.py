@@ -24,7 +24,7 @@ from benchmarks.phase.panels import (
     number_fields,
 )
 from benchmarks.phase.precession import Precession
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,11 @@ class Panel:
 
 
 def phase_figure(
-    perfect: Panel, methods: Sequence[Panel], fields: PlaceFields, floor_plan: FloorPlan, title: str
+    perfect: Panel,
+    methods: Sequence[Panel],
+    fields: PlaceFields,
+    floor_plan: PolygonMap,
+    title: str,
 ) -> bytes:
     """Return the figure as PNG: the perfect queue and the map first, then a row per method."""
     import matplotlib as mpl

@@ -4,17 +4,16 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.phase.cycles import Cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.precession import Precession
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Floats = NDArray[np.float64]
 
 # After Okabe & Ito (2008): told apart under every common colour blindness.
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#aa4499")
@@ -110,7 +109,7 @@ def draw_table(axes: "Axes", cycles: Cycles, farthest: float) -> Any:
     return image
 
 
-def draw_map(axes: "Axes", fields: PlaceFields, floor_plan: FloorPlan) -> None:
+def draw_map(axes: "Axes", fields: PlaceFields, floor_plan: PolygonMap) -> None:
     """The room and the numbered fields."""
     from matplotlib.patches import Circle, Polygon
 

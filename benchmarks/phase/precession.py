@@ -4,11 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.phase.cycles import Cycles
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

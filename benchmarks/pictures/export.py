@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.trials.metrics import directions
 from benchmarks.trials.trace import Trace
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats
 
 
 def tum(states: Iterable[int], x: Floats, y: Floats, heading: Floats) -> str:

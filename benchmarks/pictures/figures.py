@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
 from benchmarks.trials.episode import Moment, room_of, trial_moments
 from benchmarks.trials.metrics import cloud_moments, state_error
 from benchmarks.trials.spec import Params, Trial
-from deqmcl_gym.drawing import Image, View
+from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.world.drawing import Image, View
 from localizers import Belief
 
 FIG_4_METHODS = ("deq-mcl", "mcl")
@@ -21,9 +19,9 @@ _LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
 
 
-def camera_of(preset: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
-    """Return a camera for the room of a preset, changed as ``world`` says."""
-    room = room_of(preset, world)
+def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
+    """Return a camera for the room of a scenario, changed as ``world`` says."""
+    room = room_of(scenario, world)
     return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
 
 
@@ -41,14 +39,16 @@ def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
         if method in episodes:
             episode, trial = episodes[method], by_name[method]
             half_way = episode[(len(episode) - 1) // 2]
-            write(f"fig4_{method}.png", camera_of(trial.preset, trial.lag).frame(half_way, method))
+            write(
+                f"fig4_{method}.png", camera_of(trial.scenario, trial.lag).frame(half_way, method)
+            )
     if FIG_5_METHOD in episodes:
         trial = by_name[FIG_5_METHOD]
-        for step, image in _fig_5(episodes[FIG_5_METHOD], camera_of(trial.preset, trial.lag)):
+        for step, image in _fig_5(episodes[FIG_5_METHOD], camera_of(trial.scenario, trial.lag)):
             write(f"fig5_step{step}.png", image)
     shown = [method for method in LAP_METHODS if method in episodes]
     if shown:
-        small = camera_of(by_name[shown[0]].preset, by_name[shown[0]].lag, scale=1.2)
+        small = camera_of(by_name[shown[0]].scenario, by_name[shown[0]].lag, scale=1.2)
         laps = [lap_frames(episodes[method], small, method) for method in shown]
         write_webp(
             folder / "lap.webp",
@@ -78,7 +78,7 @@ def _fig_5(episode: Sequence[Moment], camera: Camera) -> list[tuple[int, Image]]
     return images
 
 
-def _error_and_spread(belief: Belief, offset: int, truth: NDArray[np.floating]) -> str:
+def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"

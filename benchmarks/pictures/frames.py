@@ -6,12 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.files import write_bytes
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import Moment
-from deqmcl_gym.drawing import (
+from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.world.drawing import (
     GRAY,
     LIGHT_BLUE,
     ORANGE,
@@ -25,8 +25,6 @@ from deqmcl_gym.drawing import (
     write_words,
 )
 from localizers import Belief
-
-Floats = NDArray[np.floating]
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),
@@ -100,6 +98,6 @@ def side_by_side(images: Sequence[Image]) -> Image:
     return np.hstack(list(images))
 
 
-def _cloud(belief: Belief, offset: int) -> Floats | None:
+def _cloud(belief: Belief, offset: int) -> Reals | None:
     points = belief.points(offset)
     return None if points is None else points[0]

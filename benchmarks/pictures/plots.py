@@ -4,12 +4,10 @@ import io
 from collections.abc import Mapping
 from importlib.util import find_spec
 
-import numpy as np
-from numpy.typing import NDArray
-
+from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError
 
-Curves = Mapping[str, tuple[NDArray[np.intp], NDArray[np.float64]]]
+Curves = Mapping[str, tuple[Indices, Floats]]
 
 
 def require_plots() -> None:

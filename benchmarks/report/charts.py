@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.report.panels import Panel
 from benchmarks.report.samples import curves, milliseconds_per_step
@@ -14,8 +13,8 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import Method, per_world, world_scores
 from benchmarks.tables.stats import paired_bootstrap
 from benchmarks.trials.scoring import LEVELS
+from deqmcl_gym.numerics.types import Floats
 
-Floats = NDArray[np.float64]
 Looks = Mapping[Method, Look]
 
 _WIDE = 4.8  # inches

@@ -139,7 +139,7 @@ def _chart(
 
 def _facts(row: Comparison) -> Facts:
     """Everything that says what a row is of, flat."""
-    facts: Facts = {"preset": row.setting.preset, "disturbance": row.setting.disturbance}
+    facts: Facts = {"scenario": row.setting.scenario, "disturbance": row.setting.disturbance}
     facts |= {"lag": row.setting.lag, "seed": row.setting.seed, "localizer": row.method.localizer}
     for part, words in (
         ("world", row.setting.world),
@@ -200,7 +200,7 @@ def _where(world: str, worlds: Sequence[str]) -> str:
         if len({json.dumps(one.get(key)) for one in others}) > 1
     ]
     return ", ".join(
-        str(facts[key]) if key == "preset" else f"{_words(key)} {facts[key]}"
+        str(facts[key]) if key == "scenario" else f"{_words(key)} {facts[key]}"
         for key in differing
         if key in facts
     )

@@ -15,7 +15,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import world_scores
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial, frozen, unworded
-from deqmcl_gym.drawing import Image
+from deqmcl_gym.world.drawing import Image
 
 _STRIDE = 4  # steps per frame
 _MILLISECONDS = 160
@@ -111,7 +111,7 @@ def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
 
 
 def _frames(trial: Trial) -> list[Image]:
-    camera = camera_of(trial.preset, trial.lag, _SCALE, trial.world)
+    camera = camera_of(trial.scenario, trial.lag, _SCALE, trial.world)
     return [
         camera.frame(moment, trial.localizer)
         for moment in trial_moments(trial)

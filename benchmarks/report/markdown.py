@@ -104,7 +104,7 @@ def images(story: Story) -> dict[str, bytes]:
 def describe(trial: dict[str, object]) -> str:
     """Which trial it was, in words."""
     return (
-        f"{trial.get('localizer')} on {trial.get('preset')}, world {trial.get('trial')}, "
+        f"{trial.get('localizer')} on {trial.get('scenario')}, world {trial.get('trial')}, "
         f"filter seed {trial.get('filter_seed')}"
     )
 

@@ -147,12 +147,12 @@ def _form(method: Method, methods: Sequence[Method]) -> list[str]:
 
 
 def _names(settings: Sequence[Setting]) -> dict[Setting, str]:
-    """The preset and what differs from it; lag and seed where settings differ in them."""
+    """The scenario and what differs from it; lag and seed where settings differ in them."""
     several_lags = len({setting.lag for setting in settings}) > 1
     several_seeds = len({setting.seed for setting in settings}) > 1
     names = {}
     for setting in settings:
-        words = [f"preset {setting.preset}"]
+        words = [f"scenario {setting.scenario}"]
         words += [f"{name} {value}" for name, value in json.loads(setting.world).items()]
         words += [f"assumed {name} {value}" for name, value in json.loads(setting.assumed).items()]
         words += [_disturbance(one) for one in json.loads(setting.disturbance)]

@@ -4,11 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.tables.pairing import Record
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats, Indices
 
 
 def milliseconds_per_step(records: Sequence[Record]) -> float:
@@ -21,7 +19,7 @@ def milliseconds_per_step(records: Sequence[Record]) -> float:
     return float(np.median(times)) if times else math.nan
 
 
-def curves(records: Sequence[Record], offset: int) -> tuple[NDArray[np.intp], Floats]:
+def curves(records: Sequence[Record], offset: int) -> tuple[Indices, Floats]:
     """States and errors (runs, states), as far as every run goes."""
     curves = [c for record in records if (c := record["curves"].get(str(offset)))]
     if not curves:

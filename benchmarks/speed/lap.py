@@ -6,21 +6,19 @@ from functools import cache
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.speed.timing import Job
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.numerics.types import Reals, Singles
 from localizers import GaussianPrior, GaussianUniform, Localizer, OdometryMotion, RobotModel
-
-Floats = NDArray[np.floating]
 
 BEAMS = 16
 SIGMA = 10.0  # px
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
 
 
-def free_poses(floor_plan: FloorPlan, n: int) -> NDArray[np.float32]:
+def free_poses(floor_plan: PolygonMap, n: int) -> Singles:
     """Draw poses uniformly from the free space, always the same ones, (n, 3)."""
     rng = np.random.default_rng(0)
     x0, y0, x1, y1 = floor_plan.bounds
@@ -50,8 +48,8 @@ class RecordedLap:
 
     robot: RobotModel
     prior: GaussianPrior
-    scans: Floats
-    plan: Floats
+    scans: Reals
+    plan: Reals
 
     def following(self, localizer: Localizer, warm_up: int = 0) -> Job:
         """Return the job of updating a localizer along the lap, over and over; one step a call."""

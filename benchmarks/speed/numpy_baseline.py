@@ -11,34 +11,31 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
-from deqmcl_gym.floorplan.polygons import as_box
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.polygons import as_box
+from deqmcl_gym.numerics.types import Floats, Indices, Reals, Singles
 from deqmcl_gym.validation import InputError
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.scan import OUTSIDE
 
-Singles = NDArray[np.float32]
-Floats = NDArray[np.float64]
-Numbers = NDArray[np.floating]
 RAYS_PER_BLOCK = 16_384  # 64 KiB per temporary array; the fastest of 1,024 to 65,536
 
 
 Caster = Callable[[Singles, Singles], Singles]  # poses (3, n), bearings (B,) -> ranges (B, n)
 
 
-def segments(floor_plan: FloorPlan) -> Caster:
+def segments(floor_plan: PolygonMap) -> Caster:
     """Return a caster that tries every wall as a segment, as ``floorplan.reference`` does."""
     return partial(_cast_segments, walls=floor_plan.walls.astype(np.float32))
 
 
-def slabs(floor_plan: FloorPlan) -> Caster:
+def slabs(floor_plan: PolygonMap) -> Caster:
     """Return a caster that knows rectangles; about as fast as NumPy goes."""
     return partial(_cast_slabs, boxes=boxes_of(floor_plan))
 
 
-def boxes_of(floor_plan: FloorPlan) -> Singles:
+def boxes_of(floor_plan: PolygonMap) -> Singles:
     """Return the map's rectangles, the outer one first: (x_low, y_low, x_high, y_high), (k, 4)."""
     boxes = [as_box(polygon) for polygon in (floor_plan.outer, *floor_plan.obstacles)]
     if None in boxes:
@@ -60,7 +57,7 @@ def ranges(poses: Singles, bearings: Singles, cast: Caster) -> Singles:
     return out
 
 
-def systematic(weights: Floats, rng: np.random.Generator) -> NDArray[np.intp]:
+def systematic(weights: Floats, rng: np.random.Generator) -> Indices:
     """One uniform offset for n equidistant pointers (Kitagawa 1996), (n,)."""
     n = weights.size
     reached = np.cumsum(weights)
@@ -78,9 +75,9 @@ class NumpyModels:
     """
 
     robot: RobotModel
-    caster: Callable[[FloorPlan], Caster] = segments
+    caster: Callable[[PolygonMap], Caster] = segments
 
-    def moved(self, states: Singles, action: Numbers, rng: np.random.Generator) -> Singles:
+    def moved(self, states: Singles, action: Reals, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n)."""
         motion = self.robot.motion
         assert isinstance(motion, OdometryMotion)
@@ -96,7 +93,7 @@ class NumpyModels:
         out[2] = heading
         return out
 
-    def log_likelihood(self, states: Singles, scan: Numbers) -> Floats:
+    def log_likelihood(self, states: Singles, scan: Reals) -> Floats:
         """Σ_b log p(o_b | ô_b) of a scan (B,) px at each pose (3, n), (n,)."""
         beam = self.robot.scan
         assert isinstance(beam, GaussianUniform)
@@ -125,10 +122,10 @@ class NumpyModels:
 class Cloud:
     """A ``Belief`` about the present: poses (n, 3) and weights (n,)."""
 
-    poses: Numbers
+    poses: Reals
     weights: Floats
 
-    def points(self, offset: int = 0) -> tuple[Numbers, Floats] | None:
+    def points(self, offset: int = 0) -> tuple[Reals, Floats] | None:
         """Return poses and weights; None for another offset than 0."""
         return None if offset else (self.poses.copy(), self.weights.copy())
 
@@ -141,13 +138,13 @@ class NumpyMCL:
         robot: RobotModel,
         *,
         particles: int,
-        caster: Callable[[FloorPlan], Caster] = segments,
+        caster: Callable[[PolygonMap], Caster] = segments,
     ) -> None:
         """Make MCL for a robot."""
         self._models = NumpyModels(robot, caster)
         self._particles = particles
 
-    def reset(self, prior: Prior, plan: Numbers, rng: np.random.Generator) -> Cloud:
+    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
         """Start anew."""
         del plan
         self._rng = rng
@@ -155,7 +152,7 @@ class NumpyMCL:
         self._weights = np.full(self._particles, 1 / self._particles)
         return Cloud(self._states.T, self._weights)
 
-    def update(self, ranges: Numbers, action: Numbers, plan: Numbers) -> Cloud:
+    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
         """Go one step on."""
         del plan
         survivors = self._states[:, systematic(self._weights, self._rng)]

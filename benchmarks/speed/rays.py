@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pymunk
-from numpy.typing import NDArray
 
 from benchmarks.speed import numpy_baseline
 from benchmarks.speed.figure import Figure, Sides, require
 from benchmarks.speed.lap import BEAMS, fan, free_poses
 from benchmarks.speed.timing import Job
-from deqmcl_gym.floorplan import FloorPlan
-from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Singles
+from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 POSES = 20_000
 POSES_OF_MANY_BEAMS = 1_000
@@ -19,7 +19,6 @@ POSES_ONE_BY_ONE = 100  # for those who are asked for a pose at a time
 FAR = 1000.0  # px, beyond every wall
 ALL_AROUND = 360
 
-Singles = NDArray[np.float32]
 Segment = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -29,12 +28,12 @@ def bearings_of(beams: int) -> Singles:
 
 
 def our_job(poses: int = POSES, beams: int = BEAMS) -> Job:
-    """Return the job of ``FloorPlan.ranges``."""
+    """Return the job of ``PolygonMap.ranges``."""
     cloud, bearings = free_poses(PAPER_ROOM, poses), bearings_of(beams)
     return Job(call=lambda: PAPER_ROOM.ranges(cloud, bearings), amount=poses * beams)
 
 
-def numpy_job(caster: Callable[[FloorPlan], numpy_baseline.Caster]) -> Job:
+def numpy_job(caster: Callable[[PolygonMap], numpy_baseline.Caster]) -> Job:
     """Return the job of a NumPy baseline: ``segments`` or ``slabs``."""
     cloud = np.ascontiguousarray(free_poses(PAPER_ROOM, POSES).T)
     bearings, cast = bearings_of(BEAMS), caster(PAPER_ROOM)
@@ -113,7 +112,7 @@ FIGURES = (
     Figure(
         name="rays_vs_numpy",
         task=_ROOM,
-        ours="FloorPlan.ranges",
+        ours="PolygonMap.ranges",
         other="NumPy, all walls, float32 in blocks",
         unit="rays/s",
         target=8,
@@ -122,7 +121,7 @@ FIGURES = (
     Figure(
         name="rays_vs_numpy_slabs",
         task=_ROOM,
-        ours="FloorPlan.ranges",
+        ours="PolygonMap.ranges",
         other="NumPy, slab method, float32 in blocks",
         unit="rays/s",
         sides=lambda: (our_job(), numpy_job(numpy_baseline.slabs)),
@@ -130,7 +129,7 @@ FIGURES = (
     Figure(
         name="rays_vs_pymunk",
         task=_ROOM,
-        ours="FloorPlan.ranges",
+        ours="PolygonMap.ranges",
         other="pymunk, a segment query a ray",
         unit="rays/s",
         target=1_000,
@@ -139,7 +138,7 @@ FIGURES = (
     Figure(
         name="rays_vs_navground",
         task=f"rays in the paper's room, {ALL_AROUND} beams a pose",
-        ours="FloorPlan.ranges",
+        ours="PolygonMap.ranges",
         other=f"navground, {ALL_AROUND} beams a call",
         unit="rays/s",
         target=10,
@@ -149,7 +148,7 @@ FIGURES = (
     Figure(
         name="rays_vs_navground_16",
         task=_ROOM,
-        ours="FloorPlan.ranges",
+        ours="PolygonMap.ranges",
         other=f"navground, {BEAMS} beams a call",
         unit="rays/s",
         sides=lambda: navground_sides(BEAMS),
@@ -158,7 +157,7 @@ FIGURES = (
     Figure(
         name="rays_vs_raycast2d",
         task=_ROOM,
-        ours="FloorPlan.ranges, exact",
+        ours="PolygonMap.ranges, exact",
         other=f"raycast2D, pixels of 1 px, {BEAMS} beams a call",
         unit="rays/s",
         sides=raycast2d_sides,

@@ -11,7 +11,7 @@ from benchmarks.speed.lap import BEAMS, fan, free_poses, recorded_lap
 from benchmarks.speed.numpy_baseline import NumpyMCL
 from benchmarks.speed.steps import FEW, our_job
 from benchmarks.speed.timing import Effort, Job, rates
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 
 POSES = 2_000
 
@@ -52,7 +52,7 @@ def curves(*, largest: int) -> list[Curve]:
     return [
         Curve(
             task=f"rays, {POSES:,} poses × {BEAMS} beams, pillars in a square room",
-            who="FloorPlan.ranges",
+            who="PolygonMap.ranges",
             varied="segments",
             values=(8, 16, 32, 64, 128, 256, 512),
             unit="rays/s",
@@ -100,7 +100,7 @@ def scaled(chosen: Sequence[Curve], effort: Effort) -> Iterator[Measurement]:
         yield Measurement(curve=curve, results=[in_unit(rate, curve.unit) for rate in seen])
 
 
-def pillared_room(segments: int) -> FloorPlan:
+def pillared_room(segments: int) -> PolygonMap:
     """Return a square room of 400 px with oblique square pillars: 4 walls each and 4 around."""
     pillars = segments // 4 - 1
     side = math.ceil(math.sqrt(pillars))
@@ -108,7 +108,7 @@ def pillared_room(segments: int) -> FloorPlan:
     corners = np.deg2rad(17 + 90 * np.arange(4))
     square = spacing / 4 * np.column_stack([np.cos(corners), np.sin(corners)])
     centres = [(spacing * (i % side + 0.5), spacing * (i // side + 0.5)) for i in range(pillars)]
-    return FloorPlan(
+    return PolygonMap(
         outer=((0, 0), (400, 0), (400, 400), (0, 400)),
         obstacles=tuple((square + centre).tolist() for centre in centres),
     )

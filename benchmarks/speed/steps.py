@@ -7,7 +7,7 @@ from benchmarks.speed.figure import MICROSECONDS, Figure, Sides, require
 from benchmarks.speed.lap import BEAMS, recorded_lap
 from benchmarks.speed.numpy_baseline import Caster, NumpyMCL, segments, slabs
 from benchmarks.speed.timing import Job
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 from localizers import Localizer, RobotModel, make
 
 FEW, MANY = 1_000, 10_000
@@ -20,7 +20,7 @@ def our_job(name: str, particles: int, *, beams: int = BEAMS, **params: int) -> 
     return lap.following(localizer, warm_up=params.get("lag", 0))
 
 
-def numpy_sides(particles: int, caster: Callable[[FloorPlan], Caster]) -> Sides:
+def numpy_sides(particles: int, caster: Callable[[PolygonMap], Caster]) -> Sides:
     """Return our MCL and the same in NumPy."""
     lap = recorded_lap()
     baseline = NumpyMCL(lap.robot, particles=particles, caster=caster)

@@ -101,7 +101,7 @@ def _planned(content: Mapping[str, Any]) -> tuple[Sweep, str, Sequence[Trial]]:
         sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
         return sweep, sweep.title, sweep.distinct()
     configuration = content["configuration"]
-    title = f"The paper's experiment, preset {configuration['preset']}"
+    title = f"The paper's experiment, scenario {configuration['scenario']}"
     sweep = paper_sweep(**configuration)
     return sweep, title, sweep.distinct()
 

@@ -22,7 +22,7 @@ class Sweep:
     Attributes:
         title: one line, for the report.
         localizers: the methods compared.
-        preset: name of the world and of what the filters assume of it.
+        scenario: name of the world and of what the filters assume of it.
         lag: L; also a parameter of each localizer that has a use for it.
         world: changes to the world, by dotted name.
         assumed: changes to what the filters assume, by dotted name.
@@ -38,7 +38,7 @@ class Sweep:
 
     title: str
     localizers: tuple[Method, ...]
-    preset: str = "paper"
+    scenario: str = "paper"
     lag: int = 20
     world: Params = ()
     assumed: Params = ()
@@ -52,7 +52,7 @@ class Sweep:
     limit: Limit | None = None
 
     def __post_init__(self) -> None:
-        one_of("preset", self.preset, ASSUMED)
+        one_of("scenario", self.scenario, ASSUMED)
         integer("lag", self.lag)
         integer("seed", self.seed)
         integer("trials", self.trials, low=1, high=100_000)
@@ -64,8 +64,8 @@ class Sweep:
             if varied.count(name) > 1:
                 raise InputError(f"{name} is varied twice: name it in one [[vary]].")
         for axis in self.vary:
-            for value in axis.values.get("preset", ()):
-                one_of("preset", value, ASSUMED)
+            for value in axis.values.get("scenario", ()):
+                one_of("scenario", value, ASSUMED)
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
         for method in self.localizers:
@@ -121,7 +121,7 @@ class Sweep:
         return {
             "title": self.title,
             "localizers": [_jsonable_method(method) for method in self.localizers],
-            "preset": self.preset,
+            "scenario": self.scenario,
             "lag": self.lag,
             "world": thawed(self.world),
             "assumed": thawed(self.assumed),
@@ -148,7 +148,7 @@ class Sweep:
         for number in range(trials):
             for filter_seed in range(filter_seeds):
                 yield Trial(
-                    preset=base["preset"],
+                    scenario=base["scenario"],
                     world=frozen(base["world"]),
                     assumed=frozen(base["assumed"]),
                     disturbance=base["disturbance"],

@@ -8,7 +8,7 @@ from benchmarks.trials.spec import Params
 from deqmcl_gym.validation import InputError, integer, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
-SCALARS = ("preset", "lag", "disturbance")
+SCALARS = ("scenario", "lag", "disturbance")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Axis:
     """What is varied together: k values for each of one or more names.
 
     Attributes:
-        values: by name: "preset", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
+        values: by name: "scenario", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
     """
 
     values: Mapping[str, tuple[Any, ...]]

@@ -23,8 +23,8 @@ class Failure:
 class Results:
     """A sweep as far as it has come.
 
-    Trials of the same setting (preset, world, assumed, disturbance, lag, seed) and the same number
-    are paired over methods (localizer, params).
+    Trials of the same setting (scenario, world, assumed, disturbance, lag, seed) and the same
+    number are paired over methods (localizer, params).
 
     Attributes:
         title: of the sweep.

@@ -79,7 +79,7 @@ def check(sweep: Sweep) -> None:
     """
     settings, methods = set(), set()
     for trial in sweep.cells():
-        setting = repr((trial.preset, trial.world, trial.assumed, trial.disturbance))
+        setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
         if setting not in settings:
             check_setting(trial)
             settings.add(setting)

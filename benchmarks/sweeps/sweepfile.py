@@ -14,7 +14,7 @@ from benchmarks.trials.spec import Params, frozen
 from deqmcl_gym.validation import InputError, one_of
 
 _KEYS = (
-    *("title", "preset", "lag", "seed", "trials", "filter_seeds"),
+    *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
 )
 
@@ -76,7 +76,7 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
     for key in given:
         one_of("key", key, _KEYS)
     _refuse_nan(given, "")
-    scalars = ("preset", "lag", "seed", "trials", "filter_seeds", "baseline")
+    scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     return Sweep(
         title=_text("title", given.get("title", title)),

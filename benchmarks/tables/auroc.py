@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.tables.stats import multiplicities
+from deqmcl_gym.numerics.types import Bools, Floats
 
-Floats = NDArray[np.float64]
-Steps = tuple[Floats, NDArray[np.bool_]]
+Steps = tuple[Floats, Bools]
 
 FAR = 50.0  # e above which a step counts as far off, px
 

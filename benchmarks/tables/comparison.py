@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.pairing import (
@@ -22,8 +21,8 @@ from benchmarks.tables.pairing import (
 from benchmarks.tables.stats import holm, paired_bootstrap, sample_sd, wilcoxon, wilson, win_rate
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.scoring import SCORE_NAMES
+from deqmcl_gym.numerics.types import Floats
 
-Floats = NDArray[np.float64]
 Run = tuple[int, int]  # trial, filter seed
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))

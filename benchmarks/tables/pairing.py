@@ -16,14 +16,14 @@ class Setting:
     """What trials share that may be compared; nested values as JSON, so that it can be a key.
 
     Attributes:
-        preset: name of the world and of what the filters assume.
+        scenario: name of the world and of what the filters assume.
         world, assumed: changes to both, by dotted name.
         disturbance: wrappers around the world.
         lag: L.
         seed: root of all randomness.
     """
 
-    preset: str
+    scenario: str
     world: str
     assumed: str
     disturbance: str
@@ -51,7 +51,7 @@ METHOD_COLUMNS = ("method", "params")
 def setting_of(trial: dict[str, Any]) -> Setting:
     """Return the setting of a canonical trial."""
     return Setting(
-        trial.get("preset", ""),
+        trial.get("scenario", ""),
         _json(trial.get("world") or {}),
         _json(trial.get("assumed") or {}),
         _json(trial.get("disturbance") or []),

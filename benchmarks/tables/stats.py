@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats
 
 _RESAMPLES = 10_000
 _BLOCK = 1_000  # resamples held at once

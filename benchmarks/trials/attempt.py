@@ -22,7 +22,7 @@ class Outcome:
 
 def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
-    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.preset, trial.world))
+    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.scenario, trial.world))
 
 
 def attempt(trial: Trial, key: str) -> Outcome:

@@ -8,8 +8,8 @@ from typing import Any
 import gymnasium as gym
 
 from benchmarks.trials.spec import Params
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
-from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
 
 KINDS = MappingProxyType({"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange})
 

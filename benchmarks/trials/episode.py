@@ -10,17 +10,16 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.presets import ASSUMED, Assumptions
 from benchmarks.trials.spec import Params, Trial
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Belief, Localizer, Prior, make
 
-Floats = NDArray[np.floating]
-Driver = Callable[[Belief, Floats], Floats]
+Driver = Callable[[Belief, Reals], Reals]
 
 _PARTS = ("floor_plan", "lidar", "robot", "noise", "start", "lap", "driver")
 
@@ -38,15 +37,15 @@ class Moment:
     """
 
     step: int
-    truth: Floats
-    ranges: Floats
+    truth: Reals
+    ranges: Reals
     belief: Belief
     seconds: float
 
 
-def follow_plan(belief: Belief, plan: Floats) -> Floats:
+def follow_plan(belief: Belief, plan: Reals) -> Reals:
     """Carry out the next planned action, whatever one believes."""
-    action: Floats = plan[0]
+    action: Reals = plan[0]
     return action
 
 
@@ -83,17 +82,17 @@ def moments(
         yield Moment(step, info["truth"], ranges, belief, time.perf_counter() - started)
 
 
-def room_of(preset: str, world: Params = ()) -> RoomEnv:
-    """Return the world of a preset, set up to run all planned steps.
+def room_of(scenario: str, world: Params = ()) -> RoomEnv:
+    """Return the world of a scenario, set up to run all planned steps.
 
     Args:
-        preset: its name.
+        scenario: its name.
         world: changes to it, by dotted name: ("lidar.beams", 9).
 
     Raises:
-        InputError: unknown preset or name, or a bad value.
+        InputError: unknown scenario or name, or a bad value.
     """
-    one_of("preset", preset, ASSUMED)
+    one_of("scenario", scenario, ASSUMED)
     parts: dict[str, Any] = {}
     for name, value in world:
         part, _, key = name.partition(".")
@@ -101,12 +100,12 @@ def room_of(preset: str, world: Params = ()) -> RoomEnv:
         if not key:
             raise InputError(f"world.{part} is {value!r}, but must name a key: world.{part}.….")
         parts.setdefault(part, {})[key] = value
-    return RoomEnv(preset=preset, ends_at_goal=False, **parts)
+    return RoomEnv(preset=scenario, ends_at_goal=False, **parts)
 
 
 def trial_moments(trial: Trial) -> Iterator[Moment]:
     """Run a trial; yield each step."""
-    room = room_of(trial.preset, trial.world)
+    room = room_of(trial.scenario, trial.world)
     env = disturbed(room, trial.disturbance)
     localizer = _localizer(trial, room)
     prior = _assumed(trial).prior(room)
@@ -119,7 +118,7 @@ def check_setting(trial: Trial) -> None:
     Raises:
         InputError: something of it is refused.
     """
-    room = room_of(trial.preset, trial.world)
+    room = room_of(trial.scenario, trial.world)
     disturbed(room, trial.disturbance).reset(seed=trial.world_seed)
     _assumed(trial).robot_model(room)
 
@@ -130,7 +129,7 @@ def check_params(trial: Trial) -> None:
     Raises:
         InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
     """
-    room = room_of(trial.preset, trial.world)
+    room = room_of(trial.scenario, trial.world)
     try:
         _localizer(trial, room)
     except InputError:
@@ -140,13 +139,13 @@ def check_params(trial: Trial) -> None:
 
 
 def _assumed(trial: Trial) -> Assumptions:
-    return ASSUMED[trial.preset].changed(dict(trial.assumed))
+    return ASSUMED[trial.scenario].changed(dict(trial.assumed))
 
 
 def _localizer(trial: Trial, room: RoomEnv) -> Localizer:
     return make(trial.localizer, _assumed(trial).robot_model(room), **dict(trial.params))
 
 
-def _plan(info: dict[str, Any]) -> Floats:
-    planned: Floats = info["planned_actions"][: info["planned_count"]]
+def _plan(info: dict[str, Any]) -> Reals:
+    planned: Reals = info["planned_actions"][: info["planned_count"]]
     return planned

@@ -4,12 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64
+from deqmcl_gym.numerics.types import Floats, Indices
 
-Floats = NDArray[np.float64]
 Scalar = Any  # a float64 inside a kernel
 
 _TWO_PI = 2 * math.pi
@@ -55,7 +54,7 @@ def moments(poses: Floats, weights: Floats, out: Floats) -> None:
 
 
 @compiled
-def thinned(weights: Floats, chosen: NDArray[np.intp]) -> None:
+def thinned(weights: Floats, chosen: Indices) -> None:
     """Fill in which particles stand at the cumulative weights (j + ½) / m, j = 0 … m - 1."""
     m = chosen.size
     total = 0.0
@@ -71,7 +70,7 @@ def thinned(weights: Floats, chosen: NDArray[np.intp]) -> None:
 
 
 @compiled
-def energy(poses: Floats, weights: Floats, truth: Floats, chosen: NDArray[np.intp]) -> float:
+def energy(poses: Floats, weights: Floats, truth: Floats, chosen: Indices) -> float:
     """Σ w |x_i - truth| - ½ (mean distance of the pairs j ≠ k of chosen particles), in (x, y)."""
     near = 0.0
     for i in range(weights.size):

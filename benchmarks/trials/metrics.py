@@ -7,12 +7,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trials import kernels
 from deqmcl_gym.numerics import arrays
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats, Reals
 
 # Smallest variances that entropy is computed from: (0.1 px)² and 10⁻⁶.
 VARIANCE_FLOOR = np.array([1e-2, 1e-2, 1e-6, 1e-6])
@@ -40,13 +38,13 @@ class CloudScores(NamedTuple):
     nees: float
 
 
-def components(poses: NDArray[np.floating]) -> Floats:
+def components(poses: Reals) -> Floats:
     """(x, y, cos θ, sin θ) of poses (n, 3), (n, 4)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T
     return np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
 
 
-def cloud_moments(poses: NDArray[np.floating], weights: Floats) -> tuple[Floats, Floats]:
+def cloud_moments(poses: Reals, weights: Floats) -> tuple[Floats, Floats]:
     """Weighted mean and variance of (x, y, cos θ, sin θ), (4,) each; one point has none (NaN).
 
     Args:
@@ -56,7 +54,7 @@ def cloud_moments(poses: NDArray[np.floating], weights: Floats) -> tuple[Floats,
     return _moments(_rows(poses), _doubles(weights))
 
 
-def cloud_scores(poses: NDArray[np.floating], weights: Floats, truth: Floats) -> CloudScores:
+def cloud_scores(poses: Reals, weights: Floats, truth: Floats) -> CloudScores:
     """Moments of a belief and what they and its points say of the truth.
 
     With X, X' drawn from the belief and z the truth, in (x, y):
@@ -94,7 +92,7 @@ def cloud_scores(poses: NDArray[np.floating], weights: Floats, truth: Floats) ->
     return CloudScores(mean, variance, energy, rank, nees)
 
 
-def state_error(means: Floats, truth: NDArray[np.floating]) -> Floats:
+def state_error(means: Floats, truth: Reals) -> Floats:
     """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,).
 
     Args:
@@ -150,10 +148,10 @@ def _moments(rows: Floats, weights: Floats) -> tuple[Floats, Floats]:
     return out[0], out[1]
 
 
-def _rows(poses: NDArray[np.floating]) -> Floats:
+def _rows(poses: Reals) -> Floats:
     """Poses (n, 3) as contiguous rows (3, n)."""
     return np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
 
 
-def _doubles(values: NDArray[np.floating]) -> Floats:
+def _doubles(values: Reals) -> Floats:
     return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What the filters assume of each named world. The worlds themselves: ``deqmcl_gym.presets``.
+"""What the filters assume of each named world. The worlds themselves: ``deqmcl_gym.world.presets``.
 
 Nothing of the paper's setting but room, L, β and the number of trials is published. ``paper`` was
 chosen by the plain MCL row of its Table 1 alone: large assumed noise, a weak sensor, a local start.
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.validation import number, one_of
 from localizers import (
     CensoredGaussianUniform,

@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.trials import metrics
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
+from deqmcl_gym.numerics.types import Floats
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
 LOST_STEPS = 20  # a trial is lost if over its last steps …
@@ -125,17 +126,17 @@ def _scores(trace: Trace, offset: int, kept: OffsetTrace, lag: int) -> Scores:
     )
 
 
-def _lost(distances: metrics.Floats) -> float:
+def _lost(distances: Floats) -> float:
     if not distances.size:
         return np.nan
     return float(distances[-LOST_STEPS:].mean() > LOST_DISTANCE)
 
 
-def _errors(trace: Trace, kept: OffsetTrace) -> metrics.Floats:
+def _errors(trace: Trace, kept: OffsetTrace) -> Floats:
     return metrics.state_error(kept.means, trace.truth[kept.states])
 
 
-def _rated(quality: metrics.Floats) -> list[float | None] | None:
+def _rated(quality: Floats) -> list[float | None] | None:
     """P(not lost) after the steps t = 1 … T, with all digits: it is about how near it is to 1."""
     given = quality[1:]
     return None if np.isnan(given).all() else [None if np.isnan(q) else q for q in given.tolist()]

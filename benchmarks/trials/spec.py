@@ -19,8 +19,8 @@ class Trial:
     """One localizer on one lap of one world.
 
     Attributes:
-        preset: name of the world and of what the filters assume of it.
-        world: changes to the preset's world, by dotted name: ("lidar.beams", 9).
+        scenario: name of the world and of what the filters assume of it.
+        world: changes to the scenario's world, by dotted name: ("lidar.beams", 9).
         assumed: changes to what the filters assume, by dotted name: ("scan.sigma", 50.0).
         disturbance: wrappers around the world, innermost first: (("kind", "kidnap"), …).
         localizer: name of the localizer.
@@ -31,7 +31,7 @@ class Trial:
         filter_seed: which of several runs of the localizer on that world.
     """
 
-    preset: str
+    scenario: str
     world: Params = ()
     assumed: Params = ()
     disturbance: tuple[Params, ...] = ()
@@ -64,7 +64,7 @@ class Trial:
     def canonical(self) -> dict[str, Any]:
         """Return the trial as JSON-able values in a fixed order."""
         return {
-            "preset": self.preset,
+            "scenario": self.scenario,
             "world": thawed(self.world),
             "assumed": thawed(self.assumed),
             "disturbance": [thawed(wrapper) for wrapper in self.disturbance],
@@ -78,7 +78,7 @@ class Trial:
 
     def cell(self) -> str:
         """Return its setting and method in words: what trials are counted by."""
-        parts = [self.preset, *(f"{name}={value}" for name, value in self.world)]
+        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world)]
         parts += [f"assumed {name}={value}" for name, value in self.assumed]
         parts += [str(dict(wrapper).get("kind")) for wrapper in self.disturbance]
         parts += [f"L={self.lag}", self.localizer]

@@ -6,15 +6,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import CloudScores, cloud_moments, cloud_scores
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from localizers import Belief, quality_of
 
-Floats = NDArray[np.float64]
-Points = tuple[NDArray[np.floating], Floats]
+Points = tuple[Reals, Floats]
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
@@ -32,7 +31,7 @@ class OffsetTrace:
         energy, rank, nees: see ``metrics.CloudScores``, (k,); NaN where not available.
     """
 
-    states: NDArray[np.intp]
+    states: Indices
     means: Floats
     variances: Floats
     wall_share: Floats
@@ -62,7 +61,7 @@ class Trace:
     seconds: float
     quality: Floats
     events: dict[str, int] = field(default_factory=dict)
-    profile: dict[int, tuple[NDArray[np.intp], Floats]] = field(default_factory=dict)
+    profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
     def steps(self) -> int:

@@ -8,13 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import elementary
 from deqmcl_gym.numerics.compiling import compiled
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from deqmcl_gym.numerics.types import Floats, Singles
 
 
 def sincos(angles: Singles) -> tuple[Singles, Singles]:

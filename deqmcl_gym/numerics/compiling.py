@@ -14,18 +14,15 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 
 # numba keys its cache by a kernel's own file, but kernels call those of other files. A digest of
-# the files that they call into becomes part of every kernel's name, so that an edit there is seen.
-_SHARED = hashlib.sha256(
-    b"".join(
-        Path(__file__).parents[1].joinpath(name).read_bytes()
-        for name in (
-            "numerics/elementary.py",
-            "floorplan/kernels.py",
-            "floorplan/ray_kernels.py",
-            "path_kernels.py",
-        )
-    )
-).hexdigest()[:8]
+# all files of kernels becomes part of every kernel's name, so that an edit in any of them is seen.
+_ROOT = Path(__file__).parents[2]
+_KERNELS = sorted(
+    path
+    for package in ("deqmcl_gym", "localizers", "benchmarks")
+    for pattern in ("*kernels.py", "elementary.py")
+    for path in (_ROOT / package).rglob(pattern)
+)
+_SHARED = hashlib.sha256(b"".join(path.read_bytes() for path in _KERNELS)).hexdigest()[:8]
 
 
 def compiled(function: F) -> F:

@@ -181,7 +181,7 @@ def cos64(angle: Scalar) -> Scalar:
 
 @compiled
 def centred64(value: Scalar, period: Scalar) -> Scalar:
-    """``deqmcl_gym.path.centred``, to the bit: value less whole periods."""
+    """``deqmcl_gym.world.path.centred``, to the bit: value less whole periods."""
     ahead: Scalar = value + period / 2
     if not 0.0 <= ahead < period:  # seldom, and remainders take long
         ahead %= period

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Floats
 from localizers.api import Prior, mean_pose
 from localizers.checks.drive import size_of
 from localizers.checks.subject import (
@@ -18,8 +18,6 @@ from localizers.checks.subject import (
     require_finite,
     require_normalized,
 )
-
-Floats = NDArray[np.float64]
 
 
 def makes_a_localizer(subject: Subject) -> None:
@@ -63,10 +61,10 @@ def half_turn(subject: Subject) -> None:
     that is no mean of directions shows.
     """
     plan = subject.robot.floor_plan
-    if not isinstance(plan, FloorPlan):
+    if not isinstance(plan, PolygonMap):
         raise LawSkippedError("the floor plan is not made of polygons, so it cannot be turned")
     outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
-    robot = replace(subject.robot, floor_plan=FloorPlan(outer=outer, obstacles=tuple(obstacles)))
+    robot = replace(subject.robot, floor_plan=PolygonMap(outer=outer, obstacles=tuple(obstacles)))
     prior = _HalfTurned(subject.drive.prior)
     turned = history(subject.made(robot), subject.drive, prior=prior)
     back: list[Snapshot] = [{0: (_half_turned(found[0][0]), found[0][1])} for found in turned]

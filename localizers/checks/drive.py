@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, Map, PolygonMap
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import RobotModel
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
-
-Floats = NDArray[np.float64]
 
 STEPS = 12
 _TRIES = 100
@@ -47,7 +45,7 @@ class Drive:
 def default_robot() -> RobotModel:
     """Return a robot with eight beams in a rectangular corridor."""
     return RobotModel(
-        floor_plan=FloorPlan(
+        floor_plan=PolygonMap(
             outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
             obstacles=([(100, 100), (250, 100), (250, 200), (100, 200)],),
         ),
@@ -84,7 +82,7 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     )
 
 
-def size_of(floor_plan: FloorPlan) -> float:
+def size_of(floor_plan: Map) -> float:
     """Return the shorter side of the box around a floor plan, px."""
     x0, y0, x1, y1 = floor_plan.bounds
     return min(x1 - x0, y1 - y0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from localizers.checks.subject import LawSkippedError, Subject, history, require_valid
 from localizers.models.beams import GaussianUniform
-from localizers.registry import parameters_of
+from localizers.naming.registry import parameters_of
 
 
 def zero_likelihood(subject: Subject) -> None:

@@ -6,7 +6,7 @@ from inspect import cleandoc
 
 from localizers.checks import answers, arrays, hard_steps, lifecycle, randomness
 from localizers.checks.subject import LawBrokenError, LawSkippedError, Subject
-from localizers.plugins import raised
+from localizers.naming.plugins import raised
 
 
 @dataclass(frozen=True)

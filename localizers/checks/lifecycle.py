@@ -19,8 +19,8 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.plugins import raised
-from localizers.registry import Factory, made_by, resolve
+from localizers.naming.plugins import raised
+from localizers.naming.registry import Factory, made_by, resolve
 
 _HALF = 6
 

@@ -9,7 +9,7 @@ from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Law
 from localizers.checks.run import Examination, subject_of
 from localizers.checks.subject import LawBrokenError
-from localizers.registry import Factory
+from localizers.naming.registry import Factory
 
 if TYPE_CHECKING:
     import pytest

@@ -18,7 +18,7 @@ from localizers.checks.subject import (
     Subject,
     beliefs,
 )
-from localizers.registry import Factory, is_registered, parameters_of, resolve
+from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
 
 Status = Literal["ok", "FAILED", "skipped"]
 

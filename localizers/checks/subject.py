@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.types import Floats
 from localizers.api import Belief, Localizer, Prior, RobotModel
 from localizers.checks.drive import STEPS, Drive
-from localizers.registry import Factory, made_by
+from localizers.naming.registry import Factory, made_by
 
-Floats = NDArray[np.float64]
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 
 OFFSETS = range(-STEPS, STEPS + 1)

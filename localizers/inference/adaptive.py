@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,7 @@ class KldSampling:
         root = np.where(k < 1, 0.0, 1 - b + self.quantile * np.sqrt(np.where(k < 1, 0.0, b)))
         return np.where(k < 1, 1.0, k / (2 * self.error) * root * root * root)
 
-    def enough(self, states: NDArray[np.float32]) -> int:
+    def enough(self, states: Singles) -> int:
         """How many of these draws (3, ``most``), taken in their order, are enough."""
         first = np.zeros(states.shape[1], np.intp)
         first[self._first_in_bin(states)] = 1
@@ -58,7 +57,7 @@ class KldSampling:
         satisfied = (drawn >= self.bound(np.cumsum(first))) & (drawn >= self.least)
         return int(satisfied.argmax()) + 1 if satisfied.any() else first.size
 
-    def _first_in_bin(self, states: NDArray[np.float32]) -> NDArray[np.intp]:
+    def _first_in_bin(self, states: Singles) -> Indices:
         size = np.array(self.bin_size)[:, None]
         cells = np.floor(states.astype(np.float64) / size).astype(np.int64)
         cells -= cells.min(axis=1, keepdims=True)

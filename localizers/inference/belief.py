@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from localizers import kernels
-from localizers.inference.parts import Actions, Indices, LogWeights, States, made
+from deqmcl_gym.numerics.types import Floats, Indices
+from localizers.inference import kernels
+from localizers.inference.parts import Actions, LogWeights, States, made
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
@@ -93,7 +93,7 @@ class ParticleBelief(NamedTuple):
         return self.log_weights if self.log_h is None else self.log_weights + self.log_h
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """Reported weights with sum 1, (n,)."""
         return normalized(self.reported_log_weights)
 
@@ -107,7 +107,7 @@ class ParticleBelief(NamedTuple):
         """Log of the unbiased estimate of ∫γ_t: p(o_{1:t}, every step of the queue feasible)."""
         return self._evidence(self.reported_log_weights)
 
-    def points(self, offset: int = 0) -> tuple[States, NDArray[np.float64]] | None:
+    def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
         states = self.queue.at(offset)
         return None if states is None else (states.T, self.weights)
@@ -129,7 +129,7 @@ class ParticleBelief(NamedTuple):
         evidence = self._evidence(by, log_sum)
         return self._with(self.queue.resampled(ancestors), left, self.drawn, evidence)
 
-    def appended(self, states: States, action: NDArray[np.float64]) -> "ParticleBelief":
+    def appended(self, states: States, action: Floats) -> "ParticleBelief":
         """Add newest states (d, n), drawn by ``action``."""
         newest = action[None]
         drawn = np.concatenate((self.drawn, newest)) if len(self.drawn) else newest
@@ -175,7 +175,7 @@ class ParticleBelief(NamedTuple):
 
     def scanned(
         self,
-        ranges: NDArray[np.float64],
+        ranges: Floats,
         log_likelihood: LogWeights,
         most: int = _EVIDENCE_PARTICLES,
     ) -> "ParticleBelief":

@@ -4,12 +4,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from localizers.inference import gaussian_kernels as kernels
 
-Floats = NDArray[np.float64]
 POINTS = 512
 _STEPS = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # of an even sequence in four dimensions
 

@@ -1,12 +1,10 @@
 """The compiled arithmetic of a Gaussian belief over poses: no BLAS, so the same bits everywhere."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats
 
 
 @compiled

@@ -1,12 +1,11 @@
 """The compiled inner loops of Markov localization on a grid of (θ, y, x) cells, (H, Y, X)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.types import Floats
 
-Floats = NDArray[np.float64]
 NOTHING = 1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower
 
 

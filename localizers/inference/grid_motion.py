@@ -9,15 +9,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from localizers.inference import grid_kernels
 from localizers.models.motion import OdometryMotion
 from localizers.models.normal import normal_pdf
 from localizers.models.pose_grid import PoseGrid
 
-Floats = NDArray[np.float64]
 _TAIL = 5.0  # standard deviations that the noise is followed to
 
 

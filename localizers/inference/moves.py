@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Indices
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Indices
 from localizers.inference.rollout import Rollout
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.types import Floats
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.lookahead import Lookahead, Myopic
 from localizers.inference.moves import Move, Stay
@@ -71,7 +71,7 @@ class ParticleFilter:
     def step(
         self,
         belief: ParticleBelief,
-        ranges: NDArray[np.float64],
+        ranges: Floats,
         action: Action,
         plan: Actions,
         rng: np.random.Generator,

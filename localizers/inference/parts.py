@@ -9,12 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.types import Floats, Indices
+
 States = NDArray[Any]  # (d, n)
-LogWeights = NDArray[np.float64]  # (n,)
-Weights = NDArray[np.float64]  # (n,), with sum 1
-Action = NDArray[np.float64]  # (k,)
-Actions = NDArray[np.float64]  # (steps, k)
-Indices = NDArray[np.intp]  # (n,)
+LogWeights = Floats  # (n,)
+Weights = Floats  # (n,), with sum 1
+Action = Floats  # (k,)
+Actions = Floats  # (steps, k)
 
 made = tuple.__new__  # of a named tuple and all its fields: at half the cost of calling its type
 
@@ -38,7 +39,7 @@ class Motion(Protocol):
 class Scan(Protocol):
     """p(o_t | x_t, m)."""
 
-    def log_likelihood(self, states: States, ranges: NDArray[np.float64]) -> LogWeights:
+    def log_likelihood(self, states: States, ranges: Floats) -> LogWeights:
         """Log-density of the observation at each state, up to one common constant, (n,)."""
         ...
 

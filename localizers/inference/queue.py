@@ -12,7 +12,8 @@ dataclass.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from localizers.inference.parts import Indices, States, made
+from deqmcl_gym.numerics.types import Indices
+from localizers.inference.parts import States, made
 
 Link = Indices | None  # None: the identity
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
-from localizers import kernels
+from deqmcl_gym.numerics.types import Floats, Indices
+from localizers.inference import kernels
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import Actions, States
 from localizers.inference.rollout import Rollout, log_mean
@@ -61,7 +61,7 @@ class Redraw:
 
     def _pilot_log_g(
         self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         if pilots == 0:
             return np.empty((0, anchor.shape[1]))
         return self.rollout.log_g(anchor, actions, pilots, rng)
@@ -72,10 +72,10 @@ def _shared_steps(drawn: Actions, actions: Actions) -> int:
     return kernels.agreeing(drawn, actions)
 
 
-def _choose(log_weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
+def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
     """One row per column, drawn with probability ∝ exp(log_weights); the first if all are -inf."""
     top = log_weights.max(axis=0)
     cumulative = np.cumsum(arrays.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
     pointers = rng.random(log_weights.shape[1]) * cumulative[-1]
-    chosen: NDArray[np.intp] = (cumulative <= pointers).sum(axis=0)
+    chosen: Indices = (cumulative <= pointers).sum(axis=0)
     return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)

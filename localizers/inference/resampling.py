@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import number, one_of
-from localizers import kernels
+from localizers.inference import kernels
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Indices, LogWeights, Weights
+from localizers.inference.parts import LogWeights, Weights
 from localizers.inference.weights import effective_sample_size
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
@@ -95,7 +95,7 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
     return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
 
 
-def _pointed_at(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> Indices:
+def _pointed_at(weights: Floats, pointers: Floats) -> Indices:
     chosen = np.empty(weights.size, np.intp)
     kernels.pointed_at(weights, pointers, chosen)
     return chosen

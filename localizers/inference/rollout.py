@@ -7,9 +7,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States, Walk
 
@@ -27,7 +27,7 @@ class Rollout:
 
     def futures(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
-    ) -> tuple[list[States], NDArray[np.float64]]:
+    ) -> tuple[list[States], Floats]:
         """Draw ``copies`` = K futures from each state of ``anchor``, (d, n).
 
         Returns:
@@ -39,7 +39,7 @@ class Rollout:
 
     def log_g(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Log Π g of the same futures, (K, n), without their states."""
         _, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=False)
         return log_g.reshape(copies, anchor.shape[1])
@@ -83,7 +83,7 @@ class StepByStep:
         return path, log_g
 
 
-def log_mean(log_values: NDArray[np.float64]) -> LogWeights:
+def log_mean(log_values: Floats) -> LogWeights:
     """Log of the mean of exp over axis 0, (n,); -inf where all are."""
     top = log_values.max(axis=0)
     base = np.where(np.isfinite(top), top, 0.0)

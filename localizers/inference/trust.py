@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from localizers import kernels
+from deqmcl_gym.numerics.types import Floats
+from localizers.inference import kernels
 from localizers.inference.parts import Scan, States, made
 from localizers.inference.weights import log_sum_exp
 
@@ -32,9 +32,7 @@ class Evidence:
 
     __slots__ = ("_log_ratio", "before", "log_right", "ranges")
 
-    def __init__(
-        self, ranges: NDArray[np.float64], log_right: float, before: "Evidence | None"
-    ) -> None:
+    def __init__(self, ranges: Floats, log_right: float, before: "Evidence | None") -> None:
         """Keep it; nothing is computed yet."""
         self.ranges, self.log_right, self.before = ranges, log_right, before
         self._log_ratio: float | None = None
@@ -73,7 +71,7 @@ class Trust(NamedTuple):
     newest: Evidence | None = None
     earlier: Evidence | None = None
 
-    def after(self, ranges: NDArray[np.float64], log_right: float) -> "Trust":
+    def after(self, ranges: Floats, log_right: float) -> "Trust":
         """Return the trust after one more step; of a scan that is forgotten, only time remains.
 
         Args:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from localizers import kernels
+from localizers.inference import kernels
 from localizers.inference.parts import LogWeights, Weights
 
 

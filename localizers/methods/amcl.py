@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
+from deqmcl_gym.numerics.types import Bools
 from deqmcl_gym.validation import InputError, integer, number, one_of
 from localizers.api import Prior, RobotModel, checked_plan, checked_step
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
+from localizers.inference.particle_localizer import MAX_PARTICLES
 from localizers.inference.parts import Scan, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import ANYWHERE, Trust
@@ -22,9 +24,7 @@ from localizers.models.beams import BeamModel
 from localizers.models.free_space import even_poses, random_poses
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan, usable_beams
-from localizers.particle_localizer import MAX_PARTICLES
 
-Floats = NDArray[np.float64]
 LASER_MODELS = ("likelihood_field", "beam", "robot")
 _NO_ACTIONS = np.empty((0, 2))
 
@@ -231,7 +231,7 @@ def _sigma(robot: RobotModel, sigma_hit: float | None) -> float:
     return number("sigma_hit", given, low=0, above=True)
 
 
-def _unused_beams(lidar: Lidar, most: int) -> NDArray[np.bool_]:
+def _unused_beams(lidar: Lidar, most: int) -> Bools:
     unused = np.ones(lidar.beams, np.bool_)
     unused[np.rint(np.linspace(0, lidar.beams - 1, min(most, lidar.beams))).astype(np.intp)] = False
     return unused

@@ -4,11 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from deqmcl_gym.numerics.types import Floats
 from localizers.api import Prior, RobotModel, checked_action, checked_plan
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

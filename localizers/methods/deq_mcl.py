@@ -6,8 +6,8 @@ planned future is drawn ahead, charged for collisions, and resampled together wi
 
 from deqmcl_gym.validation import integer
 from localizers.api import RobotModel
+from localizers.inference.particle_localizer import ParticleLocalizer
 from localizers.methods.smoother import mcl_map_smoother
-from localizers.particle_localizer import ParticleLocalizer
 
 
 def deq_mcl(

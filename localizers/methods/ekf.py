@@ -9,21 +9,21 @@ from statistics import NormalDist
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
 from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
+from localizers.inference.kernels import log_evidence
 from localizers.inference.trust import ANYWHERE, Trust
-from localizers.kernels import log_evidence
 from localizers.models.free_space import even_poses
 from localizers.models.motion import OdometryMotion, odometry
 from localizers.models.scan import LidarScan, usable_beams
 
-Floats = NDArray[np.float64]
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
 # Half-widths of the central differences: px, px, rad. Beyond the ray cast's resolution (float32),
 # below the size of what it sees.

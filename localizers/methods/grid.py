@@ -8,22 +8,22 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
 from localizers.inference import grid_kernels
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
+from localizers.inference.kernels import pointed_at
 from localizers.inference.trust import ANYWHERE, Trust
-from localizers.kernels import pointed_at
 from localizers.models.free_space import even_poses
 from localizers.models.motion import OdometryMotion, odometry
 from localizers.models.pose_grid import PoseGrid
 from localizers.models.scan import LidarScan, ScanTable
 
-Floats = NDArray[np.float64]
 LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
 _UNSEEN = -20.0  # log of the prior's mass on the grid, below which nothing of it was seen

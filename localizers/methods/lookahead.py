@@ -9,11 +9,11 @@ filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers.api import RobotModel
 from localizers.inference.lookahead import Pilots, Tabulated
+from localizers.inference.particle_localizer import ParticleLocalizer
 from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
 from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import OdometryMotion
-from localizers.particle_localizer import ParticleLocalizer
 
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
 

@@ -5,9 +5,9 @@ section 5.5; Oh et al. 2004.
 """
 
 from localizers.api import RobotModel
+from localizers.inference.particle_localizer import ParticleLocalizer
 from localizers.methods.mcl import mcl
 from localizers.models.feasibility import FreeSpace
-from localizers.particle_localizer import ParticleLocalizer
 
 
 def mcl_map(

@@ -4,7 +4,7 @@ Dellaert et al. 1999; Thrun et al. 2005, table 8.2. The map serves the sensor mo
 """
 
 from localizers.api import RobotModel
-from localizers.particle_localizer import ParticleLocalizer
+from localizers.inference.particle_localizer import ParticleLocalizer
 
 
 def mcl(

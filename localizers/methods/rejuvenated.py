@@ -10,8 +10,8 @@ from collections.abc import Callable
 from deqmcl_gym.validation import one_of
 from localizers.api import RobotModel
 from localizers.inference.moves import Move, RenewedFuture, Sometimes, WhenResampled
+from localizers.inference.particle_localizer import ParticleLocalizer
 from localizers.methods.deq_mcl import deq_mcl
-from localizers.particle_localizer import ParticleLocalizer
 
 MOVES: dict[str, Callable[[Move], Move]] = {
     "always": lambda move: move,

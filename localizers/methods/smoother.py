@@ -6,9 +6,9 @@ observations up to t weight x_{t-L}. At x_t it is MCL, number for number.
 
 from deqmcl_gym.validation import integer
 from localizers.api import RobotModel
+from localizers.inference.particle_localizer import ParticleLocalizer
 from localizers.methods.map_motion import mcl_map
 from localizers.methods.mcl import mcl
-from localizers.particle_localizer import ParticleLocalizer
 
 
 def mcl_smoother(

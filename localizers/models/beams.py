@@ -5,23 +5,20 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers import scan_kernels
+from localizers.models import scan_kernels
 from localizers.models.normal import normal_cdf, normal_pdf
 
-Floats = NDArray[np.float64]
 ATOM = 1.0  # px: the ends of the range count as one pixel each in the uniform share
 
 
 class BeamDensity(Protocol):
     """p(o | ô) of single beams, and its product over the beams of a scan."""
 
-    def log_likelihood(
-        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
-    ) -> Floats:
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,); arguments as ``density``."""
         ...
 
@@ -53,7 +50,7 @@ class Mixture(NamedTuple):
     floor: float
     ends: bool
 
-    def log_likelihood(self, ranges: Floats, expected: NDArray[np.float32]) -> Floats:
+    def log_likelihood(self, ranges: Floats, expected: Singles) -> Floats:
         """Log-likelihood of ranges (B,) for each pose of exact ranges (n, B), compiled, (n,)."""
         out = np.empty(len(expected))
         scan_kernels.mixture(ranges, expected.T, self.sigma, self.peak, self.floor, out)
@@ -93,9 +90,7 @@ class GaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         return (1 - self.uniform) * hit + self.uniform / max_range
 
-    def log_likelihood(
-        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
-    ) -> Floats:
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         mixture = self.mixture(max_range)
         if mixture is None:
@@ -133,9 +128,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         anything = np.where(at_max | at_zero, ATOM, 1.0) * self.uniform / (max_range + 2 * ATOM)
         return (1 - self.uniform) * hit + anything
 
-    def log_likelihood(
-        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
-    ) -> Floats:
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         mixture = self.mixture(max_range)
         if mixture is None:
@@ -212,9 +205,7 @@ class BeamModel:
         )
         return density
 
-    def log_likelihood(
-        self, ranges: Floats, expected: NDArray[np.float32], max_range: float
-    ) -> Floats:
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         return _log_product(self, ranges, expected, max_range)
 
@@ -231,9 +222,7 @@ class BeamModel:
         return seen + self.sigma * shift, self.sigma**2 * spread
 
 
-def _log_product(
-    beam: BeamDensity, ranges: Floats, expected: NDArray[np.float32], max_range: float
-) -> Floats:
+def _log_product(beam: BeamDensity, ranges: Floats, expected: Singles, max_range: float) -> Floats:
     """Σ_b log of ``beam.density`` for each pose, (n,)."""
     density = beam.density(ranges, expected.astype(np.float64), max_range)
     total: Floats = arrays.log(density).sum(axis=1)

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.models.motion import OdometryMotion
-
-Poses = NDArray[np.float32]  # (3, n)
 
 _DRAWS = 2**16  # normal numbers drawn at once: more would not stay in the processor's cache
 
@@ -23,22 +21,22 @@ class ChargedDrives:
     """
 
     motion: OdometryMotion
-    floor_plan: FloorPlan
+    floor_plan: PolygonMap
     radius: float
     beta: float
 
     def __call__(
         self,
-        states: Poses,
-        actions: NDArray[np.float64],
+        states: Singles,
+        actions: Floats,
         rng: np.random.Generator,
         *,
         keep: bool,
-    ) -> tuple[list[Poses], NDArray[np.float64]]:
+    ) -> tuple[list[Singles], Floats]:
         """Draw one path of poses from each of ``states``; see ``Walk``."""
         n = states.shape[1]
         collisions = np.zeros(n, np.intp)
-        path: list[Poses] = []
+        path: list[Singles] = []
         block = max(1, _DRAWS // (2 * n))
         for first in range(0, len(actions), block):
             moves = self.motion.moves(actions[first : first + block], n, rng)

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import Map, PolygonMap
+from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import number
 from localizers.models.drives import ChargedDrives
 from localizers.models.motion import OdometryMotion
-
-Poses = NDArray[np.float32]  # (3, n)
 
 
 @dataclass(frozen=True)
@@ -19,7 +17,7 @@ class Unconstrained:
 
     charges = False  # need not be asked; a subclass must be
 
-    def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
+    def log_g(self, before: Singles, after: Singles) -> Floats:
         """Zero for each step, (n,)."""
         return np.zeros(after.shape[1])
 
@@ -37,14 +35,14 @@ class FreeSpace:
         beta: β ≥ 0; 0 charges nothing, inf rejects the step outright.
     """
 
-    floor_plan: FloorPlan
+    floor_plan: Map
     radius: float
     beta: float = 10.0
 
     def __post_init__(self) -> None:
         number("beta", self.beta, low=0, finite=False)
 
-    def log_g(self, before: Poses, after: Poses) -> NDArray[np.float64]:
+    def log_g(self, before: Singles, after: Singles) -> Floats:
         """-β for each step that collides, else 0, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
         return np.where(collides, -self.beta, 0.0)
@@ -54,7 +52,7 @@ class FreeSpace:
         # a subclass may draw, charge or collide in another way
         if type(motion) is not OdometryMotion:
             return None
-        if type(self) is not FreeSpace or type(self.floor_plan) is not FloorPlan:
+        if type(self) is not FreeSpace or not isinstance(self.floor_plan, PolygonMap):
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta

@@ -1,9 +1,9 @@
 """Poses in free space: evenly spread, or drawn."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats, Singles
 
 _BLOCK = 1024
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
@@ -11,9 +11,9 @@ _BLOCK = 1024
 _STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 
 
-def even_poses(floor_plan: FloorPlan, count: int) -> NDArray[np.float32]:
+def even_poses(floor_plan: Map, count: int) -> Singles:
     """Return poses spread evenly over free space and headings, always the same, (3, count)."""
-    found: list[NDArray[np.float64]] = []
+    found: list[Floats] = []
     start = 0
     while sum(map(len, found)) < count:  # a floor plan has free space
         shares = (0.5 + np.arange(start, start + _BLOCK)[:, None] * _STEPS) % 1.0
@@ -22,9 +22,7 @@ def even_poses(floor_plan: FloorPlan, count: int) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def random_poses(
-    floor_plan: FloorPlan, count: int, rng: np.random.Generator
-) -> NDArray[np.float32]:
+def random_poses(floor_plan: Map, count: int, rng: np.random.Generator) -> Singles:
     """Draw poses uniformly over free space and headings, (3, count)."""
     found = [np.empty((0, 3))]
     while sum(map(len, found)) < count:
@@ -32,9 +30,9 @@ def random_poses(
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def _free(floor_plan: FloorPlan, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+def _free(floor_plan: Map, shares: Floats) -> Floats:
     """Those of the poses at ``shares`` of the bounds and of a turn that are free, (k, 3)."""
     x0, y0, x1, y1 = floor_plan.bounds
     low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
-    poses: NDArray[np.float64] = low + (high - low) * shares
+    poses: Floats = low + (high - low) * shares
     return poses[floor_plan.free(poses)]

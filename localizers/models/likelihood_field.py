@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers import field_kernels
+from localizers.models import field_kernels
 from localizers.models.scan import OUTSIDE, usable_beams
 
-Floats = NDArray[np.float64]
 _MAX_CELLS = 20_000_000
 _AXES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
@@ -33,7 +32,7 @@ class LikelihoodField:
         cell: edge of the table's cells, px; d is right to one cell.
     """
 
-    floor_plan: FloorPlan
+    floor_plan: Map
     lidar: Lidar
     sigma: float
     hit: float = 0.5
@@ -52,7 +51,7 @@ class LikelihoodField:
                 f"allowed are {_MAX_CELLS:,}: give larger cells."
             )
 
-    def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
         max_range = self.lidar.max_range
         usable = usable_beams(ranges, max_range) & (ranges < max_range)
@@ -78,7 +77,7 @@ class LikelihoodField:
         return out
 
     @cached_property
-    def distances(self) -> NDArray[np.float32]:
+    def distances(self) -> Singles:
         """Distance of each cell's centre to the nearest wall, (Y, X) px.
 
         Wall cells are those in which a ray from a free cell's centre along an axis meets a wall

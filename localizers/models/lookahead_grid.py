@@ -8,15 +8,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.models import grid_kernels
+from localizers.models import lookahead_kernels as grid_kernels
 from localizers.models.motion import OdometryMotion
 from localizers.models.normal import normal_cdf, normal_pdf
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 
 LEAST = np.float32(1e-30)  # keeps every h a normal float32 and its logarithm finite
 MAX_NODES = 20_000_000
@@ -46,7 +44,7 @@ class LookaheadGrid:
         headings: H.
     """
 
-    floor_plan: FloorPlan
+    floor_plan: Map
     radius: float
     beta: float
     motion: OdometryMotion
@@ -111,7 +109,7 @@ class LookaheadGrid:
         return self.headings, ny, nx
 
 
-Drives = tuple[NDArray[np.int64], Singles, Singles, NDArray[np.bool_]]
+Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
 
 
 @lru_cache(maxsize=2)

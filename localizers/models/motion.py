@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import driven
+from deqmcl_gym.maps import driven
+from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers import kernels
+from localizers.inference import kernels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +32,12 @@ class OdometryMotion:
         for name in ("drive", "turn", "drift"):
             number(f"motion.{name}", getattr(self, name), low=0)
 
-    def spread(self, action: NDArray[np.float64]) -> tuple[float, float]:
+    def spread(self, action: Floats) -> tuple[float, float]:
         """Standard deviations of ε_d (px) and ε_φ (rad) for an action (d px, φ rad)."""
         distance, turn = abs(float(action[0])), abs(float(action[1]))
         return self.drive * distance, self.turn * turn + self.drift * distance
 
-    def sample(
-        self, states: NDArray[np.float32], action: NDArray[np.float64], rng: np.random.Generator
-    ) -> NDArray[np.float32]:
+    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose.
 
         Args:
@@ -59,9 +57,7 @@ class OdometryMotion:
         kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
         return after
 
-    def moves(
-        self, actions: NDArray[np.float64], n: int, rng: np.random.Generator
-    ) -> NDArray[np.float32]:
+    def moves(self, actions: Floats, n: int, rng: np.random.Generator) -> Singles:
         """Draw d + ε_d and φ + ε_φ of several actions (F, 2) for n poses, step by step.
 
         Takes n uniform numbers a step, each of which makes two normal ones.

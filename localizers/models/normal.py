@@ -3,11 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
-
-Floats = NDArray[np.float64]
+from deqmcl_gym.numerics.types import Floats
 
 
 def normal_pdf(z: Floats) -> Floats:

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
 
-Floats = NDArray[np.float64]
 MAX_BYTES = 2**30
 
 
@@ -68,7 +67,7 @@ class PoseGrid:
             (x0 + x1) / 2 + self.cell * (np.arange(float(columns)) - (columns - 1) / 2),
         )
 
-    def centres(self, cells: NDArray[np.intp] | None = None) -> NDArray[np.float32]:
+    def centres(self, cells: Indices | None = None) -> Singles:
         """Poses at the centres of the cells of these indices (of all cells if None), (3, n)."""
         chosen = np.arange(math.prod(self.shape)) if cells is None else cells
         heading, row, column = np.unravel_index(chosen, self.shape)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import number, pose
 
 
@@ -28,20 +28,20 @@ class GaussianPrior:
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
 
-    def sample(self, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses, (n, 3)."""
         return np.array(self.mean) + rng.standard_normal((n, 3)) * self._sd
 
-    def log_density(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3), the heading difference wrapped to [-π, π], (n,)."""
         apart = np.asarray(poses, dtype=np.float64) - np.array(self.mean)
         apart[:, 2] -= 2 * np.pi * np.rint(apart[:, 2] / (2 * np.pi))
         with np.errstate(divide="ignore", invalid="ignore"):
-            log_density: NDArray[np.float64] = (
+            log_density: Floats = (
                 -0.5 * np.square(apart / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
             ).sum(axis=1)
         return log_density
 
     @property
-    def _sd(self) -> NDArray[np.float64]:
+    def _sd(self) -> Floats:
         return np.array([self.sd_position, self.sd_position, self.sd_heading])

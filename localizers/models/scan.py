@@ -5,14 +5,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar
-from deqmcl_gym.floorplan.casting import AllWalls
-from localizers import scan_kernels
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.casting import AllWalls
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, CensoredGaussianUniform, GaussianUniform
 
-Floats = NDArray[np.float64]
 OUTSIDE = -30.0  # log-likelihood of a whole scan at a pose outside the outer walls
 _BLOCK = 1 << 16  # poses looked at in one go
 
@@ -25,11 +24,11 @@ class LidarScan:
     says nothing. A pose outside the outer walls gets ``OUTSIDE`` for the whole scan.
     """
 
-    floor_plan: FloorPlan
+    floor_plan: Map
     lidar: Lidar
     beam: BeamDensity
 
-    def log_likelihood(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
         one_pass = self._one_pass
         if one_pass is not None:
@@ -39,7 +38,7 @@ class LidarScan:
                 return log_likelihood
         return self._of_usable_beams(states, ranges)
 
-    def _of_usable_beams(self, states: NDArray[np.float32], ranges: Floats) -> Floats:
+    def _of_usable_beams(self, states: Singles, ranges: Floats) -> Floats:
         """Do it step by step: for any scan, beam model and floor plan."""
         max_range = self.lidar.max_range
         count = scan_kernels.count_usable(ranges, max_range)
@@ -55,7 +54,7 @@ class LidarScan:
         return log_likelihood
 
     @cached_property
-    def _bearings(self) -> NDArray[np.float32]:
+    def _bearings(self) -> Singles:
         return self.lidar.bearings.astype(np.float32)
 
     @cached_property
@@ -65,7 +64,7 @@ class LidarScan:
         A subclass of a part may measure or weigh in another way.
         """
         beam, floor_plan, max_range = self.beam, self.floor_plan, self.lidar.max_range
-        if type(floor_plan) is not FloorPlan or not isinstance(floor_plan.caster, AllWalls):
+        if not isinstance(floor_plan.caster, AllWalls):
             return None
         if type(beam) is not GaussianUniform and type(beam) is not CensoredGaussianUniform:
             return None
@@ -78,7 +77,7 @@ class LidarScan:
 class ScanTable:
     """``LidarScan`` at fixed poses, its ray casts made once."""
 
-    def __init__(self, scan: LidarScan, states: NDArray[np.float32]) -> None:
+    def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
         self._expected = scan.floor_plan.ranges(states.T, scan.lidar.bearings).T  # (B, n)
@@ -101,7 +100,7 @@ class ScanTable:
         return log_likelihood
 
 
-def usable_beams(ranges: Floats, max_range: float) -> NDArray[np.bool_]:
+def usable_beams(ranges: Floats, max_range: float) -> Bools:
     """Which beams are numbers in [0, max_range], (B,)."""
     usable = np.empty(len(ranges), np.bool_)
     scan_kernels.mark_usable(ranges, max_range, usable)

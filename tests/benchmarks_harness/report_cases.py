@@ -11,7 +11,7 @@ STEPS = 60
 def trial_of(localizer, number, *, filter_seed=0, params=None, **setting):
     """A canonical trial."""
     return {
-        "preset": "paper",
+        "scenario": "paper",
         "world": {},
         "assumed": {},
         "disturbance": [],

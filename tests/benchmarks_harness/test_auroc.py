@@ -202,7 +202,7 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
     ]
     header, lines = detection.detection_glance([panel])
     assert header == ["setting", "rated", "never", "always"]
-    assert lines == [["1. preset paper", "1.00", "n/a", "n/a"]]
+    assert lines == [["1. scenario paper", "1.00", "n/a", "n/a"]]
 
 
 @pytest.mark.parametrize(("methods", "shown"), [(["rated", "never"], True), (["never"], False)])

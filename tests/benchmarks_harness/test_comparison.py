@@ -16,7 +16,7 @@ from benchmarks.tables.pairing import Method, method_of, setting_of
 def run(method, trial, errors, *, filter_seed=0, params=None, scores=None, **setting):
     made = record(method, trial, errors, filter_seed=filter_seed, **(scores or {}))
     made["trial"] |= {
-        "preset": "paper",
+        "scenario": "paper",
         "world": {},
         "assumed": {},
         "disturbance": [],
@@ -76,8 +76,8 @@ def test_holms_family_is_the_tests_of_one_setting_at_one_offset():
     records = [run("mcl", i, {0: 10.0 + i, -20: 5.0}) for i in range(8)]
     for name, shift in (("a", 1.0), ("b", -1.0)):
         records += [run(name, i, {0: 10.0 + i + shift * (i + 1)}) for i in range(8)]
-    records += [run("a", i, {0: 0.1 * i}, preset="sharp") for i in range(8)]
-    rows = by_name(*[r for r in records if r["trial"]["preset"] == "paper"])
+    records += [run("a", i, {0: 0.1 * i}, scenario="sharp") for i in range(8)]
+    rows = by_name(*[r for r in records if r["trial"]["scenario"] == "paper"])
     single = 2 / 2**8
     assert rows["a", 0].p == pytest.approx(single, rel=1e-5)
     assert rows["a", 0].p_holm == rows["b", 0].p_holm == pytest.approx(2 * single, rel=1e-5)
@@ -132,7 +132,7 @@ def test_results_csv_has_fixed_columns_and_nothing_of_the_machine():
     text = results_csv(comparisons(records))
     (line,) = csv.DictReader(io.StringIO(text))
     assert text.splitlines()[0] == (
-        "preset,world,assumed,disturbance,lag,seed,method,params,offset,worlds,runs,"
+        "scenario,world,assumed,disturbance,lag,seed,method,params,offset,worlds,runs,"
         "error,error_low,error_high,error_sd,error_window,error_sd_steps,entropy,"
         "var_x,var_y,var_cos,var_sin,position_rmse,heading_rmse,wall_share,"
         "energy_score,coverage_50,coverage_80,coverage_95,nees,lost_rate,lost_low,lost_high,"

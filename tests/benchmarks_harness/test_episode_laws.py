@@ -7,7 +7,7 @@ import pytest
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.episode import moments, room_of, trial_moments
 from benchmarks.trials.presets import ASSUMED
-from deqmcl_gym.wrappers import PlanChange
+from deqmcl_gym.envs.wrappers import PlanChange
 from localizers import CensoredGaussianUniform, make, names, parameters
 
 LAG, PARTICLES, SEED = 4, 30, 11
@@ -30,9 +30,9 @@ class Liar(gym.Wrapper):
         return *result, info | {"truth": self._lie}
 
 
-def trials(localizers, preset="paper", count=1):
+def trials(localizers, scenario="paper", count=1):
     return paper_suite(
-        preset=preset, localizers=localizers, trials=count, seed=5, lag=LAG, particles=PARTICLES
+        scenario=scenario, localizers=localizers, trials=count, seed=5, lag=LAG, particles=PARTICLES
     )
 
 
@@ -73,13 +73,13 @@ def test_garbage_in_place_of_the_truth_changes_no_belief_where_the_plan_changes(
     assert honest[:19] != beliefs(room_of("paper"), "deq-mcl")[0][:19]  # the new plan did matter
 
 
-@pytest.mark.parametrize("preset", list(ASSUMED))
-def test_all_methods_of_a_trial_see_the_same_world(preset):
+@pytest.mark.parametrize("scenario", list(ASSUMED))
+def test_all_methods_of_a_trial_see_the_same_world(scenario):
     worlds = {
         trial.localizer: [
             (moment.truth.tobytes(), moment.ranges.tobytes()) for moment in trial_moments(trial)
         ]
-        for trial in trials(PAPER_METHODS, preset)
+        for trial in trials(PAPER_METHODS, scenario)
     }
     assert all(world == worlds["mcl"] for world in worlds.values())
 
@@ -109,11 +109,11 @@ def test_deq_mcl_starts_from_the_same_draws_resampled():
     assert weights.sum() == pytest.approx(1, abs=1e-12)
 
 
-@pytest.mark.parametrize("preset", list(ASSUMED))
-def test_an_episode_runs_every_planned_step_once(preset):
-    (trial,) = trials(["dead-reckoning"], preset)
+@pytest.mark.parametrize("scenario", list(ASSUMED))
+def test_an_episode_runs_every_planned_step_once(scenario):
+    (trial,) = trials(["dead-reckoning"], scenario)
     steps = [moment.step for moment in trial_moments(trial)]
-    room = room_of(preset)
+    room = room_of(scenario)
     if room.world.driver is None:
         assert steps == list(range(len(room.plan) + 1))
     else:  # until the driver is round, which the noise decides
@@ -135,9 +135,9 @@ def test_guided_worlds_differ_in_their_number_of_steps():
     assert len(counts) > 1
 
 
-@pytest.mark.parametrize("preset", ["matched", "guided"])
-def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(preset):
-    world, assumed = room_of(preset).world, ASSUMED[preset]
+@pytest.mark.parametrize("scenario", ["matched", "guided"])
+def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(scenario):
+    world, assumed = room_of(scenario).world, ASSUMED[scenario]
     start = world.start
     assert vars(assumed.motion) == vars(world.noise)
     assert isinstance(assumed.scan, CensoredGaussianUniform)
@@ -146,12 +146,12 @@ def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(pres
     assert assumed.start_sd_heading == start.sd_heading
 
 
-@pytest.mark.parametrize("preset", list(ASSUMED))
-def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(preset):
-    room = room_of(preset)
-    assert ASSUMED[preset].prior(room).mean == room.course.start
+@pytest.mark.parametrize("scenario", list(ASSUMED))
+def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(scenario):
+    room = room_of(scenario)
+    assert ASSUMED[scenario].prior(room).mean == room.course.start
     truths = {tuple(room.reset(seed=seed)[1]["truth"]) for seed in range(3)}
-    assert ASSUMED[preset].prior(room).mean == room.course.start
+    assert ASSUMED[scenario].prior(room).mean == room.course.start
     assert len(truths) == (
-        3 if preset in ("matched", "guided") else 1
+        3 if scenario in ("matched", "guided") else 1
     )  # drawn from the prior, or the start

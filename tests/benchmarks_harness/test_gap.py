@@ -53,7 +53,7 @@ def test_the_spread_between_runs_is_that_on_the_same_world():
 def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
     limits = [limit_run(0, 1.0, offsets=(0, -20))]
     records = [finished("deq-mcl", 0, 2.0, offsets=(0, -20, 20))]
-    records += [finished("deq-mcl", 0, 2.0, preset="sharp"), finished("mcl", 7, 2.0)]
+    records += [finished("deq-mcl", 0, 2.0, scenario="sharp"), finished("mcl", 7, 2.0)]
     found = [(row.method.localizer, row.offset) for row in gaps(records, limits)]
     assert found == [("mcl-pilots", 0), ("mcl-pilots", -20), ("deq-mcl", 0), ("deq-mcl", -20)]
 
@@ -71,7 +71,7 @@ def test_gaps_csv_names_setting_method_and_limit():
     lines = parsed(gaps_csv(gaps([finished("mcl", w, 3.0) for w in (0, 1)], limits)))
     assert [line["method"] for line in lines] == ["mcl-pilots", "mcl"]
     assert lines[1]["limit_params"] == '{"particles":100000}'
-    assert (float(lines[1]["gap"]), lines[1]["preset"], lines[1]["seed_sd"]) == (2.0, "paper", "")
+    assert (float(lines[1]["gap"]), lines[1]["scenario"], lines[1]["seed_sd"]) == (2.0, "paper", "")
 
 
 SWEEP = Sweep(

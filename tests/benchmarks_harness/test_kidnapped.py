@@ -5,7 +5,7 @@ import numpy as np
 import localizers
 from benchmarks.trials.episode import moments, room_of
 from benchmarks.trials.presets import ASSUMED
-from deqmcl_gym.wrappers import Kidnap
+from deqmcl_gym.envs.wrappers import Kidnap
 
 STEP, CARRIED_TO = 40, (300.0, 260.0, 2.5)
 

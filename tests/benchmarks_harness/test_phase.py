@@ -12,7 +12,7 @@ from benchmarks.phase.page import late
 from benchmarks.phase.precession import precession, right_mass
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.episode import Moment, room_of, trial_moments
-from deqmcl_gym.path import Path
+from deqmcl_gym.world.path import Path
 
 # Once around is 6,000 px. Both fields are passed as a whole at every offset of a queue of 20.
 PATH = Path(np.array([(0, 0), (2000, 0), (2000, 1000), (0, 1000)], float))

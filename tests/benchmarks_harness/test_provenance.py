@@ -14,7 +14,7 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 for name in ("mcl", "deq-mcl", "dead-reckoning"):
     trial = Trial(
-        preset="paper", localizer=name, params=(), lag=2, seed=0, trial=0,
+        scenario="paper", localizer=name, params=(), lag=2, seed=0, trial=0,
         disturbance=((("kind", "dropout"), ("probability", 0.1)),),
     )
     assert attempt(trial, key_of(trial)).record

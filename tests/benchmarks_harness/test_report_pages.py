@@ -178,7 +178,7 @@ def test_the_tables_are_those_of_the_comparisons(report):
     assert {line["method"] for line in lines} == set(THREE)
     trials = list(csv.DictReader(io.StringIO((out / "trials.csv").read_text())))
     assert len(trials) == sum(len(record["scores"]) for record in given.records)
-    assert {line["preset"] for line in trials} == {"paper"}
+    assert {line["scenario"] for line in trials} == {"paper"}
 
 
 def test_the_same_results_give_the_same_bytes(report, tmp_path, monkeypatch):
@@ -281,8 +281,8 @@ def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
 
 def test_presets_have_a_curve_each():
     records = [
-        finished("mcl", w, 1.0, preset=preset, params={"particles": n})
-        for preset in ("paper", "sharp")
+        finished("mcl", w, 1.0, scenario=scenario, params={"particles": n})
+        for scenario in ("paper", "sharp")
         for n in (30, 300)
         for w in range(2)
     ]
@@ -329,6 +329,6 @@ def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
 
 def test_a_record_names_the_trial_that_made_it():
     (trial,) = paper_suite(
-        preset="paper", localizers=["deq-mcl"], trials=1, seed=3, lag=20, particles=20, beta=2.0
+        scenario="paper", localizers=["deq-mcl"], trials=1, seed=3, lag=20, particles=20, beta=2.0
     )
     assert trial_of_record(trial.canonical()) == trial

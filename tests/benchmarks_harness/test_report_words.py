@@ -120,8 +120,8 @@ def test_swept_parameters_make_panels_and_those_without_them_stand_in_each():
     records.append(finished("dead-reckoning", 0, 1.0))
     found = panels(comparisons(records), records)
     assert [panel.title for panel in found] == [
-        "preset paper, particles 100",
-        "preset paper, particles 300",
+        "scenario paper, particles 100",
+        "scenario paper, particles 300",
     ]
     for panel in found:
         assert list(panel.labels.values()) == ["mcl", "deq-mcl", "dead-reckoning"]
@@ -134,7 +134,10 @@ def test_a_parameter_that_one_method_lacks_leaves_it_in_every_panel():
         finished("deq-mcl", 0, 1.0, params={"particles": 100, "beta": b}) for b in (0.0, "inf")
     ]
     found = panels(comparisons(records), records)
-    assert [panel.title for panel in found] == ["preset paper, beta 0.0", "preset paper, beta inf"]
+    assert [panel.title for panel in found] == [
+        "scenario paper, beta 0.0",
+        "scenario paper, beta inf",
+    ]
     assert all(list(panel.labels.values()) == ["mcl", "deq-mcl"] for panel in found)
 
 
@@ -145,9 +148,9 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
         finished("mcl", 0, 1.0, disturbance=[{"kind": "kidnap", "step": 100}]),
     ]
     assert [panel.title for panel in panels(comparisons(records), records)] == [
-        "preset paper, noise.drive 0.1, L 20",
-        "preset paper, assumed scan.sigma 5.0, L 10",
-        "preset paper, kidnap step 100, L 20",
+        "scenario paper, noise.drive 0.1, L 20",
+        "scenario paper, assumed scan.sigma 5.0, L 10",
+        "scenario paper, kidnap step 100, L 20",
     ]
 
 
@@ -166,10 +169,10 @@ def test_plug_ins_of_the_same_class_name_are_called_in_full():
 
 def test_at_a_glance_every_error_has_the_mark_of_its_finding():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
-    records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, preset="sharp")
+    records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, scenario="sharp")
     header, lines = words.glance_table(panels(comparisons(records), records))
     assert header == ["setting", "mcl", "a", "b"]
-    assert [line[0] for line in lines] == ["1. preset paper", "2. preset sharp"]
+    assert [line[0] for line in lines] == ["1. scenario paper", "2. scenario sharp"]
     assert [cell[-1] for cell in lines[0][2:]] == ["▼", "▲"]
     assert lines[0][1][-1].isdigit()  # the baseline
     assert [cell[-1] for cell in lines[1][2:]] == ["○", "–"]

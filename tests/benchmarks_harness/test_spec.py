@@ -8,7 +8,7 @@ from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(
-    preset="paper",
+    scenario="paper",
     localizer="deq-mcl",
     params=(("lag", 20), ("particles", 1000)),
     lag=20,
@@ -16,7 +16,7 @@ TRIAL = Trial(
     trial=3,
 )
 CHANGED = {
-    "preset": "matched",
+    "scenario": "matched",
     "world": (("lidar.beams", 9),),
     "assumed": (("scan.sigma", 50.0),),
     "disturbance": ((("kind", "kidnap"), ("step", 100)),),
@@ -96,7 +96,7 @@ def test_the_present_and_the_lag_to_both_sides_are_scored(lag, offsets):
 
 def test_the_suite_runs_every_method_on_the_same_worlds():
     suite = paper_suite(
-        preset="paper", localizers=PAPER_METHODS, trials=3, seed=7, lag=5, particles=10
+        scenario="paper", localizers=PAPER_METHODS, trials=3, seed=7, lag=5, particles=10
     )
     worlds = {}
     for trial in suite:
@@ -108,7 +108,7 @@ def test_the_suite_runs_every_method_on_the_same_worlds():
 
 def test_a_method_gets_only_the_parameters_it_has_a_use_for():
     suite = paper_suite(
-        preset="paper", localizers=PAPER_METHODS, trials=1, seed=0, lag=5, particles=10
+        scenario="paper", localizers=PAPER_METHODS, trials=1, seed=0, lag=5, particles=10
     )
     given = {trial.localizer: dict(trial.params) for trial in suite}
     both = {"lag": 5, "particles": 10}

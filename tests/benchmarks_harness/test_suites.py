@@ -18,7 +18,7 @@ from localizers import names
 
 def trial(**changes):
     base = {
-        "preset": "sharp",
+        "scenario": "sharp",
         "localizer": "dead-reckoning",
         "params": (),
         "lag": 0,
@@ -47,15 +47,15 @@ def test_the_suites_are_those_promised():
 def test_the_headline_is_200_paired_worlds_with_three_runs_each_of_all_presets():
     trials = SUITES["headline"].distinct()
     assert len(trials) == 3 * 6 * 200 * 3
-    assert {t.preset for t in trials} == {"paper", "matched", "sharp"}
+    assert {t.scenario for t in trials} == {"paper", "matched", "sharp"}
     worlds = {}
     for t in trials:
-        worlds.setdefault((t.preset, t.localizer), []).append((t.trial, t.filter_seed))
+        worlds.setdefault((t.scenario, t.localizer), []).append((t.trial, t.filter_seed))
     assert {t.localizer for t in trials} == set(PAPER_METHODS)
     assert len({tuple(own) for own in worlds.values()}) == 1
 
 
-LOOKAHEAD = {  # preset, runs on each world, whether it has the classical methods and the limit
+LOOKAHEAD = {  # scenario, runs on each world, whether it has the classical methods and the limit
     "lookahead": ("paper", 3, False, True),
     "guided": ("guided", 1, True, True),
     "matched": ("matched", 1, True, False),
@@ -65,11 +65,11 @@ LOOKAHEAD = {  # preset, runs on each world, whether it has the classical method
 
 @pytest.mark.parametrize("name", LOOKAHEAD)
 def test_every_way_to_look_ahead_runs_on_200_paired_worlds_at_both_numbers_of_particles(name):
-    preset, seeds, classical, limited = LOOKAHEAD[name]
+    scenario, seeds, classical, limited = LOOKAHEAD[name]
     sweep, runs = SUITES[name], {}
     for t in {json.dumps(t.canonical()): t for t in sweep.compared()}.values():
         runs.setdefault((t.localizer, t.params), []).append((t.trial, t.filter_seed))
-    assert {t.preset for t in sweep.listed()} == {preset}
+    assert {t.scenario for t in sweep.listed()} == {scenario}
     assert all(own == [(w, s) for w in range(200) for s in range(seeds)] for own in runs.values())
     filters = {*PAPER_METHODS, "deq-mcl-rejuvenated", "mcl-h", "mcl-pilots"}
     others = {"grid", "amcl", "ekf"} if classical else set()
@@ -92,12 +92,12 @@ def test_the_study_is_its_suites_around_the_same_two_centres():
     for name in FAMILIES["study"]:
         sweep = SUITES[name]
         assert (sweep.baseline, sweep.trials, sweep.filter_seeds) == ("mcl-map", 25, 2)
-        presets = {t.preset for t in sweep.cells()}
+        presets = {t.scenario for t in sweep.cells()}
         only = {"study-plan": {"matched"}, "study-pilots": {"guided"}}
         assert presets == only.get(name, {"matched", "guided"})
         assert 300 in {dict(t.params).get("particles") for t in sweep.cells()}
         assert 20 in {t.lag for t in sweep.cells()}
-        centres |= {t.preset for t in sweep.cells() if not (t.world or t.disturbance)}
+        centres |= {t.scenario for t in sweep.cells() if not (t.world or t.disturbance)}
     assert centres == {"matched", "guided"}
 
 

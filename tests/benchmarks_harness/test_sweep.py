@@ -14,12 +14,12 @@ from benchmarks.tables.table_1 import table_csv, table_rows, trials_csv
 from benchmarks.trials import attempt, plugins
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
-from localizers import registry
+from localizers.naming import registry
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
     return paper_suite(
-        preset="paper", localizers=localizers, trials=trials, seed=0, lag=lag, particles=particles
+        scenario="paper", localizers=localizers, trials=trials, seed=0, lag=lag, particles=particles
     )
 
 
@@ -227,7 +227,7 @@ def test_fail_fast_stops_at_a_record_that_is_not_finite_too(tmp_path, monkeypatc
 
 def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
     trial = Trial(
-        preset="paper",
+        scenario="paper",
         localizer="dead-reckoning",
         params=(),
         lag=0,
@@ -296,4 +296,4 @@ def test_what_a_method_has_no_use_for_does_not_reach_it(tmp_path):
 
 def test_every_trial_tells_how_many_steps_and_scans_it_saw(tmp_path):
     for record in run(suite(trials=1), tmp_path):
-        assert record["steps_done"] == record["scans_used"] == 204  # the paper preset's lap
+        assert record["steps_done"] == record["scans_used"] == 204  # the paper scenario's lap

@@ -12,7 +12,7 @@ from deqmcl_gym.validation import InputError
 
 ALL = """
 title = "Everything that a file can say"
-preset = "sharp"
+scenario = "sharp"
 lag = 7
 seed = 3
 trials = 2
@@ -50,7 +50,7 @@ def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
     assert sweep.title == "Everything that a file can say"
     assert sweep.combinations == 2 * 3 * 2 * 2 * 2
     trials = sweep.distinct()
-    assert {t.preset for t in trials} == {"sharp"}
+    assert {t.scenario for t in trials} == {"sharp"}
     assert {t.seed for t in trials} == {3}
     assert {(t.trial, t.filter_seed) for t in trials} == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert {t.assumed for t in trials} == {(("scan.sigma", 50),)}
@@ -74,7 +74,7 @@ def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(t
     assert sweep.title == "my-sweep"
     (first, *rest) = sweep.distinct()
     assert len(rest) == 9
-    assert (first.preset, first.lag, first.seed, first.filter_seed) == ("paper", 20, 0, 0)
+    assert (first.scenario, first.lag, first.seed, first.filter_seed) == ("paper", 20, 0, 0)
     assert (first.world, first.assumed, first.disturbance, first.params) == ((), (), (), ())
 
 
@@ -118,7 +118,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\nseed = -1', ["seed", "-1"]),
     ('localizers = ["mcl"]\nlag = -1', ["lag", "-1"]),
     ('localizers = ["mcl"]\npreset = "papr"', ["'papr'", "did you mean 'paper'?"]),
-    ('localizers = ["mcl"]\npreset = 3', ["preset", "3", "sharp"]),
+    ('localizers = ["mcl"]\npreset = 3', ["scenario", "3", "sharp"]),
     ('localizers = ["mcl"]\ntitle = ""', ["title", "text"]),
     ('localizers = ["mcl"]\nworld = 3', ["world", "3", "table"]),
     ('localizers = ["mcl"]\nparams = []', ["params", "[]", "table"]),
@@ -132,7 +132,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[[vary]]\nlag = 3', ["lag", "3", "list"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
     ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
-    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\npreset = ["paper"]', ["lag: 2", "preset: 1"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\npreset = ["paper"]', ["lag: 2", "scenario: 1"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\nlog = [1]', ["'log'", "did you mean 'lag'?"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),

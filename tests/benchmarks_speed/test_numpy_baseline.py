@@ -8,10 +8,11 @@ import pytest
 from benchmarks.speed import numpy_baseline
 from benchmarks.speed.lap import fan, free_poses, recorded_lap
 from benchmarks.speed.numpy_baseline import NumpyMCL, NumpyModels, boxes_of
-from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.maps import PolygonMap, reference
 from deqmcl_gym.validation import InputError
-from localizers import GaussianPrior, kernels, make, mean_pose
+from deqmcl_gym.world.paper_room import PAPER_ROOM
+from localizers import GaussianPrior, make, mean_pose
+from localizers.inference import kernels
 from localizers.inference.resampling import systematic
 from localizers.models.scan import LidarScan
 
@@ -125,7 +126,7 @@ def test_following_the_lap_gives_the_estimates_of_our_mcl():
 
 def test_a_map_of_other_walls_is_refused():
     with pytest.raises(InputError, match="axis-aligned rectangles"):
-        boxes_of(FloorPlan(outer=[(0, 0), (100, 0), (50, 80)]))
+        boxes_of(PolygonMap(outer=[(0, 0), (100, 0), (50, 80)]))
 
 
 def test_the_recorded_lap_ends_where_it_starts():

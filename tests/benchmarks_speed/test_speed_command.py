@@ -77,7 +77,7 @@ def test_the_curves_cover_segments_particles_beams_and_lags(run):
         assert point["unit"] in {"rays/s", "µs/step"}
         values.setdefault((point["varied"], point["who"]), []).append(int(point["value"]))
     assert values == {
-        ("segments", "FloorPlan.ranges"): [8, 16, 32, 64, 128, 256, 512],
+        ("segments", "PolygonMap.ranges"): [8, 16, 32, 64, 128, 256, 512],
         ("particles", "mcl"): [100],
         ("particles", "NumPy"): [100],
         ("beams", "mcl"): [1, 2, 4, 8, 16, 32, 64],

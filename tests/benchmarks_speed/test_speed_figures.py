@@ -9,8 +9,8 @@ from benchmarks.speed.command import FIGURES
 from benchmarks.speed.figure import MICROSECONDS, Figure, Measured, UnavailableError, in_unit
 from benchmarks.speed.lap import free_poses
 from benchmarks.speed.timing import Job
-from deqmcl_gym.floorplan import reference
-from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.maps import reference
+from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 PROMISED = {  # and their targets
     "rays_vs_numpy": 8,

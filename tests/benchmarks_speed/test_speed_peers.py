@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.speed.lap import fan, free_poses, recorded_lap
 from benchmarks.speed.steps import peer_mcl
-from deqmcl_gym.floorplan import reference
-from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.maps import reference
+from deqmcl_gym.world.paper_room import PAPER_ROOM
 from localizers import make
 
 PARTICLES, RUNS, STEPS = 500, 12, 30

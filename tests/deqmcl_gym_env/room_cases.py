@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
 
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 

@@ -6,10 +6,10 @@ import pytest
 from room_cases import calm, drive
 from room_trace import ROOM_ID
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
 
 BAD_ACTIONS = {
     "None": None,
@@ -187,7 +187,7 @@ def test_a_refused_reset_leaves_the_episode_and_all_random_streams_as_they_were(
     rng = env.np_random.bit_generator.state
     with monkeypatch.context() as patched:
         if "start" in name:
-            patched.setattr(FloorPlan, "free", lambda *_: np.array([False]))
+            patched.setattr(PolygonMap, "free", lambda *_: np.array([False]))
         with pytest.raises(InputError):
             env.reset(**BAD_RESETS[name])
     assert env.pose == other.pose

@@ -8,10 +8,10 @@ import pytest
 from room_cases import PAPER
 from room_trace import ROOM_ID
 
-from deqmcl_gym.config import Lap, MotionNoise, Robot, Start
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.config import Lap, MotionNoise, Robot, Start
 
 OUTER = PAPER["outer"]
 

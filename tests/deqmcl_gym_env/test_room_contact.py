@@ -7,13 +7,13 @@ import pymunk
 import pytest
 from room_cases import PAPER, SEVERAL, SPIKE, STILL, calm, drive, poses_of, wrapped
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.physics import SKIN, Physics, Walls
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.world.physics import SKIN, Physics, Walls
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10
-# FloorPlan computes in float32: coordinates to 3e-5 px, a clearance by a handful of operations.
+# PolygonMap computes in float32: coordinates to 3e-5 px, a clearance by a handful of operations.
 BAND = 1e-3
 
 # A robot with long arms: steps up to 60 px meet walls often, and reach past obstacle corners.
@@ -132,7 +132,7 @@ def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
 @pytest.mark.parametrize("plan", [PAPER, SEVERAL, SPIKE], ids=["paper", "several", "spike"])
 def test_collided_says_what_the_reference_and_the_floor_plan_say(plan, radius):
     poses, commands, collided = random_drives(plan, radius, 3000, STILL)
-    walls = FloorPlan(**plan)
+    walls = PolygonMap(**plan)
     headings = wrapped(poses[:-1, 2] + commands[:, 1])
     starts = poses[:-1, :2]
     directions = np.column_stack([np.cos(headings), np.sin(headings)])
@@ -175,7 +175,7 @@ def swept(walls: list[pymunk.Shape], radius: float, start, distance: float, head
 @pytest.mark.parametrize("radius", [8.0, 0.0])
 @pytest.mark.parametrize("plan", [PAPER, SEVERAL, SPIKE], ids=["paper", "several", "spike"])
 def test_a_point_among_grown_walls_drives_like_a_disc_among_thin_ones(plan, radius):
-    floor_plan = FloorPlan(**plan)
+    floor_plan = PolygonMap(**plan)
     thin = Walls(floor_plan, 0.0).space.shapes
     physics = Physics(Walls(floor_plan, radius), (50.0, 50.0))
     agent = np.random.default_rng(11)
@@ -196,6 +196,6 @@ def test_a_point_among_grown_walls_drives_like_a_disc_among_thin_ones(plan, radi
 def test_the_robot_never_overlaps_a_wall_on_thousands_of_noisy_steps(plan):
     noise = {"drive": 0.3, "turn": 0.3, "drift": 0.01}
     poses, _, _ = random_drives(plan, 8.0, 4000, noise)
-    walls = FloorPlan(**plan).walls
+    walls = PolygonMap(**plan).walls
     assert reference.clearance(walls, poses[:-1], poses[1:]).min() > 8.0  # on the way, too
     assert (reference.winding(walls, poses) == 1).all()  # inside the room, in no obstacle

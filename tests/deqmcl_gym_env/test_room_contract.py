@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from room_trace import ROOM_ID
 
 import deqmcl_gym
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
 
 # The action Box is in px and rad on purpose; this is the only warning allowed.
 UNITS = r".*we recommend using a symmetric and normalized space.*"
@@ -42,7 +42,7 @@ def test_the_id_names_the_module_and_the_version():
 
 def test_the_entry_point_is_text_so_that_the_spec_is_json():
     spec = gym.spec(deqmcl_gym.ENV_ID)
-    assert spec.entry_point == "deqmcl_gym.env:RoomEnv"
+    assert spec.entry_point == "deqmcl_gym.envs.room:RoomEnv"
     assert json.loads(spec.to_json())["id"] == deqmcl_gym.ENV_ID
 
 

@@ -10,9 +10,9 @@ import pytest
 from room_cases import STILL, drive, wrapped
 from room_trace import ROOM_ID
 
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
 
 NEVER_DRAWN = {"sd_position": 0.0, "sd_heading": 0.0}
 # A command is a float32 of at most 0.5 rad: half an ulp is 2^-26. The driver's next command follows

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from room_cases import drive
 
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.wrappers import BeamDropout
 
 BEAMS = {"lidar": {"beams": 100, "sigma": 5.0}}
 

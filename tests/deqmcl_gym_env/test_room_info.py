@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from room_cases import STILL, calm, drive
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.info import RoomInfo
+from deqmcl_gym.envs.info import RoomInfo
+from deqmcl_gym.envs.room import RoomEnv
 
 ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from room_cases import SEVERAL, calm, drive, poses_of
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import reference
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import Kidnap
+from deqmcl_gym.maps import reference
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.wrappers import Kidnap
 
 ELSEWHERE = (60.0, 200.0, 1.0)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from room_cases import FLOOR_PLANS, SEVERAL, TRIANGLE, calm, closing_error, poses_of
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan, reference
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import PolygonMap, reference
 from deqmcl_gym.validation import InputError
 
 # The corridors are 100 px wide, so the mid-corridor path has the corners (50, 50), (300, 50),
@@ -165,5 +165,5 @@ def _on_hull(point: list[float], points: np.ndarray) -> bool:
 
 
 def test_the_free_test_of_the_lap_uses_the_floor_plan_given():
-    plan = FloorPlan(**SEVERAL)
+    plan = PolygonMap(**SEVERAL)
     np.testing.assert_array_equal(RoomEnv(floor_plan=plan).plan, RoomEnv(floor_plan=SEVERAL).plan)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from room_cases import PAPER, STILL, calm, drive, wide
 
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan, reference
-from deqmcl_gym.vector import RoomVectorEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.maps import PolygonMap, reference
 
 Z = 5.0
 N = 10_000
@@ -141,7 +141,7 @@ def test_a_start_that_would_touch_a_wall_is_drawn_again():
     assert starts[:, :2].min() < 9.0
 
 
-class Glass(FloorPlan):
+class Glass(PolygonMap):
     """Rays go 20 px into its walls."""
 
     def ranges(self, poses, bearings):

@@ -10,9 +10,9 @@ from gymnasium.utils.env_checker import check_env
 from room_cases import drive
 from room_trace import ROOM_ID
 
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.wrappers import BeamDropout, Kidnap, PlanChange
 
 NEW = np.float32([(1, 0.1), (2, -0.1), (3, 0.0)])
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from room_cases import SEVERAL, calm, drive
 
-from deqmcl_gym.drawing import (
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.world.drawing import (
     GRAY,
     LIGHT_BLUE,
     ORANGE,
@@ -18,9 +20,7 @@ from deqmcl_gym.drawing import (
     with_strip,
     write_legend,
 )
-from deqmcl_gym.env import RoomEnv
-from deqmcl_gym.floorplan import FloorPlan
-from deqmcl_gym.room import PAPER_ROOM
+from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
 
@@ -43,7 +43,7 @@ def test_a_frame_is_an_even_sized_uint8_image():
 
 @pytest.mark.parametrize("side", [100.0, 100.3, 100.7, 101.0, 101.4])
 def test_frames_of_odd_floor_plans_are_even_and_large_enough(side):
-    room = FloorPlan([(0, 0), (side, 0), (side, 2 * side + 0.25), (0, 2 * side + 0.25)])
+    room = PolygonMap([(0, 0), (side, 0), (side, 2 * side + 0.25), (0, 2 * side + 0.25)])
     width, height = View(room).size
     assert (width % 2, height % 2) == (0, 0)
     assert width >= side * SCALE + 2 * MARGIN
@@ -140,7 +140,7 @@ def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
 
 
 def test_drawing_leaves_its_inputs_and_other_drawings_alone():
-    view = View(FloorPlan(**SEVERAL))
+    view = View(PolygonMap(**SEVERAL))
     first, second = Drawing(view), Drawing(view)
     cloud = np.array([(50.0, 50.0, 0.0), (70.0, 60.0, 1.0)])
     kept = cloud.copy()

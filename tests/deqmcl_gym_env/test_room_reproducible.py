@@ -11,7 +11,7 @@ import room_trace
 from room_cases import STILL, drive, poses_of
 
 import deqmcl_gym
-from deqmcl_gym.env import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
 
 ROOT = Path(deqmcl_gym.__file__).parents[1]
 

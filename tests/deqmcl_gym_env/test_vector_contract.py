@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from room_trace import ROOM_ID
 
+from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.vector import RoomVectorEnv
 
 FORWARD = np.float32([5.0, 0.0])
 

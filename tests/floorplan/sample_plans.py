@@ -3,14 +3,14 @@
 import numpy as np
 import pymunk
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 
-ROOM = FloorPlan(
+ROOM = PolygonMap(
     outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
     obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
 )
 # A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.
-HALL = FloorPlan(
+HALL = PolygonMap(
     outer=[(0, 0), (400, 0), (400, 300), (250, 300), (230, 190), (150, 200), (150, 300), (0, 300)],
     obstacles=[
         [(60, 60), (120, 60), (120, 80), (80, 80), (80, 120), (120, 120), (120, 140), (60, 140)],
@@ -20,7 +20,7 @@ HALL = FloorPlan(
 )
 
 
-def _forest() -> FloorPlan:
+def _forest() -> PolygonMap:
     """A room with many obstacles: tilted squares, and upright ones that share their lines."""
     rng = np.random.default_rng(0)
     squares = []
@@ -28,24 +28,24 @@ def _forest() -> FloorPlan:
         turns = np.arange(4) * np.pi / 2 + (np.pi / 4 if (x + y) % 3 == 0 else rng.uniform(0, 1.5))
         centre = 45 + 90 * np.array([x, y])
         squares.append(centre + 14 * np.column_stack([np.cos(turns), np.sin(turns)]))
-    return FloorPlan([(0, 0), (720, 0), (720, 540), (0, 540)], [s.tolist() for s in squares])
+    return PolygonMap([(0, 0), (720, 0), (720, 540), (0, 540)], [s.tolist() for s in squares])
 
 
 PLANS = {"room": ROOM, "hall": HALL, "forest": _forest()}
 
 
-def corners(plan: FloorPlan) -> np.ndarray:
+def corners(plan: PolygonMap) -> np.ndarray:
     """All corners, (k, 2) px."""
     return np.vstack([plan.outer, *plan.obstacles])
 
 
-def anywhere(plan: FloorPlan, n: int, rng: np.random.Generator, margin: float = 0.0) -> np.ndarray:
+def anywhere(plan: PolygonMap, n: int, rng: np.random.Generator, margin: float = 0.0) -> np.ndarray:
     """Uniform points in the plan's box and ``margin`` around it, (n, 2) px."""
     x0, y0, x1, y1 = plan.bounds
     return rng.uniform((x0 - margin, y0 - margin), (x1 + margin, y1 + margin), (n, 2))
 
 
-def awkward_poses(plan: FloorPlan, n: int, rng: np.random.Generator) -> np.ndarray:
+def awkward_poses(plan: PolygonMap, n: int, rng: np.random.Generator) -> np.ndarray:
     """Poses (n, 3): a third heads exactly for a corner, a sixth runs parallel to the axes."""
     points = anywhere(plan, n, rng)
     headings = rng.uniform(-np.pi, np.pi, n)
@@ -56,7 +56,7 @@ def awkward_poses(plan: FloorPlan, n: int, rng: np.random.Generator) -> np.ndarr
     return np.column_stack([points, headings])
 
 
-def space_of(plan: FloorPlan) -> pymunk.Space:
+def space_of(plan: PolygonMap) -> pymunk.Space:
     """The plan's walls as static segments without thickness."""
     space = pymunk.Space()
     for polygon in (plan.outer, *plan.obstacles):

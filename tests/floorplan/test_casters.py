@@ -5,8 +5,8 @@ import pytest
 from sample_plans import PLANS, anywhere, awkward_poses
 from test_floorplan_ranges import inside_the_outer_wall
 
-from deqmcl_gym.floorplan import FloorPlan
-from deqmcl_gym.floorplan.casting import (
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.casting import (
     MANY_WALLS,
     AllWalls,
     CellByCell,
@@ -14,7 +14,7 @@ from deqmcl_gym.floorplan.casting import (
     caster_of,
     cell_by_cell,
 )
-from deqmcl_gym.floorplan.cells import cells_of
+from deqmcl_gym.maps.cells import cells_of
 
 
 def test_few_walls_are_all_tried_and_many_are_sorted_into_cells():
@@ -102,7 +102,7 @@ def test_a_wall_along_the_border_of_cells_is_not_missed():
         for x in range(20, 380, 20)
         for y in range(20, 380, 20)
     ]
-    plan = FloorPlan([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
+    plan = PolygonMap([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
     between = np.arange(15.0, 390.0, 20.0)  # lanes without obstacles
     east = np.column_stack([np.full(between.size, 5.0), between, np.zeros(between.size)])
     assert plan.ranges(east, [0.0])[:, 0] == pytest.approx(np.full(between.size, 395.0), abs=1e-3)

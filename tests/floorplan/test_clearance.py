@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sample_plans import PLANS, anywhere, corners
 
-from deqmcl_gym.floorplan import kernels, reference
+from deqmcl_gym.maps import kernels, reference
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])

@@ -1,4 +1,4 @@
-"""FloorPlan.collides against pymunk and against the plain NumPy reference.
+"""PolygonMap.collides against pymunk and against the plain NumPy reference.
 
 pymunk decides what touches; it knows no interior, so where a step ends comes from the winding
 number. Two things about its thick segment query (7.3): it misses a disc that overlaps at the start,
@@ -16,13 +16,13 @@ import pymunk
 import pytest
 from sample_plans import PLANS, anywhere, corners, space_of
 
-from deqmcl_gym.floorplan import FloorPlan, reference
+from deqmcl_gym.maps import PolygonMap, reference
 
 BAND = 1e-3  # px
 EVERYTHING = pymunk.ShapeFilter()
 
 
-def random_steps(plan: FloorPlan, n: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def random_steps(plan: PolygonMap, n: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Starts and ends anywhere, also in solids and outside; steps of 0 to 400 px; near corners."""
     starts = anywhere(plan, n, rng, margin=30)
     near = rng.choice(corners(plan), n) + rng.normal(0, 10, (n, 2))

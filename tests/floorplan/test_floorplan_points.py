@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sample_plans import PLANS, anywhere, awkward_poses
 
-from deqmcl_gym.floorplan import FloorPlan, reference
+from deqmcl_gym.maps import PolygonMap, reference
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -76,7 +76,7 @@ def test_the_orientation_in_which_polygons_are_given_does_not_matter(name, turne
     plan = PLANS[name]
     outer = plan.outer[::-1] if turned in ("outer", "both") else plan.outer
     solid = [o[::-1] if turned in ("obstacles", "both") else o for o in plan.obstacles]
-    other = FloorPlan(outer, tuple(solid))
+    other = PolygonMap(outer, tuple(solid))
     rng = np.random.default_rng(5)
     poses = awkward_poses(plan, 5_000, rng)
     ends = anywhere(plan, 5_000, rng, margin=20)
@@ -112,7 +112,7 @@ def test_a_floor_plan_cannot_be_changed():
 
 def test_what_is_given_is_not_kept_by_reference():
     outer, obstacle = [[0, 0], [100, 0], [100, 100], [0, 100]], [[20, 20], [40, 20], [40, 40]]
-    plan = FloorPlan(outer, [obstacle])
+    plan = PolygonMap(outer, [obstacle])
     outer[1][0], obstacle[0][0] = 10_000, 99
     assert plan.bounds == (0.0, 0.0, 100.0, 100.0)
     assert plan.obstacles == (((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)),)

@@ -1,4 +1,4 @@
-"""FloorPlan.ranges against pymunk and against the plain NumPy reference.
+"""PolygonMap.ranges against pymunk and against the plain NumPy reference.
 
 The law: a range is the exact range of some pose within 1e-3 px and 1e-5 rad of the one asked for.
 Needed because float32 cannot do better near a corner, where an arbitrarily small turn changes the
@@ -15,20 +15,20 @@ import pymunk
 import pytest
 from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar, reference
+from deqmcl_gym.maps import Lidar, PolygonMap, reference
 
 HALF_PX, HALF_RAD = 5e-4, 5e-6
 EVERYTHING = pymunk.ShapeFilter()
 SPACES = {id(plan): space_of(plan) for plan in PLANS.values()}
 
 
-def by_reference(plan: FloorPlan, poses: np.ndarray) -> tuple[np.ndarray, list]:
+def by_reference(plan: PolygonMap, poses: np.ndarray) -> tuple[np.ndarray, list]:
     """Ranges straight ahead and the walls they end at."""
     each = [reference.ranges(wall[None], poses, [0.0])[:, 0] for wall in plan.walls]
     return np.min(each, axis=0), np.argmin(each, axis=0).tolist()
 
 
-def by_pymunk(plan: FloorPlan, poses: np.ndarray) -> tuple[np.ndarray, list]:
+def by_pymunk(plan: PolygonMap, poses: np.ndarray) -> tuple[np.ndarray, list]:
     space = SPACES[id(plan)]
     ends = poses[:, :2] + 2000 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     hits = [
@@ -42,7 +42,7 @@ def by_pymunk(plan: FloorPlan, poses: np.ndarray) -> tuple[np.ndarray, list]:
 CASTERS = {"reference": by_reference, "pymunk": by_pymunk}
 
 
-def poses_nearby(plan: FloorPlan, pose: np.ndarray) -> np.ndarray:
+def poses_nearby(plan: PolygonMap, pose: np.ndarray) -> np.ndarray:
     steps = np.array(list(product((-1, 0, 1), repeat=3))) * (HALF_PX, HALF_PX, HALF_RAD)
     moved = pose + steps
     to_corner = corners(plan)[None] - moved[:, None, :2]
@@ -54,14 +54,14 @@ def poses_nearby(plan: FloorPlan, pose: np.ndarray) -> np.ndarray:
     return np.vstack([moved, past_corners])
 
 
-def is_range_of_a_pose_nearby(seen: float, plan: FloorPlan, pose: np.ndarray, cast) -> bool:
+def is_range_of_a_pose_nearby(seen: float, plan: PolygonMap, pose: np.ndarray, cast) -> bool:
     spread: dict[object, list[float]] = {}
     for exact, wall in zip(*cast(plan, poses_nearby(plan, pose)), strict=True):
         spread.setdefault(wall, []).append(exact)
     return any(min(r) - HALF_PX <= seen <= max(r) + HALF_PX for r in spread.values())
 
 
-def violations(seen: np.ndarray, plan: FloorPlan, poses: np.ndarray, cast) -> list[np.ndarray]:
+def violations(seen: np.ndarray, plan: PolygonMap, poses: np.ndarray, cast) -> list[np.ndarray]:
     """Poses whose range is not the exact one of any pose nearby."""
     suspects = np.flatnonzero(~(np.abs(seen - cast(plan, poses)[0]) <= HALF_PX))
     return [
@@ -71,7 +71,7 @@ def violations(seen: np.ndarray, plan: FloorPlan, poses: np.ndarray, cast) -> li
     ]
 
 
-def inside_the_outer_wall(plan: FloorPlan, poses: np.ndarray) -> np.ndarray:
+def inside_the_outer_wall(plan: PolygonMap, poses: np.ndarray) -> np.ndarray:
     """Poses (k, 3) inside the outer wall, clear of it by more than float32 resolves."""
     outer = plan.walls[: len(plan.outer)]
     clear = reference.clearance(outer, poses, poses) > 1e-3
@@ -138,7 +138,7 @@ def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on
         low = np.float32([left, bottom])
         high = np.float32([left + width, bottom + height])
         x0, y0, x1, y1 = map(float, (*low, *high))
-        plan = FloorPlan(outer=((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+        plan = PolygonMap(outer=((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
         beside = np.nextafter((low, low, high, high), np.float32([[-1e9], [1e9], [-1e9], [1e9]]))
         xs, ys = np.vstack([low, high, beside, rng.uniform(low - 9, high + 9, (6, 2))]).T
         poses = np.array([(x, y, 1.0) for x, y in product(xs, ys)], np.float32)

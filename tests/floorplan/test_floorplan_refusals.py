@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 
 SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]
@@ -12,7 +12,7 @@ NAN = float("nan")
 
 def refusal(*polygons: object) -> str:
     with pytest.raises(InputError) as caught:
-        FloorPlan(*polygons)
+        PolygonMap(*polygons)
     sentence = str(caught.value)
     assert "\n" not in sentence
     assert sentence.endswith(".")
@@ -88,9 +88,9 @@ def test_a_polygon_where_a_list_of_polygons_belongs_is_refused():
 
 
 def test_a_plan_without_obstacles_and_one_with_overlapping_obstacles_are_allowed():
-    assert FloorPlan(SQUARE).free([(50, 50)]).all()
+    assert PolygonMap(SQUARE).free([(50, 50)]).all()
     two = [[(20, 20), (60, 20), (60, 60), (20, 60)], [(40, 40), (80, 40), (80, 80), (40, 80)]]
-    plan = FloorPlan(SQUARE, two)
+    plan = PolygonMap(SQUARE, two)
     assert plan.free([(30, 30), (50, 50), (70, 70), (70, 30)]).tolist() == [
         False,
         False,

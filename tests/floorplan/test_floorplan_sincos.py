@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import sincos
+from deqmcl_gym.maps import sincos
 from deqmcl_gym.numerics.elementary import cos32, sin32
 
 # Half a unit in the last place of a float32 below 1 is 3e-8. The polynomial, its evaluation and the

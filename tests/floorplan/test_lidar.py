@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
 
 NAN, INF = float("nan"), float("inf")

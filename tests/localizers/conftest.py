@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, PolygonMap
 
 
 @pytest.fixture(scope="session")
-def room() -> FloorPlan:
-    return FloorPlan(
+def room() -> PolygonMap:
+    return PolygonMap(
         outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
         obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
     )

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan, Lidar, reference
+from deqmcl_gym.maps import Lidar, PolygonMap, reference
 from deqmcl_gym.validation import InputError
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan
 
-LOPSIDED = FloorPlan(
+LOPSIDED = PolygonMap(
     outer=[(0, 0), (300, 0), (300, 200), (120, 200), (120, 170), (0, 170)],
     obstacles=[[(60, 60), (140, 60), (140, 120), (60, 120)]],
 )

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers import registry
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
 from localizers.checks.drive import default_robot, random_drive
 from localizers.checks.run import Examination, milliseconds_per_step, subject_of
+from localizers.naming import registry
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken"
@@ -119,7 +119,7 @@ def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
 
 
 def test_a_floor_plan_without_room_for_the_robot_is_refused():
-    narrow = FloorPlan(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
+    narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
     with pytest.raises(InputError, match="radius is 8 px"):
         check_localizer("mcl", replace(default_robot(), floor_plan=narrow))
 

@@ -8,7 +8,7 @@ import pytest
 import localizers
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
@@ -87,7 +87,7 @@ def test_the_moments_of_a_beam_that_hits_are_those_of_its_density(model, expecte
 @pytest.fixture
 def corridor() -> localizers.RobotModel:
     return localizers.RobotModel(
-        floor_plan=FloorPlan(outer=[(0, 0), (300, 0), (300, 100), (0, 100)]),
+        floor_plan=PolygonMap(outer=[(0, 0), (300, 0), (300, 100), (0, 100)]),
         lidar=Lidar(beams=3, field_of_view=math.pi, max_range=400.0),
         motion=localizers.OdometryMotion(drive=0.05, turn=0.05, drift=0.0),
         scan=localizers.GaussianUniform(sigma=4.0),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, RobotModel
 from localizers.inference.resampling import WhenDegenerate

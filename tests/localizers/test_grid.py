@@ -8,13 +8,13 @@ import pytest
 import textbook_mcl as book
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.grid_motion import GridMotion
 from localizers.methods import grid as method
 from localizers.models.pose_grid import PoseGrid
 
-SMALL = FloorPlan(
+SMALL = PolygonMap(
     outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]
 )
 CELL, HEADINGS = 10.0, 8
@@ -130,7 +130,7 @@ def test_mass_keeps_its_sum_and_moves_by_the_mean_of_the_motion(action):
 
 
 def test_halving_the_cell_leads_to_mcl_with_many_particles():
-    plan = FloorPlan(outer=[(0, 0), (120, 0), (120, 100), (0, 100)])
+    plan = PolygonMap(outer=[(0, 0), (120, 0), (120, 100), (0, 100)])
     robot = localizers.RobotModel(
         floor_plan=plan,
         lidar=Lidar(beams=2, field_of_view=1.5, max_range=200.0),

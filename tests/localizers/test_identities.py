@@ -5,7 +5,7 @@ import pytest
 from following import UNDRAWN, follow, same, small
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from localizers.models.feasibility import Unconstrained
 from localizers.models.scan import LidarScan
 

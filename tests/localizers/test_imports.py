@@ -20,7 +20,7 @@ def test_importing_localizers_loads_neither_pymunk_nor_opencv():
 
 
 def test_importing_the_floor_plan_loads_neither_pymunk_nor_opencv_nor_the_localizers():
-    loaded = loaded_by("import deqmcl_gym.floorplan")
+    loaded = loaded_by("import deqmcl_gym.maps")
     assert not loaded & {"pymunk", "cv2", "localizers", "benchmarks"}
 
 

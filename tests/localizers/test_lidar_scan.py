@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import FloorPlan, Lidar
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, scan_kernels
+from deqmcl_gym.maps import Lidar, PolygonMap
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers.models import scan_kernels
 from localizers.models.scan import OUTSIDE, LidarScan, usable_beams
 
 NAN, INF = math.nan, math.inf
@@ -91,7 +92,7 @@ def test_what_is_given_is_left_alone(scan):
     assert np.array_equal(ranges, before, equal_nan=True)
 
 
-HALL = FloorPlan(
+HALL = PolygonMap(
     outer=[(0, 0), (350, 0), (350, 300), (100, 300), (0, 200)],
     obstacles=(
         [(100, 100), (150, 100), (150, 200), (100, 200)],

@@ -7,7 +7,7 @@ import pytest
 from following import follow, same
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
 
 NAN, INF = math.nan, math.inf

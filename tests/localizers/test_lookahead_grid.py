@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.lookahead import Pilots, Tabulated
@@ -19,7 +19,7 @@ from localizers.models.lookahead_grid import LEAST, LookaheadGrid
 RNG = np.random.default_rng
 STILL = localizers.OdometryMotion(drive=0, turn=0, drift=0)
 NOISY = localizers.OdometryMotion(drive=0.2, turn=0.3, drift=0.03)
-SMALL = FloorPlan(outer=[(0, 0), (80, 0), (80, 60), (0, 60)])
+SMALL = PolygonMap(outer=[(0, 0), (80, 0), (80, 60), (0, 60)])
 PLAN = np.array([(8.0, 0.0), (8.0, 0.4), (8.0, 0.0), (8.0, -0.5)])
 RADIUS = 5.0
 
@@ -168,7 +168,7 @@ def test_a_window_is_tabulated_once_for_all_localizers_of_an_equal_robot(
 
     monkeypatch.setattr(LookaheadGrid, "table", counting)
     lookahead_grid._tables.cache_clear()
-    same_room = FloorPlan(outer=room.outer, obstacles=room.obstacles)
+    same_room = PolygonMap(outer=room.outer, obstacles=room.obstacles)
     for plan in (room, same_room):
         again = localizers.RobotModel(
             floor_plan=plan, lidar=robot.lidar, motion=robot.motion, scan=robot.scan

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from localizers import kernels
+from localizers.inference import kernels
 
 
 def pairs(uniforms: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 
 import localizers
 from deqmcl_gym.validation import InputError
-from localizers import registry
+from localizers.naming import registry
 
 WORKING = """
 class Mine:

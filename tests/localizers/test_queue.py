@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from localizers.inference.queue import Queue, SlidingComposition, compose
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import localizers
 from deqmcl_gym.validation import InputError
-from localizers import registry
+from localizers.naming import registry
 
 BUILT_IN = (
     *("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl"),

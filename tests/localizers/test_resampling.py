@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.validation import InputError
-from localizers import kernels
+from localizers.inference import kernels
 from localizers.inference.resampling import (
     SCHEMES,
     Always,

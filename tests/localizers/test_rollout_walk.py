@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 from localizers import OdometryMotion
 from localizers.inference.queue import Queue
 from localizers.inference.rollout import Rollout, StepByStep
@@ -64,7 +64,7 @@ def test_moves_of_its_own_are_those_of_a_step(room):
 
 
 def test_a_floor_plan_that_collides_in_its_own_way_is_asked_step_by_step(room):
-    class Solid(FloorPlan):
+    class Solid(PolygonMap):
         def collides(self, starts, ends, radius):
             return np.full(len(ends), True)
 

@@ -8,7 +8,7 @@ import pytest
 import textbook_mcl as book
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from localizers.models.scan import LidarScan
 
 PARTICLES = 25

@@ -8,9 +8,9 @@ import pytest
 from following import follow, small
 
 import localizers
-from deqmcl_gym.floorplan import FloorPlan, Lidar
+from deqmcl_gym.maps import Lidar, PolygonMap
+from localizers.inference.kernels import log_evidence
 from localizers.inference.trust import FOUND, LOST, MEMORY, Trust
-from localizers.kernels import log_evidence
 from localizers.models.free_space import even_poses, random_poses
 
 LOCALIZING = [name for name in localizers.names() if name != "dead-reckoning"]
@@ -121,7 +121,7 @@ def test_even_poses_cover_free_space_and_turns_evenly(room):
 
 def kidnapped(name: str) -> list[float]:
     """Qualities while a robot drives along a corridor and, from step 15 on, elsewhere."""
-    plan = FloorPlan(
+    plan = PolygonMap(
         outer=[(0, 0), (300, 0), (300, 200), (0, 200)],
         obstacles=[[(60, 60), (140, 60), (140, 150), (60, 150)]],
     )

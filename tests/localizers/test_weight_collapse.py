@@ -9,7 +9,7 @@ import pytest
 from following import follow
 
 import localizers
-from deqmcl_gym.floorplan import Lidar
+from deqmcl_gym.maps import Lidar
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.queue import Queue
 

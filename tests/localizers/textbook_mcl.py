@@ -2,7 +2,7 @@
 
 Thrun, Burgard & Fox 2005: table 8.2 (MCL), table 4.4 (low variance sampler), section 6.3 (a scan is
 a product over beams), chapter 5 (motion with noise in turn and translation). Nothing of
-``localizers`` or of ``FloorPlan`` is used; walls are a list of segments, poses are tuples, all
+``localizers`` or of ``PolygonMap`` is used; walls are a list of segments, poses are tuples, all
 arithmetic is float64.
 """
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.numerics import arrays, elementary
-from deqmcl_gym.path import centred
+from deqmcl_gym.world.path import centred
 
 EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the

@@ -107,4 +107,6 @@ def test_a_kernel_calls_only_its_own_file_and_those_whose_edits_every_cache_noti
 
 
 def test_the_kernels_are_found():
-    assert {"localizers.kernels", "deqmcl_gym.floorplan.ray_kernels"} <= {k.name for k in KERNELS}
+    assert {"localizers.inference.kernels", "deqmcl_gym.maps.ray_kernels"} <= {
+        k.name for k in KERNELS
+    }

@@ -19,14 +19,23 @@ HELP = [
     *[(command.NAME, "--help") for command in COMMANDS],
 ]
 PAPER_FLAGS = {
-    *("--trials", "--seed", "--particles", "--lag", "--localizers", "--jobs", "--preset", "--out"),
+    *(
+        "--trials",
+        "--seed",
+        "--particles",
+        "--lag",
+        "--localizers",
+        "--jobs",
+        "--scenario",
+        "--out",
+    ),
     *("--debug", "--help"),
 }
 SWEEP_FLAGS = {
     *("--out", "--with", "--jobs", "--executor", "--scheduler", "--shard", "--timeout"),
     *("--retry-failed", "--fail-fast", "--dry-run", "--yes", "--debug", "--help"),
 }
-RUN_FLAGS = {"--localizer", "--out", "--seed", "--preset", "--particles", "--lag", "--debug"}
+RUN_FLAGS = {"--localizer", "--out", "--seed", "--scenario", "--particles", "--lag", "--debug"}
 
 
 @pytest.mark.parametrize("arguments", HELP)
@@ -124,7 +133,7 @@ def test_the_defaults_are_those_of_the_paper(monkeypatch, tmp_path):
     assert main(["paper"]) == 0
     experiment, out, jobs, command = asked[0]
     assert vars(experiment) == {
-        "preset": "paper",
+        "scenario": "paper",
         "localizers": (
             *("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning"),
         ),

@@ -38,11 +38,11 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--localizers", ""], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
-    (["paper", "--preset", "papr"], ["preset", "'papr'", "did you mean 'paper'?", "sharp"]),
+    (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "sharp"]),
     (["run", "--localizer", "mcl"], ["--out"]),
     (["run", "--out", "out"], ["--localizer"]),
     (["run", "--localizer", "dec-mcl", "--out", "out"], ["did you mean 'deq-mcl'?"]),
-    ([*RUN, "--preset", "papr"], ["did you mean 'paper'?"]),
+    ([*RUN, "--scenario", "papr"], ["did you mean 'paper'?"]),
     ([*RUN, "--particles", "0"], ["--particles", "0"]),
     ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
     ([*RUN, "--lag", "-1"], ["--lag", "-1"]),
@@ -63,7 +63,7 @@ BAD = [  # arguments, and what the sentence must name
     ([*PHASE, "--localizers", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
     ([*PHASE, "--localizers", " , "], ["no localizer", "deq-mcl"]),
     ([*PHASE, "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
-    ([*PHASE, "--preset", "papr"], ["did you mean 'paper'?"]),
+    ([*PHASE, "--scenario", "papr"], ["did you mean 'paper'?"]),
     ([*PHASE, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
 ]
 

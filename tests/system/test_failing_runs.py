@@ -5,7 +5,7 @@ import json
 import pytest
 from deqmcl_command import exit_code, files, python
 
-from localizers import registry
+from localizers.naming import registry
 
 FULL_DISK = """
 import resource, signal, sys

@@ -79,7 +79,9 @@ def test_walls_are_black_and_stand_where_they_are(figures):
 
 
 def test_the_robot_is_drawn_at_the_truth_of_the_same_step_of_trial_0_for_both_methods(figures):
-    (trial,) = paper_suite(preset="paper", localizers=["dead-reckoning"], trials=1, seed=0, lag=20)
+    (trial,) = paper_suite(
+        scenario="paper", localizers=["dead-reckoning"], trials=1, seed=0, lag=20
+    )
     truths = [moment.truth for moment in trial_moments(trial)]
     x, y, _ = truths[102]  # half-way round
     rows, columns = np.mgrid[: 300 * SCALE + 2 * MARGIN, : 350 * SCALE + 2 * MARGIN]
@@ -113,7 +115,7 @@ def test_figure_5_prints_error_and_spread_beside_the_title(figures):
 
 def test_figure_5_tells_the_error_and_spread_of_state_150_as_scored(tmp_path, monkeypatch):
     (trial,) = paper_suite(
-        preset="paper", localizers=["deq-mcl"], trials=1, seed=0, lag=20, particles=30
+        scenario="paper", localizers=["deq-mcl"], trials=1, seed=0, lag=20, particles=30
     )
     notes, draw = {}, Camera.frame
 
@@ -175,12 +177,12 @@ def test_no_figure_is_promised_of_methods_that_were_not_run(tmp_path, capsys):
     assert "figures" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("preset", ["paper", "matched", "sharp", "guided"])
+@pytest.mark.parametrize("scenario", ["paper", "matched", "sharp", "guided"])
 @pytest.mark.parametrize("scale", [1.0, 1.2, 1.6, 2.0])
-def test_every_frame_has_an_even_size(preset, scale):
+def test_every_frame_has_an_even_size(scenario, scale):
     (trial,) = paper_suite(
-        preset=preset, localizers=["deq-mcl"], trials=1, seed=0, lag=2, particles=5
+        scenario=scenario, localizers=["deq-mcl"], trials=1, seed=0, lag=2, particles=5
     )
     moment = next(iter(trial_moments(trial)))
-    height, width, _ = camera_of(preset, 2, scale).frame(moment, "deq-mcl").shape
+    height, width, _ = camera_of(scenario, 2, scale).frame(moment, "deq-mcl").shape
     assert (width % 2, height % 2) == (0, 0)

@@ -41,7 +41,7 @@ def test_a_folder_that_is_missing_holds_no_current_figures_unless_none_are_shown
 
 
 @pytest.mark.parametrize(
-    "change", [{"seed": 1}, {"lag": 10}, {"preset": "sharp"}, {"params": (("particles", 11),)}]
+    "change", [{"seed": 1}, {"lag": 10}, {"scenario": "sharp"}, {"params": (("particles", 11),)}]
 )
 def test_figures_of_another_trial_are_not_current(drawn, change):
     assert not Gallery([replace(TRIAL, **change)], drawn).current()

@@ -17,7 +17,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 WORLD_BLIND = ("A localizer knows the map", "The map stands on nothing")
-OPEN_TO_ALL = {"deqmcl_gym.floorplan", "deqmcl_gym.numerics", "deqmcl_gym.validation"}
+OPEN_TO_ALL = {"deqmcl_gym.maps", "deqmcl_gym.numerics", "deqmcl_gym.validation"}
 
 
 def folders():

@@ -87,7 +87,7 @@ def test_dead_reckoning_has_errors_but_no_spread(small_run):
 
 def test_what_is_printed_is_the_table_with_the_papers_values_and_the_honest_sentence(small_run):
     done, out = small_run
-    for words in ("Table 1, preset paper: 2 worlds, N = 100, L = 20", "20.95 (17.66)", "DEQ-MCL"):
+    for words in ("Table 1, scenario paper: 2 worlds, N = 100, L = 20", "20.95 (17.66)", "DEQ-MCL"):
         assert words in done.stdout
     written = (out / "table.md").read_text()
     (said,) = re.findall(r"^Dead reckoning on the plan .*\.$", done.stdout, re.MULTILINE)
@@ -101,7 +101,7 @@ def test_the_manifest_says_how_to_get_the_same_numbers(small_run):
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["command"] == ["deqmcl", *SMALL, "--jobs", "2", "--out", str(out)]
     assert manifest["configuration"] == {
-        "preset": "paper",
+        "scenario": "paper",
         "localizers": list(METHODS),
         "trials": 2,
         "seed": 0,

@@ -62,14 +62,14 @@ def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
 
 
 def test_fields_methods_preset_and_lag_are_those_asked_for(tmp_path):
-    arguments = ("--localizers", "dead-reckoning", "--preset", "sharp", "--lag", "30")
+    arguments = ("--localizers", "dead-reckoning", "--scenario", "sharp", "--lag", "30")
     assert exit_code("phase", *arguments, "--fields", "7", "--out", tmp_path) == 0
     assert [line["field"] for line in rows(tmp_path / "fields.csv")] == [*map(str, range(1, 8))]
     lines = rows(tmp_path / "cycles.csv")
     assert [name for name in lines[0] if "field" in name] == [f"field_{i}" for i in range(1, 8)]
     assert {line["method"] for line in lines} == {"perfect queue", "dead-reckoning"}
     assert {int(line["offset"]) for line in lines} == {*range(-30, 31)}
-    assert "preset sharp, N = 1000, L = 30, seed 0" in (tmp_path / "phase.md").read_text()
+    assert "scenario sharp, N = 1000, L = 30, seed 0" in (tmp_path / "phase.md").read_text()
 
 
 def test_the_figure_is_a_picture_with_a_row_per_method(drawn):

@@ -81,8 +81,8 @@ INCOMPLETE = (
     '{"identity": {"sweep": null}}',
     '{"identity": {"sweep": {"title": "one", "localizers": ["mcl"]}}}',
     '{"configuration": {}}',
-    '{"configuration": {"preset": "paper"}}',
-    '{"configuration": {"preset": "paper"}, "command": ["deqmcl", "paper"]}',
+    '{"configuration": {"scenario": "paper"}}',
+    '{"configuration": {"scenario": "paper"}, "command": ["deqmcl", "paper"]}',
 )
 
 

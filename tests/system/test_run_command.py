@@ -87,7 +87,7 @@ def test_the_curve_is_a_picture(lap):
 def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     done, out = lap
     (trial,) = paper_suite(
-        preset="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
+        scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
     )
     (row,) = scores(trial_trace(trial), 20)
     errors = [line["error"] for line in curve(out)[0] if line["state"] >= 1]
@@ -95,11 +95,11 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     assert sum(errors) / 204 == pytest.approx(row.error, rel=1e-12)  # a sum of 204 floats
     (said,) = re.findall(r"x\[t\]: error +([\d.]+), position RMSE", done.stdout)
     assert float(said) == pytest.approx(row.error, abs=0.005)  # two decimals
-    assert done.stdout.startswith("MCL, preset paper, seed 3: 204 steps\n")
+    assert done.stdout.startswith("MCL, scenario paper, seed 3: 204 steps\n")
 
 
 def test_the_curve_holds_the_true_states_and_the_errors_of_every_offset_held(tmp_path):
-    arguments = ("--localizer", "dead-reckoning", "--lag", "30", "--preset", "matched")
+    arguments = ("--localizer", "dead-reckoning", "--lag", "30", "--scenario", "matched")
     assert exit_code("run", *arguments, "--out", tmp_path) == 0
     lines = curve(tmp_path)
     states = {offset: [int(row["state"]) for row in rows] for offset, rows in lines.items()}
@@ -112,10 +112,10 @@ def test_the_curve_holds_the_true_states_and_the_errors_of_every_offset_held(tmp
 
 def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):
     arguments = ("--localizer", "deq-mcl", "--particles", "10", "--lag", "40")
-    assert exit_code("run", *arguments, "--preset", "guided", "--out", tmp_path) == 0
+    assert exit_code("run", *arguments, "--scenario", "guided", "--out", tmp_path) == 0
     present, future = (curve(tmp_path)[offset] for offset in (0, 40))
     steps = present[-1]["state"]
-    assert f"DEQ-MCL, preset guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
+    assert f"DEQ-MCL, scenario guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
     assert [row["state"] for row in present] == [*range(int(steps) + 1)]
     # far from the end the whole lag is planned ahead; past it nothing is
     assert [row["state"] for row in future][:100] == [*range(40, 140)]

@@ -17,9 +17,9 @@ from benchmarks.trials.attempt import trial_trace
 from localizers import names
 
 digests = {}
-for preset in ("paper", "sharp"):
+for scenario in ("paper", "sharp"):
     suite = paper_suite(
-        preset=preset, localizers=names(), trials=1, seed=3, lag=5, particles=300
+        scenario=scenario, localizers=names(), trials=1, seed=3, lag=5, particles=300
     )
     for trial in suite:
         trace = trial_trace(trial)
@@ -28,7 +28,7 @@ for preset in ("paper", "sharp"):
             arrays += [kept.means.tobytes(), kept.variances.tobytes(), kept.wall_share.tobytes()]
         words = json.dumps(record(trace, trial.lag), sort_keys=True).encode()
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
-        digests[f"{preset} {trial.localizer}"] = digest
+        digests[f"{scenario} {trial.localizer}"] = digest
 print(json.dumps(digests))
 """
 

@@ -119,7 +119,9 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     assert sweep(write_small(tmp_path, more=more), out) == 0
     assert exit_code("report", out) == 0
     trials = [row for row in lines(out) if row["offset"] == "0"]
-    steps = {p: {r["steps_done"] for r in trials if r["preset"] == p} for p in ("paper", "guided")}
+    steps = {
+        p: {r["steps_done"] for r in trials if r["scenario"] == p} for p in ("paper", "guided")
+    }
     assert steps["paper"] == {"204"}
     assert len(steps["guided"]) == 2
     assert all(float(row["error"]) > 0 for row in trials)

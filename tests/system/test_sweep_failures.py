@@ -7,7 +7,7 @@ import sys
 from deqmcl_command import files
 from sweep_command import broken, lines, sweep, tables, trial_files, write_small
 
-from localizers import registry
+from localizers.naming import registry
 
 
 def test_failed_trials_are_said_kept_and_run_again_only_if_asked(

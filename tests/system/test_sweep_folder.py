@@ -11,7 +11,7 @@ from benchmarks.sweeps import manifest, store
 from benchmarks.sweeps.collecting import results_in
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
-from localizers import registry
+from localizers.naming import registry
 
 
 def test_a_second_run_computes_nothing_and_writes_the_same_bytes(file, copy, ran):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from navground.core import CollisionComputation, LineSegment, Pose2
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 
 _FAR = 1000.0  # px
 
@@ -13,7 +13,7 @@ _FAR = 1000.0  # px
 class NavgroundCaster:
     """A fan of beams all around, cast by ``CollisionComputation``."""
 
-    def __init__(self, floor_plan: FloorPlan, beams: int) -> None:
+    def __init__(self, floor_plan: PolygonMap, beams: int) -> None:
         """Build the walls once."""
         self._walls = [LineSegment(wall[:2], wall[2:]) for wall in floor_plan.walls]
         self._computation = CollisionComputation()

@@ -2,12 +2,11 @@
 
 import numpy as np
 import particles
-from numpy.typing import NDArray
 
 from benchmarks.speed.numpy_baseline import Cloud, NumpyModels
+from deqmcl_gym.numerics.types import Reals
 from localizers import Prior, RobotModel
 
-Floats = NDArray[np.floating]
 _FOR_EVER = 10**9
 
 
@@ -17,16 +16,16 @@ class _Localization(particles.FeynmanKac):
     def __init__(self, models: NumpyModels, prior: Prior, rng: np.random.Generator) -> None:
         super().__init__(_FOR_EVER)
         self.models, self.prior, self.rng = models, prior, rng
-        self.action: Floats = np.zeros(2)
-        self.scan: Floats | None = None
+        self.action: Reals = np.zeros(2)
+        self.scan: Reals | None = None
 
-    def M0(self, N: int) -> Floats:  # noqa: N802, N803 (the names are the library's)
+    def M0(self, N: int) -> Reals:  # noqa: N802, N803 (the names are the library's)
         return self.prior.sample(N, self.rng).astype(np.float32)
 
-    def M(self, t: int, xp: Floats) -> Floats:  # noqa: N802
+    def M(self, t: int, xp: Reals) -> Reals:  # noqa: N802
         return self.models.moved(xp.T, self.action, self.rng).T
 
-    def logG(self, t: int, xp: Floats, x: Floats) -> Floats:  # noqa: N802
+    def logG(self, t: int, xp: Reals, x: Reals) -> Reals:  # noqa: N802
         if self.scan is None:
             return np.zeros(len(x))
         return self.models.log_likelihood(x.T, self.scan)
@@ -39,7 +38,7 @@ class ParticlesMCL:
         """Make MCL for a robot."""
         self._models, self._particles = NumpyModels(robot), particles
 
-    def reset(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> Cloud:
+    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
         """Start anew."""
         del plan
         self._model = _Localization(self._models, prior, rng)
@@ -49,7 +48,7 @@ class ParticlesMCL:
         next(self._smc)
         return self._belief()
 
-    def update(self, ranges: Floats, action: Floats, plan: Floats) -> Cloud:
+    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
         """Go one step on."""
         del plan
         self._model.action, self._model.scan = action, ranges

@@ -3,13 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pfilter import ParticleFilter, systematic_resample
 
 from benchmarks.speed.numpy_baseline import Cloud, NumpyModels
+from deqmcl_gym.numerics.types import Reals
 from localizers import Prior, RobotModel
-
-Floats = NDArray[np.floating]
 
 
 class PfilterMCL:
@@ -19,17 +17,17 @@ class PfilterMCL:
         """Make MCL for a robot."""
         self._models, self._particles = NumpyModels(robot), particles
 
-    def reset(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> Cloud:
+    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
         """Start anew."""
         del plan
         models = self._models
 
-        def dynamics(particles: Floats, *, action: Floats, **_: Any) -> Floats:
+        def dynamics(particles: Reals, *, action: Reals, **_: Any) -> Reals:
             return models.moved(particles.T, action, rng).T
 
-        def weight(particles: Floats, scan: Floats, **_: Any) -> Floats:
+        def weight(particles: Reals, scan: Reals, **_: Any) -> Reals:
             log_likelihood = models.log_likelihood(particles.T, scan[0])
-            relative: Floats = np.exp(log_likelihood - log_likelihood.max())
+            relative: Reals = np.exp(log_likelihood - log_likelihood.max())
             return relative
 
         self._filter = ParticleFilter(
@@ -44,7 +42,7 @@ class PfilterMCL:
         )
         return self._belief()
 
-    def update(self, ranges: Floats, action: Floats, plan: Floats) -> Cloud:
+    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
         """Go one step on."""
         del plan
         with np.errstate(divide="ignore", invalid="ignore"):  # its entropy of weights that are 0

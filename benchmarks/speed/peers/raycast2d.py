@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from raycast2D import Lidar2D
 
-from deqmcl_gym.floorplan import FloorPlan
+from deqmcl_gym.maps import PolygonMap
 
 _FAR = 500  # px, beyond every wall
 
@@ -15,7 +15,7 @@ _FAR = 500  # px, beyond every wall
 class GridCaster:
     """A fan of beams all around, in pixels of 1 px."""
 
-    def __init__(self, floor_plan: FloorPlan, beams: int) -> None:
+    def __init__(self, floor_plan: PolygonMap, beams: int) -> None:
         """Paint the map once."""
         x0, y0, x1, y1 = floor_plan.bounds
         self._corner = x0, y0

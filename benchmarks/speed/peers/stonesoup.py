@@ -3,7 +3,6 @@
 import datetime
 
 import numpy as np
-from numpy.typing import NDArray
 from stonesoup.base import Property
 from stonesoup.models.measurement import MeasurementModel
 from stonesoup.models.transition import TransitionModel
@@ -16,16 +15,16 @@ from stonesoup.types.state import ParticleState, State
 from stonesoup.updater.particle import ParticleUpdater
 
 from benchmarks.speed.numpy_baseline import Cloud, NumpyModels
+from deqmcl_gym.numerics.types import Reals
 from localizers import Prior, RobotModel
 
-Floats = NDArray[np.floating]
 _STEP = datetime.timedelta(seconds=1)
 
 
 class _Motion(TransitionModel):
     models: NumpyModels = Property()
     rng: np.random.Generator = Property()
-    action: Floats = Property(default=None)
+    action: Reals = Property(default=None)
 
     @property
     def ndim_state(self) -> int:
@@ -58,7 +57,7 @@ class _Scan(MeasurementModel):
     def pdf(self, *_: object, **__: object) -> None:
         raise NotImplementedError
 
-    def logpdf(self, state1: State, state2: State, **_: object) -> Floats:
+    def logpdf(self, state1: State, state2: State, **_: object) -> Reals:
         cloud = np.asarray(state2.state_vector, dtype=np.float32)
         return self.models.log_likelihood(cloud, np.asarray(state1.state_vector)[:, 0])
 
@@ -70,7 +69,7 @@ class StoneSoupMCL:
         """Make MCL for a robot."""
         self._models, self._particles = NumpyModels(robot), particles
 
-    def reset(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> Cloud:
+    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
         """Start anew."""
         del plan
         self._motion = _Motion(models=self._models, rng=rng)
@@ -85,7 +84,7 @@ class StoneSoupMCL:
         )
         return self._belief()
 
-    def update(self, ranges: Floats, action: Floats, plan: Floats) -> Cloud:
+    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
         """Go one step on."""
         del plan
         self._motion.action = action

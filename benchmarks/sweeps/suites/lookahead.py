@@ -1,4 +1,4 @@
-"""Looking ahead without degenerating: every method, on each preset, against the limit."""
+"""Looking ahead without degenerating: every method, on each scenario, against the limit."""
 
 from types import MappingProxyType
 
@@ -22,7 +22,7 @@ LIMIT = Limit(method=method("mcl-pilots", particles=100_000, pilots=1), trials=2
 LOOKAHEAD_SUITES = MappingProxyType(
     {
         "lookahead": Sweep(
-            title="Looking ahead without degenerating: preset paper, 200 worlds, 3 runs each",
+            title="Looking ahead without degenerating: scenario paper, 200 worlds, 3 runs each",
             localizers=(*_FILTERS, _TWISTED),
             trials=200,
             filter_seeds=3,
@@ -30,23 +30,23 @@ LOOKAHEAD_SUITES = MappingProxyType(
             limit=LIMIT,
         ),
         "guided": Sweep(
-            title="Every method where localization is needed: preset guided, 200 worlds",
-            preset="guided",
+            title="Every method where localization is needed: scenario guided, 200 worlds",
+            scenario="guided",
             localizers=(*_FILTERS, *_CLASSICAL),
             trials=200,
             vary=(axis(params__particles=_PARTICLES),),
             limit=LIMIT,
         ),
         "matched": Sweep(
-            title="Every method where all that it assumes is right: preset matched, 200 worlds",
-            preset="matched",
+            title="Every method where all that it assumes is right: scenario matched, 200 worlds",
+            scenario="matched",
             localizers=(*_FILTERS, _TWISTED, *_CLASSICAL),
             trials=200,
             vary=(axis(params__particles=_PARTICLES),),
         ),
         "sharp": Sweep(
-            title="Looking ahead with a sharp sensor: preset sharp, 200 worlds",
-            preset="sharp",
+            title="Looking ahead with a sharp sensor: scenario sharp, 200 worlds",
+            scenario="sharp",
             localizers=(*_FILTERS, _TWISTED),
             trials=200,
             vary=(axis(params__particles=_PARTICLES),),

@@ -18,22 +18,22 @@ PAPER_METHODS = (
 )
 CLASSICAL = ("grid", "amcl", "ekf")
 BEYOND = ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
-PRESETS = ("paper", "matched", "sharp")
+SCENARIOS = ("paper", "matched", "sharp")
 
 
 def paper_sweep(
     *,
-    preset: str = "paper",
+    scenario: str = "paper",
     localizers: Sequence[str] = PAPER_METHODS,
     trials: int = 10,
     seed: int = 0,
     lag: int = 20,
     **params: Any,
 ) -> Sweep:
-    """Return the paper's experiment: all methods on the same worlds of one preset.
+    """Return the paper's experiment: all methods on the same worlds of one scenario.
 
     Args:
-        preset: name of the world.
+        scenario: name of the world.
         localizers: names; each gets those of ``params`` (and ``lag``) that it has a use for.
         trials: number of worlds.
         seed: root of all randomness.
@@ -42,7 +42,7 @@ def paper_sweep(
     """
     return Sweep(
         title="The paper's experiment",
-        preset=preset,
+        scenario=scenario,
         localizers=methods(*localizers),
         trials=trials,
         seed=seed,
@@ -71,14 +71,14 @@ PAPER_SUITES = MappingProxyType(
             trials=200,
             filter_seeds=3,
             params=frozen({"particles": 1000}),
-            vary=(axis(preset=PRESETS),),
+            vary=(axis(scenario=SCENARIOS),),
         ),
         "particles": Sweep(
             title="Error against the number of particles",
             localizers=methods(*PAPER_METHODS[:-1]),
             trials=40,
             vary=(
-                axis(preset=PRESETS),
+                axis(scenario=SCENARIOS),
                 axis(params__particles=(30, 100, 300, 1000, 3000)),
             ),
         ),
@@ -87,19 +87,19 @@ PAPER_SUITES = MappingProxyType(
             localizers=methods(*("mcl-smoother", "mcl-map-smoother", "deq-mcl")),
             trials=40,
             params=frozen({"particles": 1000}),
-            vary=(axis(preset=PRESETS), axis(lag=(0, 5, 10, 20, 40))),
+            vary=(axis(scenario=SCENARIOS), axis(lag=(0, 5, 10, 20, 40))),
         ),
         "beta": Sweep(
             title="Error against β, the charge on a step that collides",
             localizers=methods(*("mcl", "mcl-map", "mcl-map-smoother", "deq-mcl")),
             trials=40,
             params=frozen({"particles": 1000}),
-            vary=(axis(preset=PRESETS), axis(params__beta=(0.0, 1.0, 3.0, 10.0, 30.0))),
+            vary=(axis(scenario=SCENARIOS), axis(params__beta=(0.0, 1.0, 3.0, 10.0, 30.0))),
         ),
         "sensor": Sweep(
             title="Error against the noise of the sensor, which the filters know",
             localizers=methods(*PAPER_METHODS),
-            preset="matched",
+            scenario="matched",
             trials=40,
             params=frozen({"particles": 1000}),
             vary=(
@@ -113,7 +113,7 @@ PAPER_SUITES = MappingProxyType(
         "noise": Sweep(
             title="Error against the noise of the motion, which the filters know",
             localizers=methods(*PAPER_METHODS),
-            preset="matched",
+            scenario="matched",
             trials=40,
             params=frozen({"particles": 1000}),
             vary=(
@@ -130,7 +130,7 @@ PAPER_SUITES = MappingProxyType(
         "disturbed": Sweep(
             title="Trouble at half of the lap: none, kidnapped, beams lost, plan changed",
             localizers=methods(*PAPER_METHODS, *BEYOND, *CLASSICAL),
-            preset="sharp",
+            scenario="sharp",
             trials=40,
             params=frozen({"particles": 1000}),
             vary=(

@@ -13,7 +13,7 @@ from benchmarks.sweeps.factors import Axis
 from benchmarks.sweeps.suites.parts import axis, home_again, methods, wrapper
 from benchmarks.trials.spec import frozen
 
-_CENTRES = axis(preset=("matched", "guided"))
+_CENTRES = axis(scenario=("matched", "guided"))
 _CHANGED = wrapper("plan-change", step=100, actions=home_again())
 _SIGMAS = (5.0, 25.0, 100.0)
 _NOISES = (0.02, 0.05, 0.1, 0.2)  # of drive and turn; the drift per px is a tenth of it
@@ -61,13 +61,13 @@ STUDY_SUITES = MappingProxyType(
         ),
         "study-plan": _study(
             "A plan that is kept, and one that changes at half of the lap",
-            preset="matched",
+            scenario="matched",
             vary=(axis(disturbance=((), (_CHANGED,))),),
         ),
         "study-pilots": _study(
             "Roll-outs per particle: M of the redraw in DEQ-MCL, K of pilots",
             localizers=methods("mcl-map", "deq-mcl", "mcl-pilots"),
-            preset="guided",
+            scenario="guided",
             vary=(axis(params__pilots=(4, 16, 64)),),
         ),
     }

@@ -1,0 +1,26 @@
+"""What ``reset`` and ``step`` tell beside the observation."""
+
+from typing import TypedDict
+
+from deqmcl_gym.numerics.types import Floats, Singles
+
+
+class RoomInfo(TypedDict):
+    """The ``info`` channel. Arrays are fresh copies of fixed shape.
+
+    Attributes:
+        planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
+            distance px, turn rad.
+        planned_count: how many rows of ``planned_actions`` are actions.
+        action: the command carried out in this step, before motion noise and contact, (2,)
+            float32; zeros at reset.
+        collided: whether the step was stopped by a wall.
+        truth: the true pose (x px, y px, θ rad), (3,) float64. For scoring: an estimator that
+            reads it has been told the answer.
+    """
+
+    planned_actions: Singles
+    planned_count: int
+    action: Singles
+    collided: bool
+    truth: Floats

@@ -1,0 +1,262 @@
+"""RoomVectorEnv: the Gymnasium vector environment. Wiring only; the rooms are in rooms.py."""
+
+import secrets
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from deqmcl_gym.envs.info import RoomInfo
+from deqmcl_gym.envs.vector_rooms import Rooms
+from deqmcl_gym.numerics.types import Bools, Indices, Singles
+from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.world.plan import FixedPlan, Plan
+from deqmcl_gym.world.setting import Setting
+
+Actions = Singles
+Info = dict[str, Any]
+StepResult = tuple[Singles, NDArray[Any], NDArray[Any], NDArray[Any], Info]
+
+_MASKS = tuple(f"_{key}" for key in RoomInfo.__annotations__)
+_MODES = {mode.value: mode for mode in AutoresetMode}
+
+
+class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
+    """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with a seed and episodes of its own.
+
+    docs/environment.md describes what differs from one room.
+
+    Attributes:
+        floor_plan: the map m, for localizers too.
+        lidar: the sensor's geometry and noise, for localizers too.
+        world: all parts of the world, as configured.
+        course: the lap as planned: path, start and actions.
+    """
+
+    def __init__(
+        self,
+        *,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        **room: Any,
+    ) -> None:
+        """Make ``num_envs`` equal rooms.
+
+        Args:
+            num_envs: n.
+            max_episode_steps: truncate episodes after so many steps; None never does.
+            autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
+            render_mode: None or "rgb_array".
+            room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
+        """
+        self.num_envs = integer("num_envs", num_envs, low=1)
+        self._limit = _limit(max_episode_steps)
+        self._mode = _MODES[one_of("autoreset_mode", _value(autoreset_mode), _MODES)]
+        self._setting = setting = Setting.of(**room)
+        self._plan = _same_for_all(setting.plan)
+        self.world, self.course = setting.world, setting.course
+        self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": 30,
+            "autoreset_mode": self._mode,
+        }
+        if render_mode is not None:
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
+            setting.drawing()  # refuses a room too large for a picture
+        self.render_mode = render_mode
+        self.single_observation_space = setting.observation_space
+        self.single_action_space = setting.commands.space
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._rooms = Rooms(setting, self.num_envs, self._limit)
+        # seed and number since the seed of each room's episode
+        self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
+        self._all_begun = False
+        self._all = np.ones(self.num_envs, np.bool_)
+        self._ended = np.zeros(self.num_envs, np.bool_)
+
+    @property
+    def plan(self) -> Actions:
+        """The actions planned for each episode, done and to come, (T, 2) float32."""
+        return self._plan.actions
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """The seed of each room, None before its first reset."""
+        return tuple(None if episode is None else episode[0] for episode in self._episodes)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Singles, Info]:
+        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``.
+
+        Args:
+            seed: s gives room i the seed s + i; a list gives each its own; a room without one
+                begins the next episode in the order of its last seed.
+            options: ``reset_mask``: (n,) bool.
+
+        Raises:
+            InputError: a bad seed or option, or no free start. All episodes go on.
+        """
+        chosen = self._chosen(options)
+        rooms = np.flatnonzero(chosen)
+        self._begin(rooms, self._checked_seeds(seed))
+        self._rooms.look(rooms)
+        nothing = np.zeros((self.num_envs, 2), np.float32)
+        return self._rooms.scans.copy(), self._info(chosen, nothing, np.zeros_like(chosen))
+
+    def step(self, actions: Actions) -> StepResult:
+        """Turn, then drive in each room; where an episode ended, begin the next one.
+
+        Raises:
+            InputError: bad actions. No room has taken its step.
+        """
+        self._check_begun("step")
+        resting = self._ended  # nobody, by SAME_STEP
+        again = resting.nonzero()[0]
+        if again.size and self._mode is AutoresetMode.DISABLED:
+            raise RuntimeError(
+                f"the episode in room {again[0]} has ended: call reset() with its "
+                "reset_mask before step()."
+            )
+        commands = self._setting.commands.checked_each(actions, resting)
+        if again.size:
+            self._begin(again)
+            commands[again] = 0.0
+        rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
+        self._rooms.look()
+        self._ended = terminated | truncated
+        final: Info = {}
+        if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
+            final = self._begun_again(commands, collided)
+        info = self._info(self._all, commands, collided)
+        return self._rooms.scans.copy(), rewards, terminated, truncated, final | info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return each room as it is, (h, w, 3) RGB, or None without a render mode."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs gym.make_vec(..., render_mode="rgb_array").')
+            return None
+        self._check_begun("render")
+        rooms = self._rooms
+        seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
+        return tuple(self._setting.picture(*room) for room in seen)
+
+    def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
+        """Begin an episode in each of ``rooms``: of these seeds (n,), or the room's next one."""
+        numbers = rooms.tolist()
+        episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in numbers]
+        self._rooms.begin(rooms, episodes)
+        for room, episode in zip(numbers, episodes, strict=True):
+            self._episodes[room] = episode
+        self._all_begun = self._all_begun or None not in self._episodes
+        self._ended = self._ended.copy()  # step() goes on with those that had ended
+        self._ended[rooms] = False
+
+    def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
+        """Seed and number of a room's next episode."""
+        last = self._episodes[room]
+        if seed is not None:
+            return seed, 0
+        if last is not None:
+            return last[0], last[1] + 1
+        return secrets.randbits(128), 0
+
+    def _begun_again(self, commands: Actions, collided: Bools) -> Info:
+        """Begin the next episode where one ended; return what was last seen of that."""
+        ended = self._ended.copy()
+        rooms = np.flatnonzero(ended)
+        last = np.full(self.num_envs, None, dtype=object)
+        for room in rooms.tolist():
+            last[room] = self._rooms.scans[room].copy()
+        said = self._info(ended, commands.copy(), collided.copy())
+        final: Info = {"final_obs": last, "final_info": said}
+        self._begin(rooms)
+        self._rooms.look(rooms)
+        commands[ended], collided[ended] = 0.0, False
+        return final | {f"_{key}": ended.copy() for key in final}
+
+    def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
+        """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
+
+        It keeps ``commands`` and ``collided``: they are to be its own.
+        """
+        planned, count = self._plan.after_each(self._rooms.steps)
+        told: Info = {
+            "planned_actions": planned,
+            "planned_count": count,
+            "action": commands,
+            "collided": collided,
+            "truth": self._rooms.poses.copy(),
+        }
+        if among is not self._all:
+            for values in told.values():
+                values[~among] = 0
+        told.update({mask: among.copy() for mask in _MASKS})
+        return told
+
+    def _chosen(self, options: object) -> Bools:
+        if options is not None and not isinstance(options, Mapping):
+            raise InputError(f"options is {options!r}, but must be None or hold a reset_mask.")
+        for key in options or ():
+            one_of("reset option", key, ("reset_mask",))
+        mask = options.get("reset_mask") if options else None
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        chosen = np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
+            raise InputError(
+                f"reset_mask is {mask!r}, but must be {self.num_envs} truth values, at least one "
+                "of them True."
+            )
+        return chosen.copy()
+
+    def _checked_seeds(self, seed: object) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+            first = integer("seed", seed)
+            return list(range(first, first + self.num_envs))
+        if len(seed) != self.num_envs:
+            raise InputError(
+                f"seed has {len(seed)} numbers, but there are {self.num_envs} rooms: give one "
+                "seed for each, or a single number."
+            )
+        return [None if one is None else integer("seed", one) for one in seed]
+
+    def _check_begun(self, wish: str) -> None:
+        if not self._all_begun:
+            raise RuntimeError(
+                f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
+                f"before {wish}()."
+            )
+
+
+def _limit(steps: int | None) -> int:
+    never: int = np.iinfo(np.intp).max
+    if steps is None or steps == -1:  # -1 as in gym.make
+        return never
+    return min(integer("max_episode_steps", steps, low=1), never)
+
+
+def _same_for_all(plan: Plan) -> FixedPlan:
+    if not isinstance(plan, FixedPlan):
+        raise InputError(
+            "the rooms of a world with a driver have plans of their own, so they run one by one: "
+            'give gym.make_vec(..., vectorization_mode="sync").'
+        )
+    return plan
+
+
+def _value(mode: object) -> object:
+    return mode.value if isinstance(mode, AutoresetMode) else mode

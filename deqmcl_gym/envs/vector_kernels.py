@@ -1,0 +1,174 @@
+"""The compiled motion of many robots among the walls: float64, one room after the other.
+
+The rule is that of ``deqmcl_gym.world.physics``: turn, then drive; stop just before contact.
+"""
+
+import numpy as np
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import centred64, cos64, sin64
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.world.path_kernels import follow
+
+_TURN = 2 * np.pi
+
+
+def sides(walls: Floats) -> Floats:
+    """Return walls (x₀, y₀, x₁, y₁) as :func:`drive` takes them.
+
+    Returns:
+        (x₀, y₀, unit x, unit y, length), (S, 5) px.
+    """
+    along = walls[:, 2:] - walls[:, :2]
+    length = np.hypot(*along.T)[:, None]
+    return np.hstack([walls[:, :2], along / length, length])
+
+
+@compiled
+def drive(
+    poses: Floats,
+    gaps: Floats,
+    commands: Singles,
+    normals: Floats,
+    at: Indices,
+    resting: Bools,
+    noise: tuple[float, float, float],
+    walls: Floats,
+    radius: float,
+    skin: float,
+    steps: Indices,
+    collided: Bools,
+) -> None:
+    """Turn and drive the robots that are not ``resting``, in place: one step.
+
+    Args:
+        poses: x px, y px, θ rad in [-π, π), (n, 3).
+        gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,)
+            px; 0 if nobody knows.
+        commands: distance px, turn rad, (n, 2).
+        normals: N(0, 1) for the drive and the turn, (n, rows, 2).
+        at: the row of these that each robot takes, (n,); goes on to the next one.
+        resting: which robots stay, (n,).
+        noise: σ_dd, σ_φφ, σ_φd.
+        walls: as :func:`sides` returns them; free space to their left.
+        radius: of the robots, px.
+        skin: how far before the contact they stop, px.
+        steps: carried out, (n,); one more.
+        collided: filled in: whether a wall stopped the robot, (n,).
+    """
+    of_drive, of_turn, of_drift = noise
+    for i in range(resting.size):
+        collided[i] = False
+        if resting[i]:
+            continue
+        normal_drive, normal_turn = normals[i, at[i]]
+        at[i] += 1
+        steps[i] += 1
+        distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
+        sd_turn = of_turn * abs(turn) + of_drift * distance
+        heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, _TURN)
+        poses[i, 2] = heading
+        driven = distance * (1 + of_drive * normal_drive)
+        way = abs(driven)
+        if way == 0.0:
+            continue
+        x, y = poses[i, 0], poses[i, 1]
+        dx, dy = driven * cos64(heading), driven * sin64(heading)
+        if gaps[i] <= way + skin:
+            gaps[i] = _gap(x, y, walls) - radius
+        if gaps[i] <= way + skin:
+            share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
+            if share < np.inf:
+                collided[i] = True
+                share = max(share - skin / way, 0.0)
+                dx, dy, way = share * dx, share * dy, share * way
+        gaps[i] -= way
+        poses[i, 0], poses[i, 1] = x + dx, y + dy
+
+
+@compiled
+def _gap(x: float, y: float, walls: Floats) -> float:
+    """Distance of a point to the nearest wall."""
+    least = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        along = px * ex + py * ey
+        beyond = along - min(max(along, 0.0), length)
+        height = ex * py - ey * px
+        least = min(least, height * height + beyond * beyond)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radius: float) -> float:
+    """Share of the way (dx, dy) at which a disc, clear of the walls, first touches one; or inf."""
+    first = np.inf
+    square = dx * dx + dy * dy
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        # the side, from where space is free
+        gap = ex * py - ey * px - radius
+        sinks = dx * ey - dy * ex  # by so much from start to end of the way
+        if 0.0 <= gap < sinks:
+            share = gap / sinks
+            at = px * ex + py * ey + share * (dx * ex + dy * ey)
+            if 0.0 <= at <= length:
+                first = min(first, share)
+        # the corner at its start
+        nears = -(px * dx + py * dy)
+        root = nears * nears - square * (px * px + py * py - radius * radius)
+        if nears > 0.0 and root >= 0.0:
+            share = max(nears - np.sqrt(root), 0.0) / square
+            if share <= 1.0:
+                first = min(first, share)
+    return first
+
+
+@compiled
+def judge(
+    poses: Floats,
+    starts: Floats,
+    arcs: Floats,
+    sums: Floats,
+    steps: Indices,
+    collided: Bools,
+    edges: Floats,
+    length: float,
+    penalty: float,
+    near: float,
+    most: int,
+    limit: int,
+    rewards: Floats,
+    terminated: Bools,
+    truncated: Bools,
+) -> None:
+    """What a step is worth, and whether the episode ends with it.
+
+    Args:
+        poses, starts: where the robots are and where they began, (n, 2+) px.
+        arcs: arc length of the path's point nearest to where they were, (n,) px; to where they are.
+        sums: progress along the path since reset, (n,) px; this step's is added.
+        steps: carried out, (n,).
+        collided: whether a wall stopped the robot, (n,).
+        edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
+        length: of the path, px.
+        penalty: for a contact, px.
+        near: how near to the start a lap ends, px; negative if episodes do not end with it.
+        most: steps of a plan.
+        limit: steps of an episode.
+        rewards: filled in, (n,) px.
+        terminated: filled in: whether the plan is used up or the lap is done, (n,).
+        truncated: filled in: whether the episode has reached its limit, (n,).
+    """
+    for i in range(arcs.size):
+        x, y = poses[i, 0], poses[i, 1]
+        arcs[i], progress = follow(x, y, arcs[i], edges, length)
+        sums[i] += progress
+        rewards[i] = progress - penalty * collided[i]
+        dx, dy = x - starts[i, 0], y - starts[i, 1]
+        around = np.rint(sums[i] / length) >= 1.0
+        terminated[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))
+        truncated[i] = steps[i] >= limit

@@ -1,0 +1,115 @@
+"""How rays find the nearest wall: all walls against all rays, or from cell to cell among many."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from deqmcl_gym.maps import ray_kernels
+from deqmcl_gym.maps.cells import Cells, cells_of
+from deqmcl_gym.maps.map import Box, Caster
+from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
+from deqmcl_gym.numerics.types import Floats, Singles
+
+# Walls are cast this much longer at both ends (px), so that no ray slips between two at a corner.
+OVERLAP = 5e-4
+# From here on, walking through cells is faster than trying all walls (each box counts as one).
+# `deqmcl speed` measures both sides of it: rays against segments.
+MANY_WALLS = 64
+# Below, lanes over the beams of each pose are faster than lanes over the poses.
+FEW_POSES = 8
+
+
+# Rectangles that no ray leaves, and that none enters.
+EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
+NOWHERE: Box = (math.inf, math.inf, math.inf, math.inf)
+
+
+class AllWalls(NamedTuple):
+    """All walls against all rays, side by side in SIMD lanes; fields as in ``ray_kernels.cast``."""
+
+    outer: Singles
+    room: Singles
+    box: Singles
+    boxes: Singles
+    upright: Singles
+    level: Singles
+    oblique: Singles
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``Caster``."""
+        kernel = ray_kernels.look if poses.shape[1] < FEW_POSES else ray_kernels.cast
+        kernel(poses, bearings, *self, out)
+
+    @property
+    def tries(self) -> int:
+        """How many boxes and walls each ray is tried against."""
+        rectangles = sum(bool(np.isfinite(rectangle[0])) for rectangle in (self.room, self.box))
+        return rectangles + sum(map(len, self[3:]))
+
+
+class CellByCell(NamedTuple):
+    """Each ray against the walls in the cells it crosses."""
+
+    outer: Singles
+    walls: Singles
+    cells: Cells
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``Caster``."""
+        ray_kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
+
+
+def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
+    """Return the faster caster for these walls."""
+    brute = all_walls(outer, obstacles)
+    return brute if brute.tries < MANY_WALLS else cell_by_cell(outer, obstacles)
+
+
+def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
+    """Sort walls by what is known of their direction, which saves arithmetic."""
+    room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
+    polygons = zip((outer, *obstacles), (room, *found), strict=True)
+    walls = _edges([polygon for polygon, box in polygons if box is None])
+    boxes = np.array([box for box in found if box is not None] or [NOWHERE], np.float32)
+    x0, y0, x1, y1 = walls.T
+    upright, level = x0 == x1, y0 == y1
+    low_x, high_x = np.minimum(x0, x1) - OVERLAP, np.maximum(x0, x1) + OVERLAP
+    low_y, high_y = np.minimum(y0, y1) - OVERLAP, np.maximum(y0, y1) + OVERLAP
+    return AllWalls(
+        outer=_outer(outer),
+        room=np.array(EVERYWHERE if room is None else room, np.float32),
+        box=boxes[0],
+        boxes=boxes[1:],
+        upright=_singles([x0, low_y, high_y])[upright],
+        level=_singles([y0, low_x, high_x])[level],
+        oblique=_directed(walls[~(upright | level)]),
+    )
+
+
+def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon]) -> CellByCell:
+    """Sort walls into cells."""
+    walls = _edges([outer, *obstacles])
+    return CellByCell(outer=_outer(outer), walls=_directed(walls), cells=cells_of(walls))
+
+
+def _outer(polygon: Polygon) -> Singles:
+    return oriented_edges(polygon, solid=False).astype(np.float32)
+
+
+def _edges(polygons: Sequence[Polygon]) -> Floats:
+    edges = [oriented_edges(polygon, solid=True) for polygon in polygons]
+    return np.vstack([np.empty((0, 4)), *edges])
+
+
+def _directed(walls: Floats) -> Singles:
+    """(x₀, y₀, unit x, unit y, low, high) of walls (S, 4), (S, 6)."""
+    x0, y0, x1, y1 = walls.T
+    length = np.hypot(x1 - x0, y1 - y0)
+    start = np.full_like(length, -OVERLAP)
+    return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + OVERLAP])
+
+
+def _singles(columns: list[Floats]) -> Singles:
+    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float32)

@@ -1,0 +1,244 @@
+"""The compiled geometry of driving: motion, swept discs, point location; flat float32 arrays.
+
+Loops run over blocks of ``LANES`` items with the wall outside and the lanes inside, without
+branches, so that the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's
+(see ``deqmcl_gym.numerics``): every processor gives the same bits.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.types import Bools, Ints, Singles
+
+Single = Any  # a float32
+LANES = 64
+BLOCK = 512
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_TURN = np.float32(2 * np.pi)
+_PER_TURN = np.float32(1 / (2 * np.pi))
+_ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding and subtracting it rounds
+
+
+@compiled
+def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> None:
+    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + distance (cos θ', sin θ').
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        distances, turns: (n,) px, rad.
+        out: (3, n), other memory than the poses.
+    """
+    x, y, heading = poses[0], poses[1], poses[2]
+    new_x, new_y, new_heading = out[0], out[1], out[2]
+    for i in range(x.size):
+        angle = heading[i] + turns[i]
+        angle -= _TURN * ((angle * _PER_TURN + _ROUNDER) - _ROUNDER)
+        new_heading[i] = angle
+    sincos32(new_heading, new_y, new_x)
+    for i in range(x.size):
+        new_x[i] = x[i] + distances[i] * new_x[i]
+    for i in range(x.size):
+        new_y[i] = y[i] + distances[i] * new_y[i]
+
+
+@compiled
+def wind(poses: Singles, walls: Singles, out: Ints) -> None:
+    """Fill in how often the walls wind counterclockwise around each point.
+
+    Args:
+        poses: rows x px and y px (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
+        out: (n,).
+    """
+    x, y = poses[0], poses[1]
+    for i in range(x.size):
+        out[i] = 0
+    for wall in range(walls.shape[0]):
+        ax, ay, bx, by = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
+        for i in range(x.size):
+            left = (bx - ax) * (y[i] - ay) - (x[i] - ax) * (by - ay)
+            up = (ay <= y[i]) & (by > y[i]) & (left > _ZERO)
+            down = (ay > y[i]) & (by <= y[i]) & (left < _ZERO)
+            out[i] += np.int32(up) - np.int32(down)
+
+
+@compiled
+def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
+    """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
+
+    Args:
+        starts, ends: rows x px and y px of the paths' ends (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
+        out: (n,) px².
+    """
+    n = starts.shape[1]
+    ax = np.zeros(LANES, np.float32)
+    ay = np.zeros(LANES, np.float32)
+    dx = np.zeros(LANES, np.float32)
+    dy = np.zeros(LANES, np.float32)
+    inverse = np.zeros(LANES, np.float32)
+    best = np.empty(LANES, np.float32)
+    for start in range(0, n, LANES):
+        count = min(LANES, n - start)
+        from_x, from_y = starts[0, start : start + count], starts[1, start : start + count]
+        to_x, to_y = ends[0, start : start + count], ends[1, start : start + count]
+        for i in range(count):
+            ax[i] = from_x[i]
+            ay[i] = from_y[i]
+        for i in range(count):
+            dx[i] = to_x[i] - from_x[i]
+            dy[i] = to_y[i] - from_y[i]
+        for i in range(LANES):
+            square = dx[i] * dx[i] + dy[i] * dy[i]
+            inverse[i] = _ONE / square if square > _ZERO else _ZERO
+        for i in range(LANES):
+            best[i] = _INF
+        for wall in range(walls.shape[0]):
+            wx, wy = walls[wall, 0], walls[wall, 1]
+            ex, ey = walls[wall, 2] - wx, walls[wall, 3] - wy
+            wall_inverse = _ONE / (ex * ex + ey * ey)
+            for i in range(LANES):
+                px, py = ax[i] - wx, ay[i] - wy  # path start and end, seen from the wall's start
+                qx, qy = px + dx[i], py + dy[i]
+                # path ends to the wall
+                u = min(max((px * ex + py * ey) * wall_inverse, _ZERO), _ONE)
+                near = (px - u * ex) * (px - u * ex) + (py - u * ey) * (py - u * ey)
+                u = min(max((qx * ex + qy * ey) * wall_inverse, _ZERO), _ONE)
+                near = min(near, (qx - u * ex) * (qx - u * ex) + (qy - u * ey) * (qy - u * ey))
+                # wall ends to the path
+                u = min(max(-(px * dx[i] + py * dy[i]) * inverse[i], _ZERO), _ONE)
+                hx, hy = px + u * dx[i], py + u * dy[i]
+                near = min(near, hx * hx + hy * hy)
+                hx, hy = px - ex, py - ey
+                u = min(max(-(hx * dx[i] + hy * dy[i]) * inverse[i], _ZERO), _ONE)
+                hx, hy = hx + u * dx[i], hy + u * dy[i]
+                near = min(near, hx * hx + hy * hy)
+                # both cross each other's line
+                side_p, side_q = ex * py - ey * px, ex * qy - ey * qx
+                side_a = dx[i] * (-py) - dy[i] * (-px)
+                side_b = dx[i] * (ey - py) - dy[i] * (ex - px)
+                crossing = (side_p * side_q < _ZERO) & (side_a * side_b < _ZERO)
+                near = _ZERO if crossing else near
+                best[i] = min(best[i], near)
+        least = out[start : start + count]
+        for i in range(count):
+            least[i] = best[i]
+
+
+@compiled
+def _look_up(
+    points: Singles, corner: Singles, per_side: Single, bounds: Singles, squares: Ints, out: Singles
+) -> None:
+    """Fill in the bound of the square (and its index) that each point is in; see ``Clearance``."""
+    rows, columns = bounds.shape
+    x, y, left, low = points[0], points[1], corner[0], corner[1]
+    last_column, last_row = np.float32(columns - 1), np.float32(rows - 1)
+    for i in range(out.size):
+        column, row = (x[i] - left) * per_side, (y[i] - low) * per_side
+        column = column if column > _ZERO else _ZERO  # also if it is NaN
+        row = row if row > _ZERO else _ZERO
+        column = column if column < last_column else last_column
+        row = row if row < last_row else last_row
+        squares[i] = np.int32(row) * np.int32(columns) + np.int32(column)
+    flat = bounds.ravel()
+    for i in range(out.size):
+        out[i] = flat[squares[i]]
+
+
+@compiled
+def feasible(
+    starts: Singles,
+    ends: Singles,
+    walls: Singles,
+    radius: np.float32,
+    corner: Singles,
+    per_side: np.float32,
+    bounds: Singles,
+    out: Bools,
+) -> None:
+    """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
+
+    Free space is what the walls wind around once. No point of a path of length d between places a
+    and b away from all walls is nearer to them than (a + b - d) / 2: only where the bounds leave
+    it open are the walls looked at.
+
+    Args:
+        starts, ends, walls: as ``sweep``.
+        radius: px.
+        corner, per_side, bounds: ``deqmcl_gym.maps.clearance.Clearance``.
+        out: (n,).
+    """
+    n = starts.shape[1]
+    from_x, from_y, to_x, to_y = starts[0], starts[1], ends[0], ends[1]
+    before, after = np.empty(n, np.float32), np.empty(n, np.float32)
+    unsure = np.empty(n, np.int32)
+    _look_up(starts, corner, per_side, bounds, unsure, before)
+    _look_up(ends, corner, per_side, bounds, unsure, after)
+    for i in range(n):
+        dx, dy = to_x[i] - from_x[i], to_y[i] - from_y[i]
+        spare = before[i] + after[i] - (radius + radius)
+        out[i] = (spare > _ZERO) & (spare * spare > dx * dx + dy * dy)
+    count = 0
+    for i in range(n):
+        unsure[count] = i
+        count += not (out[i] | (after[i] < _ZERO))
+    if count == 0:
+        return
+    some_starts, some_ends = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
+    for k in range(count):
+        i = unsure[k]
+        some_starts[0, k], some_starts[1, k] = from_x[i], from_y[i]
+        some_ends[0, k], some_ends[1, k] = to_x[i], to_y[i]
+    square = np.empty(count, np.float32)
+    windings = np.empty(count, np.int32)
+    sweep(some_starts, some_ends, walls, square)
+    wind(some_ends, walls, windings)
+    limit = radius * radius
+    for k in range(count):
+        out[unsure[k]] = (square[k] > limit) & (windings[k] == 1)
+
+
+@compiled
+def roll_out(
+    poses: Singles,
+    moves: Singles,
+    walls: Singles,
+    radius: np.float32,
+    corner: Singles,
+    per_side: np.float32,
+    bounds: Singles,
+    collisions: Ints,
+    out: Singles,
+) -> None:
+    """Drive poses through several moves; fill in where they come to and which steps collide.
+
+    A block of poses at a time goes all the way, so that it stays in the processor's cache.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        moves: distances and turns, (F, 2, n) px, rad; as ``drive``.
+        walls, radius, corner, per_side, bounds: as ``feasible``.
+        collisions: how many steps of each collide, (n,).
+        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
+    """
+    n = poses.shape[1]
+    for start in range(0, n, BLOCK):
+        end = min(start + BLOCK, n)
+        before, after = poses[:, start:end].copy(), np.empty((3, end - start), np.float32)
+        clear = np.empty(end - start, np.bool_)
+        hits = collisions[start:end]
+        hits[:] = 0
+        for step in range(len(moves)):
+            drive(before, moves[step, 0, start:end], moves[step, 1, start:end], after)
+            feasible(before, after, walls, radius, corner, per_side, bounds, clear)
+            for i in range(end - start):
+                hits[i] += not clear[i]
+            if len(out) > 1 or step == len(moves) - 1:
+                out[step if len(out) > 1 else 0, :, start:end] = after
+            before, after = after, before

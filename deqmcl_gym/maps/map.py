@@ -1,0 +1,84 @@
+"""Map: what a floor plan must be able to tell, whatever it is made of."""
+
+from typing import Protocol, runtime_checkable
+
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.numerics.types import Bools, Singles
+
+Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
+
+
+class Caster(Protocol):
+    """Ray casting on one map, for kernels and others that bring their own arrays."""
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """Fill in the distance of each beam to the nearest wall; NaN outside the building.
+
+        Args:
+            poses: rows x, y, θ, (3, n).
+            bearings: (B,) rad.
+            out: (B, n).
+        """
+        ...
+
+
+@runtime_checkable
+class Map(Protocol):
+    """The map m. Lengths are in its :attr:`unit`, y points up, headings in rad from +x.
+
+    All methods take many items at once and compute in float32.
+    """
+
+    @property
+    def unit(self) -> str:
+        """The unit of all lengths: "px" or "m"."""
+        ...
+
+    @property
+    def bounds(self) -> Box:
+        """Smallest box around the building: (x_low, y_low, x_high, y_high)."""
+        ...
+
+    @property
+    def caster(self) -> Caster:
+        """How rays find the nearest wall."""
+        ...
+
+    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
+        """Exact distance along each beam to the nearest wall; NaN for a pose outside.
+
+        Walls are seen as segments, also from inside an obstacle.
+
+        Args:
+            poses: (n, 3).
+            bearings: angles of the beams against the heading, (B,) rad.
+
+        Returns:
+            (n, B).
+        """
+        ...
+
+    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
+        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in solid space.
+
+        Args:
+            starts, ends: centres of the disc, (n, 2); further columns are ignored.
+            radius: of the disc.
+
+        Returns:
+            (n,).
+        """
+        ...
+
+    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
+        """Whether a disc at each of ``points``, (n, 2+), lies in free space, clear of the walls.
+
+        Returns:
+            (n,).
+        """
+        ...
+
+    def distance(self, points: ArrayLike) -> Singles:
+        """Distance of ``points``, (n, 2+), to the nearest wall, on whichever side, (n,)."""
+        ...

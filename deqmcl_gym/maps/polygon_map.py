@@ -1,0 +1,192 @@
+"""PolygonMap: the map m, one geometry for physics, lidar, localizers and drawing."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps.casting import caster_of
+from deqmcl_gym.maps.clearance import Clearance, clearance_of
+from deqmcl_gym.maps.map import Caster
+from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError
+
+
+@final
+@dataclass(frozen=True)
+class PolygonMap:
+    """Polygonal walls around a free interior, with solid obstacles inside; px, y up.
+
+    Estimators use four calls only: :meth:`ranges`, :meth:`collides`, :meth:`free`, :attr:`bounds`.
+    All take many items at once and compute in float32 by compiled kernels; the plain NumPy form of
+    each stands in ``deqmcl_gym.maps.reference``. Kernels that cast rays themselves ask for the
+    :attr:`caster`.
+
+    Attributes:
+        outer: corners of the outer wall, in order, closed by itself.
+        obstacles: corners of each solid obstacle.
+        unit: of all lengths, "px" or "m".
+
+    Raises:
+        InputError: a polygon with fewer than 3 corners, NaN, a zero-length edge or crossing edges;
+            no free space.
+    """
+
+    outer: Polygon
+    obstacles: tuple[Polygon, ...] = ()
+    unit: str = "px"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer))
+        try:
+            given = enumerate(self.obstacles)
+        except TypeError:
+            raise InputError(
+                f"obstacles is {self.obstacles!r}, but must be a list of polygons; () for none."
+            ) from None
+        solid = tuple(parse_polygon(f"obstacle {i}", o) for i, o in given)
+        object.__setattr__(self, "obstacles", solid)
+        x0, y0, x1, y1 = self.bounds
+        grid = np.meshgrid(*(np.linspace(a, b, 130)[1:-1] for a, b in ((x0, x1), (y0, y1))))
+        if not self.free(np.column_stack([axis.ravel() for axis in grid])).any():
+            raise InputError(
+                "the floor plan has no free space: its obstacles fill the outer wall; "
+                "give smaller obstacles or a larger outer wall."
+            )
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Smallest box around the outer wall: (x_min, y_min, x_max, y_max) px."""
+        corners = np.array(self.outer)
+        return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+
+    @cached_property
+    def walls(self) -> Floats:
+        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4) px.
+
+        For physics and drawing; estimators have no use for it.
+        """
+        solid = [oriented_edges(polygon, solid=True) for polygon in self.obstacles]
+        return np.vstack([oriented_edges(self.outer, solid=False), *solid])
+
+    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
+        """Exact distance along each beam to the nearest wall.
+
+        Walls are seen as segments, also from inside an obstacle. NaN for a pose outside the outer
+        wall: nothing can be measured there.
+
+        Args:
+            poses: (n, 3) px, px, rad.
+            bearings: angles of the beams against the heading, (B,) rad.
+
+        Returns:
+            (n, B) px.
+        """
+        origins = _rows(poses, 3)
+        beams = np.asarray(bearings, dtype=np.float32)
+        out = np.empty((beams.size, origins.shape[1]), np.float32)
+        self.caster.cast(origins, beams, out)
+        return out.T
+
+    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
+        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in solid space.
+
+        Args:
+            starts, ends: centres of the disc, (n, 2) px; further columns are ignored.
+            radius: of the disc, px.
+
+        Returns:
+            (n,) bool.
+        """
+        before, after = _rows(starts, 2), _rows(ends, 2)
+        clear = np.empty(after.shape[1], np.bool_)
+        kernels.feasible(before, after, self._walls32, np.float32(radius), *self._clearance, clear)
+        return ~clear
+
+    def rolled_out(
+        self, poses: Singles, moves: Singles, radius: float, *, kept: int
+    ) -> tuple[Singles, NDArray[np.int32]]:
+        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
+
+        Args:
+            poses: rows x px, y px, θ rad, (3, n) float32.
+            moves: distances and turns of each step, (F, 2, n) px, rad, float32.
+            radius: of the disc, px.
+            kept: F to return the poses after each step, 1 for those after the last alone.
+
+        Returns:
+            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        """
+        paths = np.empty((kept, *poses.shape), np.float32)
+        hits = np.empty(poses.shape[1], np.int32)
+        size = np.float32(radius)
+        kernels.roll_out(poses, moves, self._walls32, size, *self._clearance, hits, paths)
+        return paths, hits
+
+    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
+        """Whether a disc at each point lies in free space, clear of the walls.
+
+        Args:
+            points: centres, (n, 2) px; further columns are ignored.
+            radius: of the disc, px.
+
+        Returns:
+            (n,) bool.
+        """
+        centres = _rows(points, 2)
+        free = np.empty(centres.shape[1], np.bool_)
+        if radius == 0.0:
+            windings = np.empty(centres.shape[1], np.int32)
+            kernels.wind(centres, self._walls32, windings)
+            np.equal(windings, 1, out=free)
+        else:
+            kernels.feasible(
+                centres, centres, self._walls32, np.float32(radius), *self._clearance, free
+            )
+        return free
+
+    def distance(self, points: ArrayLike) -> Singles:
+        """Distance of points (n, 2+) to the nearest wall, whichever side they are on, (n,)."""
+        centres = _rows(points, 2)
+        square = np.empty(centres.shape[1], np.float32)
+        kernels.sweep(centres, centres, self._walls32, square)
+        return np.sqrt(square)
+
+    @cached_property
+    def _walls32(self) -> Singles:
+        return np.ascontiguousarray(self.walls, dtype=np.float32)
+
+    @cached_property
+    def _clearance(self) -> Clearance:
+        return clearance_of(self._walls32)
+
+    @cached_property
+    def caster(self) -> Caster:
+        """How rays find the nearest wall; for kernels that cast rays themselves."""
+        return caster_of(self.outer, self.obstacles)
+
+
+def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
+    """Turn, then drive: θ' = θ + turn; (x', y') = (x, y) + distance (cos θ', sin θ').
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n) float32.
+        distances: (n,) px, float32.
+        turns: (n,) rad, float32.
+
+    Returns:
+        (3, n), θ' in [-π, π].
+    """
+    out = np.empty_like(poses)
+    kernels.drive(poses, distances, turns, out)
+    return out
+
+
+def _rows(items: ArrayLike, columns: int) -> Singles:
+    """(n, d) in any layout as contiguous float32 rows (columns, n); such rows' .T is not copied."""
+    rows = np.asarray(items, dtype=np.float32, order="F").T
+    return rows if len(rows) == columns else rows[:columns]

@@ -1,0 +1,356 @@
+"""Compiled ray casting: distances to the nearest wall; flat float32 arrays.
+
+Loops run over blocks of poses with the wall outside and the lanes inside, without branches, so that
+the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's (see
+``deqmcl_gym.numerics``): every processor gives the same bits.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.maps.kernels import wind
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
+from deqmcl_gym.numerics.types import Bools, Ints, Singles
+
+Single = Any  # a float32
+Rectangle = Singles  # (x_low, y_low, x_high, y_high) px
+_RAYS = 512  # of one beam cast in one go: what they need fits the fastest cache
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_TINY = np.float32(1e-12)
+_NAN = np.float32(np.nan)
+
+
+@compiled
+def _enclosed(poses: Singles, outer: Singles) -> Bools:
+    """Which poses (3, n) the outer wall (S, 4) winds around once, (n,)."""
+    windings = np.empty(poses.shape[1], np.int32)
+    wind(poses, outer, windings)
+    enclosed: Bools = windings == 1
+    return enclosed
+
+
+@compiled
+def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
+    """Which poses (3, n) are inside the outer wall, which is the rectangle ``room`` if finite."""
+    if room[0] == -_INF:
+        return _enclosed(poses, outer)
+    inside = np.empty(poses.shape[1], np.bool_)
+    x, y = poses[0], poses[1]
+    left, low, right, high = room
+    for i in range(inside.size):  # on the walls as ``wind`` has it
+        inside[i] = (x[i] >= left) & (x[i] < right) & (y[i] >= low) & (y[i] < high)
+    return inside
+
+
+@compiled
+def _blind(inside: Bools, out: Singles) -> None:
+    """Overwrite by NaN the ranges (B, n) of poses that are not inside, (n,)."""
+    outside = 0
+    for i in range(inside.size):
+        outside += not inside[i]
+    if outside == 0:
+        return
+    for i in range(inside.size):
+        if not inside[i]:
+            for beam in range(out.shape[0]):
+                out[beam, i] = _NAN
+
+
+@compiled
+def _less(a: Single, b: Single) -> Single:
+    return a if a < b else b
+
+
+@compiled
+def _more(a: Single, b: Single) -> Single:
+    return a if a > b else b
+
+
+@compiled
+def _inverse(slope: Single) -> Single:
+    """1 / slope; a beam along an axis keeps some slope, so that 0 · inf does not come up."""
+    return _ONE / (slope if abs(slope) > _TINY else _TINY)
+
+
+# Single rays, from (x, y) along (dx, dy); per_dx = 1 / dx. All but the first return the shorter of
+# ``best`` and the distance to one obstacle. They are free of branches, as a loop over lanes must
+# be, and of decisions about each other's results, which would be branches again.
+
+
+@compiled
+def _leave(
+    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
+) -> Single:
+    """Where a ray leaves the rectangle that it starts in, whose sides are so far in x or y."""
+    leave_x = _more(left * per_dx, right * per_dx)
+    leave_y = _more(low * per_dy, high * per_dy)
+    return _less(leave_x, leave_y)
+
+
+@compiled
+def _enter(
+    left: Single,
+    low: Single,
+    right: Single,
+    high: Single,
+    per_dx: Single,
+    per_dy: Single,
+    best: Single,
+) -> Single:
+    """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
+    to_left, to_right = left * per_dx, right * per_dx
+    to_low, to_high = low * per_dy, high * per_dy
+    enter = _more(_less(to_left, to_right), _less(to_low, to_high))
+    leave = _less(_more(to_left, to_right), _more(to_low, to_high))
+    t = enter if enter >= _ZERO else leave
+    return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
+
+
+@compiled
+def _cross(
+    at: Single,
+    low: Single,
+    high: Single,
+    across: Single,
+    along: Single,
+    per: Single,
+    slope: Single,
+    best: Single,
+) -> Single:
+    """Where a ray crosses a wall that is parallel to an axis."""
+    t = (at - across) * per
+    u = along + t * slope
+    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
+
+
+@compiled
+def _meet(
+    ax: Single,
+    ay: Single,
+    ex: Single,
+    ey: Single,
+    low: Single,
+    high: Single,
+    x: Single,
+    y: Single,
+    dx: Single,
+    dy: Single,
+    best: Single,
+) -> Single:
+    """Where a ray meets a wall of any direction (ex, ey)."""
+    rx, ry = ax - x, ay - y
+    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
+    u = (t * dx - rx) * ex + (t * dy - ry) * ey
+    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
+
+
+@compiled
+def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
+    """Fill in how far the sides of a rectangle are from points (n,), in x or y, (4, n) px."""
+    for side in range(4):
+        start = x if side % 2 == 0 else y
+        for i in range(start.size):
+            out[side, i] = rectangle[side] - start[i]
+
+
+@compiled
+def cast(
+    poses: Singles,
+    bearings: Singles,
+    outer: Singles,
+    room: Rectangle,
+    box: Rectangle,
+    boxes: Singles,
+    upright: Singles,
+    level: Singles,
+    oblique: Singles,
+    out: Singles,
+) -> None:
+    """Fill in the distance along each beam to the nearest wall; NaN outside the outer wall.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        bearings: of the beams against the heading, (B,) rad.
+        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4) px.
+        room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in, px;
+            infinite if the outer wall is none.
+        box: a rectangle seen from outside and from inside; four times inf if there is none.
+        boxes: further ones, (S₀, 4) px; four walls each.
+        upright: other walls x = c as (c, y_low, y_high), (S₁, 3) px.
+        level: other walls y = c as (c, x_low, x_high), (S₂, 3) px.
+        oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
+            the stretch of it that is wall.
+        out: (B, n) px.
+    """
+    sine, cosine = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    dx, dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    per_dx, per_dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    beam_sine = np.empty(bearings.size, np.float32)
+    beam_cosine = np.empty(bearings.size, np.float32)
+    sincos32(bearings, beam_sine, beam_cosine)
+    of_room, of_box = np.empty((4, _RAYS), np.float32), np.empty((4, _RAYS), np.float32)
+    more = boxes.shape[0] + upright.shape[0] + level.shape[0] + oblique.shape[0] > 0
+    n = poses.shape[1]
+    for start in range(0, n, _RAYS):
+        count = min(_RAYS, n - start)
+        end = start + count
+        px, py, headings = poses[0, start:end], poses[1, start:end], poses[2, start:end]
+        sincos32(headings, sine, cosine)
+        _sides(room, px, py, of_room)
+        _sides(box, px, py, of_box)
+        for beam in range(bearings.size):
+            bs, bc = beam_sine[beam], beam_cosine[beam]
+            best = out[beam, start:end]
+            for i in range(count):
+                per_dx[i] = _inverse(cosine[i] * bc - sine[i] * bs)
+                per_dy[i] = _inverse(sine[i] * bc + cosine[i] * bs)
+            for i in range(count):
+                left, low, right, high = of_room[0, i], of_room[1, i], of_room[2, i], of_room[3, i]
+                t = _leave(left, low, right, high, per_dx[i], per_dy[i])
+                left, low, right, high = of_box[0, i], of_box[1, i], of_box[2, i], of_box[3, i]
+                best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], t)
+            if not more:  # a room with one box needs no more
+                continue
+            for i in range(count):
+                dx[i] = cosine[i] * bc - sine[i] * bs
+            for i in range(count):
+                dy[i] = sine[i] * bc + cosine[i] * bs
+            for other in boxes:
+                x_low, y_low, x_high, y_high = other
+                for i in range(count):
+                    left, low, right, high = (
+                        x_low - px[i],
+                        y_low - py[i],
+                        x_high - px[i],
+                        y_high - py[i],
+                    )
+                    best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
+            for wall in range(upright.shape[0]):
+                at, low, high = upright[wall]
+                for i in range(count):
+                    best[i] = _cross(at, low, high, px[i], py[i], per_dx[i], dy[i], best[i])
+            for wall in range(level.shape[0]):
+                at, low, high = level[wall]
+                for i in range(count):
+                    best[i] = _cross(at, low, high, py[i], px[i], per_dy[i], dx[i], best[i])
+            for wall in range(oblique.shape[0]):
+                ax, ay, ex, ey, low, high = oblique[wall]
+                for i in range(count):
+                    best[i] = _meet(ax, ay, ex, ey, low, high, px[i], py[i], dx[i], dy[i], best[i])
+    _blind(_inside(poses, outer, room), out)
+
+
+@compiled
+def look(
+    poses: Singles,
+    bearings: Singles,
+    outer: Singles,
+    room: Rectangle,
+    box: Rectangle,
+    boxes: Singles,
+    upright: Singles,
+    level: Singles,
+    oblique: Singles,
+    out: Singles,
+) -> None:
+    """Do the same as ``cast``, with the lanes over the beams: for a handful of poses."""
+    beams = bearings.size
+    dx, dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    per_dx, per_dy = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    best = np.empty(beams, np.float32)
+    for pose in range(poses.shape[1]):
+        px, py = poses[0, pose], poses[1, pose]
+        sine, cosine = sin32(poses[2, pose]), cos32(poses[2, pose])
+        for i in range(beams):
+            bs, bc = sin32(bearings[i]), cos32(bearings[i])
+            dx[i] = cosine * bc - sine * bs
+            dy[i] = sine * bc + cosine * bs
+        for i in range(beams):
+            per_dx[i], per_dy[i] = _inverse(dx[i]), _inverse(dy[i])
+        left, low, right, high = room[0] - px, room[1] - py, room[2] - px, room[3] - py
+        for i in range(beams):
+            best[i] = _leave(left, low, right, high, per_dx[i], per_dy[i])
+        left, low, right, high = box[0] - px, box[1] - py, box[2] - px, box[3] - py
+        for i in range(beams):
+            best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
+        for other in boxes:
+            left, low, right, high = other[0] - px, other[1] - py, other[2] - px, other[3] - py
+            for i in range(beams):
+                best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
+        for wall in range(upright.shape[0]):
+            at, low, high = upright[wall]
+            for i in range(beams):
+                best[i] = _cross(at, low, high, px, py, per_dx[i], dy[i], best[i])
+        for wall in range(level.shape[0]):
+            at, low, high = level[wall]
+            for i in range(beams):
+                best[i] = _cross(at, low, high, py, px, per_dy[i], dx[i], best[i])
+        for wall in range(oblique.shape[0]):
+            ax, ay, ex, ey, low, high = oblique[wall]
+            for i in range(beams):
+                best[i] = _meet(ax, ay, ex, ey, low, high, px, py, dx[i], dy[i], best[i])
+        for i in range(beams):
+            out[i, pose] = best[i]
+    _blind(_inside(poses, outer, room), out)
+
+
+@compiled
+def cast_through(
+    poses: Singles,
+    bearings: Singles,
+    outer: Singles,
+    walls: Singles,
+    corner: Singles,
+    side: np.float32,
+    columns: int,
+    first: Ints,
+    members: Ints,
+    out: Singles,
+) -> None:
+    """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
+
+    Amanatides & Woo 1987. A ray at a time: its cost is that of the cells it crosses, not of all
+    walls. NaN outside the outer wall.
+
+    Args:
+        poses: rows x px, y px, θ rad, (3, n).
+        bearings: of the beams against the heading, (B,) rad.
+        outer: as for ``cast``.
+        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6), as ``oblique`` of ``cast``.
+        corner, side, columns, first, members: ``deqmcl_gym.maps.cells.Cells``.
+        out: (B, n) px.
+    """
+    rows = (first.size - 1) // columns
+    per_side = _ONE / side
+    for i in range(poses.shape[1]):
+        px, py = poses[0, i] - corner[0], poses[1, i] - corner[1]
+        column_i, row_i = int(np.floor(px * per_side)), int(np.floor(py * per_side))
+        within = (column_i >= 0) & (column_i < columns) & (row_i >= 0) & (row_i < rows)
+        for beam in range(bearings.size):
+            angle = poses[2, i] + bearings[beam]
+            dx, dy = cos32(angle), sin32(angle)
+            per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
+            per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
+            column, row, best = column_i, row_i, _INF
+            walking = within
+            while walking:
+                cell = row * columns + column
+                for k in range(first[cell], first[cell + 1]):
+                    ax, ay, ex, ey, low, high = walls[members[k]]
+                    best = _meet(ax, ay, ex, ey, low, high, poses[0, i], poses[1, i], dx, dy, best)
+                ahead_x = np.float32(column + (1 if per_dx > _ZERO else 0)) * side
+                ahead_y = np.float32(row + (1 if per_dy > _ZERO else 0)) * side
+                to_x, to_y = (ahead_x - px) * per_dx, (ahead_y - py) * per_dy
+                if to_x < to_y:
+                    column += 1 if per_dx > _ZERO else -1
+                else:
+                    row += 1 if per_dy > _ZERO else -1
+                walking = (best > min(to_x, to_y)) & (column >= 0) & (column < columns)
+                walking = walking & (row >= 0) & (row < rows)
+            out[beam, i] = best
+    _blind(_enclosed(poses, outer), out)

@@ -1,0 +1,13 @@
+"""The array types of all three packages, one name for each."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Reals = NDArray[np.floating[Any]]  # of either size
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Ints = NDArray[np.int32]

@@ -1,0 +1,184 @@
+"""The planned lap: a closed path in mid-corridor and the actions that drive it once around."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.config import Lap, Robot, World
+from deqmcl_gym.world.path import Path, Pose, wrapped
+
+MAX_STEPS = 100_000  # of a plan: 0.8 MB in every info
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a world plans: a path, a pose to start from, and the actions of the lap.
+
+    Attributes:
+        path: closed, counterclockwise unless waypoints say otherwise.
+        start: expected pose at reset (x px, y px, θ rad).
+        actions: (distance px, turn rad), (T, 2) float32.
+    """
+
+    path: Path
+    start: Pose
+    actions: Singles
+
+    @classmethod
+    def of(cls, world: World) -> "Course":
+        """Plan the lap of a world.
+
+        Raises:
+            InputError: the robot does not fit through or at its start, cannot come straight from
+                there to the path, or cannot take such steps.
+        """
+        path = path_of(world)
+        start = path.bottom_centre() if world.start.pose is None else world.start.pose
+        check_free("start.pose", start, world)
+        x, y, _ = path.at(path.arc(start[:2]))
+        if world.floor_plan.collides([start], [(x, y)], world.robot.radius)[0]:
+            raise InputError(
+                f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
+                f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
+                "lap.waypoints."
+            )
+        return cls(path, start, plan_actions(path, start, world.lap, world.robot))
+
+
+def check_free(what: str, at: Pose, world: World) -> None:
+    """Refuse a pose where the robot would touch a wall."""
+    if not world.floor_plan.free([at], world.robot.radius)[0]:
+        x, y, heading = at
+        raise InputError(
+            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of radius "
+            f"{world.robot.radius:g} px touches a wall or stands outside: give a pose in free "
+            "space."
+        )
+
+
+def path_of(world: World) -> Path:
+    """Return the closed path of a world's lap.
+
+    Raises:
+        InputError: the robot does not fit through.
+    """
+    given = world.lap.waypoints
+    corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
+    path = Path(corners)
+    ends = np.roll(corners, -1, axis=0)
+    blocked = world.floor_plan.collides(corners, ends, world.robot.radius)
+    if blocked.any():
+        (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
+        raise InputError(
+            f"the lap touches a wall between ({x0:g}, {y0:g}) and ({x1:g}, {y1:g}) for a robot of "
+            f"radius {world.robot.radius:g} px: give a smaller robot or other lap.waypoints."
+        )
+    return path
+
+
+def mid_corridor(floor_plan: PolygonMap) -> Floats:
+    """Corners of a counterclockwise path half-way between the obstacles and the outer wall, (k, 2).
+
+    From each corner of the obstacles' convex hull, half the way outwards along the bisector. In a
+    plan without obstacles the hull is a point in the middle and the bisectors lead to the outer
+    wall's corners.
+    """
+    outer = np.array(floor_plan.outer)
+    if not floor_plan.obstacles:
+        middle = (outer.min(axis=0) + outer.max(axis=0)) / 2
+        return _counterclockwise((outer + middle) / 2)
+    hull = _convex_hull(np.vstack([np.array(polygon) for polygon in floor_plan.obstacles]))
+    into = hull - np.roll(hull, 1, axis=0)
+    out_of = np.roll(hull, -1, axis=0) - hull
+    into /= np.hypot(*into.T)[:, None]
+    out_of /= np.hypot(*out_of.T)[:, None]
+    bisectors = into - out_of
+    headings = np.arctan2(bisectors[:, 1], bisectors[:, 0])
+    outside = hull + 1e-3 * bisectors  # past the obstacle's own walls
+    gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
+    if (lost := ~np.isfinite(gaps)).any():
+        x, y = hull[lost.argmax()]
+        raise InputError(
+            f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap goes "
+            "around it: give lap.waypoints."
+        )
+    steps = gaps[:, None] / 2 * np.column_stack([np.cos(headings), np.sin(headings)])
+    corners: Floats = np.round(hull + steps, 2)
+    return corners
+
+
+def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> Singles:
+    """Return the actions (distance px, turn rad) that drive once around from ``start``, (T, 2).
+
+    Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
+
+    Raises:
+        InputError: a step is larger than the robot can do, or there are too many.
+    """
+    for name, step, most in (
+        ("lap.step", lap.step, robot.max_distance),
+        ("lap.turn", lap.turn, robot.max_turn),
+    ):
+        if step > most:
+            raise InputError(
+                f"{name} is {step:g}, but the robot can do at most {most:g} in a step."
+            )
+    legs = list(_legs(path, start))
+    steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
+    if steps > MAX_STEPS:
+        raise InputError(
+            f"the lap would have about {steps:.3g} steps, but a plan may have at most "
+            f"{MAX_STEPS:,}: give a larger lap.step or lap.turn."
+        )
+    actions: list[tuple[float, float]] = []
+    for turn, distance in legs:
+        actions += [(0.0, math.copysign(part, turn)) for part in _parts(abs(turn), lap.turn)]
+        actions += [(part, 0.0) for part in _parts(distance, lap.step)]
+    return np.array(actions, dtype=np.float32).reshape(-1, 2)
+
+
+def _legs(path: Path, start: Pose) -> Iterator[tuple[float, float]]:
+    """Turn and distance to each point to drive to, rad and px."""
+    x, y, heading = start
+    for corner_x, corner_y in path.corners_from((x, y)).tolist():
+        distance = math.hypot(corner_x - x, corner_y - y)
+        if distance < 1e-6:
+            continue
+        bearing = math.atan2(corner_y - y, corner_x - x)
+        yield wrapped(bearing - heading), distance
+        x, y, heading = corner_x, corner_y, bearing
+
+
+def _parts(total: float, step: float) -> list[float]:
+    whole = int(total / step + 1e-6)
+    rest = total - whole * step
+    return [step] * whole + ([rest] if rest > 1e-6 * step else [])
+
+
+def _counterclockwise(corners: Floats) -> Floats:
+    x, y = corners.T
+    clockwise = np.dot(x, np.roll(y, -1)) < np.dot(y, np.roll(x, -1))
+    return corners[::-1] if clockwise else corners
+
+
+def _convex_hull(points: Floats) -> Floats:
+    """Counterclockwise convex hull, (k, 2) (Andrew's monotone chain, 1979)."""
+    ordered = sorted(map(tuple, points.tolist()))
+
+    def half(candidates: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+        chain: list[tuple[float, ...]] = []
+        for x, y in candidates:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        return chain[:-1]
+
+    return np.array(half(ordered) + half(ordered[::-1]))

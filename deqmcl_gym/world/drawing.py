@@ -1,0 +1,155 @@
+"""Pictures of the world by OpenCV: walls, robot, beams and clouds of particles, as RGB arrays."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
+
+Image = NDArray[np.uint8]
+Color = tuple[int, int, int]
+
+WHITE: Color = (255, 255, 255)
+BLACK: Color = (20, 20, 20)
+GRAY: Color = (128, 128, 128)
+PALE: Color = (226, 226, 226)
+ORANGE: Color = (255, 140, 0)
+PINK: Color = (240, 90, 160)
+LIGHT_BLUE: Color = (90, 180, 240)
+
+MAX_SIDE = 8_192  # pixels: 200 MB
+_SHIFT = 4  # OpenCV's fractional bits: sixteenths of a pixel
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class View:
+    """From the floor plan's px (y up) to image pixels (y down).
+
+    Attributes:
+        floor_plan: what is looked at.
+        scale: image pixels per px.
+        margin: around the outer wall, image pixels.
+    """
+
+    floor_plan: PolygonMap
+    scale: float = 2.0
+    margin: int = 8
+
+    def __post_init__(self) -> None:
+        width, height = self.size
+        if max(width, height) > MAX_SIDE:
+            raise InputError(
+                f"a picture of the floor plan would have {width} x {height} pixels, but may have "
+                f"at most {MAX_SIDE:,} to a side: give a smaller floor plan, or a smaller scale."
+            )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the image, both even (video codecs want that)."""
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        width, height = (
+            2 * math.ceil((side * self.scale + 2 * self.margin) / 2) for side in (x1 - x0, y1 - y0)
+        )
+        return width, height
+
+    def pixels(self, points: ArrayLike) -> Floats:
+        """Image coordinates (column, row) of points, (n, 2); further columns are ignored."""
+        xy = np.asarray(points, dtype=np.float64)[:, :2]
+        x0, _, _, y1 = self.floor_plan.bounds
+        pixels: Floats = (xy - (x0, y1)) * (self.scale, -self.scale) + self.margin
+        return pixels
+
+
+class Drawing:
+    """A picture in the making; every method draws onto it and returns it."""
+
+    def __init__(self, view: View) -> None:
+        """Begin with the empty floor plan: black walls, pale obstacles."""
+        self.view = view
+        width, height = view.size
+        self.image: Image = np.full((height, width, 3), WHITE, dtype=np.uint8)
+        thickness = max(1, round(1.5 * view.scale))
+        for obstacle in view.floor_plan.obstacles:
+            cv2.fillPoly(self.image, [self._fixed(obstacle)], PALE, cv2.LINE_AA, _SHIFT)
+        for polygon in (view.floor_plan.outer, *view.floor_plan.obstacles):
+            corners = self._fixed(polygon)
+            cv2.polylines(self.image, [corners], True, BLACK, thickness, cv2.LINE_AA, _SHIFT)
+
+    def points(self, points: ArrayLike, color: Color, size: int = 3) -> "Drawing":
+        """Draw a cloud of square dots, ``size`` image pixels wide; those outside are left out."""
+        columns, rows = np.rint(self.view.pixels(points)).astype(np.intp).T
+        height, width = self.image.shape[:2]
+        for dx in range(-(size // 2), size - size // 2):
+            for dy in range(-(size // 2), size - size // 2):
+                column, row = columns + dx, rows + dy
+                inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+                self.image[row[inside], column[inside]] = color
+        return self
+
+    def path(self, points: ArrayLike, color: Color, thickness: int = 1) -> "Drawing":
+        """Draw a line through points, (n, 2)."""
+        line = self._fixed(points)
+        cv2.polylines(self.image, [line], False, color, thickness, cv2.LINE_AA, _SHIFT)
+        return self
+
+    def beams(self, pose: ArrayLike, bearings: ArrayLike, ranges: ArrayLike) -> "Drawing":
+        """Draw measured ranges as thin lines from a pose; beams without a number are left out."""
+        x, y, heading = np.asarray(pose, dtype=np.float64)
+        angles = heading + np.asarray(bearings, dtype=np.float64)
+        for angle, distance in zip(angles, np.asarray(ranges, dtype=np.float64), strict=True):
+            if math.isfinite(distance):
+                tip = (x + distance * math.cos(angle), y + distance * math.sin(angle))
+                self.path([(x, y), tip], (220, 120, 120))
+        return self
+
+    def robot(self, pose: ArrayLike, radius: float, color: Color = GRAY) -> "Drawing":
+        """Draw the robot as a disc with a line along its heading."""
+        x, y, heading = np.asarray(pose, dtype=np.float64)
+        nose = (x + radius * math.cos(heading), y + radius * math.sin(heading))
+        centre, tip = self._fixed([(x, y), nose]).tolist()
+        disc = round(radius * self.view.scale * 2**_SHIFT)
+        cv2.circle(self.image, centre, disc, color, -1, cv2.LINE_AA, _SHIFT)
+        cv2.circle(self.image, centre, disc, BLACK, 1, cv2.LINE_AA, _SHIFT)
+        cv2.line(self.image, centre, tip, BLACK, 2, cv2.LINE_AA, _SHIFT)
+        return self
+
+    def text(self, words: str, at: tuple[int, int], size: float = 0.5) -> "Drawing":
+        """Write words (ASCII), their baseline's left end at ``at`` (column, row)."""
+        write_words(self.image, words, at, size)
+        return self
+
+    def number(self, step: int) -> "Drawing":
+        """Write the step number at the top left."""
+        return self.text(str(step), (self.view.margin + 10, self.view.margin + 28), 0.8)
+
+    def _fixed(self, points: ArrayLike) -> NDArray[np.int32]:
+        fixed: NDArray[np.int32] = np.rint(self.view.pixels(points) * 2**_SHIFT).astype(np.int32)
+        return fixed
+
+
+def with_strip(image: Image, rows: int) -> Image:
+    """Return the image with an empty white strip below, for a legend; ``rows`` even."""
+    return np.pad(image, ((0, rows), (0, 0), (0, 0)), constant_values=255)
+
+
+def write_words(image: Image, words: str, at: tuple[int, int], size: float = 0.5) -> None:
+    """Write words (ASCII), their baseline's left end at ``at`` (column, row)."""
+    cv2.putText(image, words, at, _FONT, size, BLACK, 1, cv2.LINE_AA)
+
+
+def write_legend(
+    image: Image, entries: list[tuple[str, Color]], at: tuple[int, int], size: float = 0.5
+) -> None:
+    """Write coloured dots with their words in one row, from ``at`` (column, row) rightwards."""
+    column, row = at
+    for words, color in entries:
+        cv2.circle(image, (column + 6, row - 5), 6, color, -1, cv2.LINE_AA)
+        write_words(image, words, (column + 18, row), size)
+        (width, _), _ = cv2.getTextSize(words, _FONT, size, 1)
+        column += 18 + width + 18

@@ -1,0 +1,92 @@
+"""One episode: a robot on its way through a world, from reset to the end of its plan."""
+
+import math
+
+import numpy as np
+
+from deqmcl_gym.world.path import Pose, wrapped
+from deqmcl_gym.world.physics import Physics, Walls
+from deqmcl_gym.world.plan import Plan
+from deqmcl_gym.world.sensor import LidarSensor
+from deqmcl_gym.world.setting import Setting
+from deqmcl_gym.world.streams import NormalRows, Stream, episode_stream
+
+
+class Episode:
+    """All that changes between two resets.
+
+    Attributes:
+        plan: says what is to be done next.
+        step: steps carried out.
+        pose: the true one (x px, y px, θ rad).
+        arc: arc length of the path's point nearest to the robot, px.
+        way: from the arc length at reset to there, jumps included, px.
+        ended: whether there is no further one.
+        scan: the last one, (B,) px.
+    """
+
+    def __init__(self, setting: Setting, walls: Walls, *, seed: int, number: int) -> None:
+        """Begin the ``number``-th episode after seeding, and take its first scan.
+
+        Raises:
+            InputError: no start drawn is free.
+        """
+        world = self._world = setting.world
+        self._path = setting.course.path
+        self._seed, self._number = seed, number
+        self._noise = world.noise
+        self._motion = NormalRows(self.stream(Stream.MOTION), 2)
+        self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
+        self.pose = setting.start(seed, number)
+        self._start = self.pose[:2]
+        self._physics = Physics(walls, self._start)
+        self.arc, self.way = self._path.arc(self._start), 0.0
+        self._progress = 0.0
+        self.plan: Plan
+        self.plan, self.step, self.ended = setting.plan, 0, False
+        self.scan = self._sensor.scan(self.pose)
+
+    def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
+        """Return the random stream of one source in this episode, from its beginning."""
+        return episode_stream(self._seed, self._number, stream, twin)
+
+    @property
+    def lap_done(self) -> bool:
+        """Whether the progress adds up to one lap and the robot is back at its start."""
+        if round(self._progress / self._path.length) < 1:
+            return False
+        return math.dist(self._start, self._physics.position) <= self._world.robot.radius
+
+    def place(self, pose: Pose) -> None:
+        """Put the robot somewhere; that makes no progress."""
+        self.pose = pose
+        self._physics.place(pose[:2])
+        self._follow_path()
+
+    def advance(self, distance: float, turn: float) -> tuple[float, bool]:
+        """Turn, drive, take a scan: one step of noisy motion.
+
+        Returns:
+            The progress made along the path, px; whether a wall stopped the robot.
+        """
+        collided = self._move(distance, turn)
+        self.step += 1
+        progress = self._follow_path()
+        self._progress += progress
+        self.scan = self._sensor.scan(self.pose)
+        return progress, collided
+
+    def _follow_path(self) -> float:
+        self.arc, gone = self._path.follow(self._physics.position, self.arc)
+        self.way += gone
+        return gone
+
+    def _move(self, distance: float, turn: float) -> bool:
+        noise = self._noise
+        noise_distance, noise_turn = self._motion.next().tolist()
+        sd_turn = noise.turn * abs(turn) + noise.drift * distance
+        heading = wrapped(self.pose[2] + turn + sd_turn * noise_turn)
+        driven = distance * (1 + noise.drive * noise_distance)
+        collided = self._physics.drive(driven, heading)
+        self.pose = (*self._physics.position, heading)
+        return collided

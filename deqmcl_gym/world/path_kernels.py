@@ -1,0 +1,91 @@
+"""The compiled geometry of a closed path, and of driving along it. Units px and rad, float64.
+
+A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6).
+"""
+
+import numpy as np
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import atan2_64, centred64, cos64, sin64
+from deqmcl_gym.numerics.types import Floats, Singles
+
+Actions = Singles
+_TURN = 2 * np.pi
+
+
+@compiled
+def nearest_arc(x: float, y: float, edges: Floats) -> float:
+    """Arc length from corner 0 to the path's point nearest to (x, y)."""
+    nearest, arc = np.inf, 0.0
+    for corner_x, corner_y, dx, dy, length, before in edges:
+        to_x, to_y = x - corner_x, y - corner_y
+        share = min(max((to_x * dx + to_y * dy) / (length * length), 0.0), 1.0)
+        off_x, off_y = to_x - share * dx, to_y - share * dy
+        square = off_x * off_x + off_y * off_y
+        if square < nearest:
+            nearest, arc = square, before + share * length
+    return arc
+
+
+@compiled
+def follow(x: float, y: float, before: float, edges: Floats, length: float) -> tuple[float, float]:
+    """Return the arc length of the path's point nearest to (x, y), and the way from ``before``.
+
+    That is signed, along the path, the shorter way round.
+    """
+    arc = nearest_arc(x, y, edges)
+    return arc, centred64(arc - before, length)
+
+
+@compiled
+def roll_out(
+    pose: tuple[float, float, float],
+    arc: float,
+    way: float,
+    edges: Floats,
+    length: float,
+    rules: tuple[float, float, float, float, float],
+    actions: Actions,
+) -> int:
+    """Fill in what a driver would do from ``pose`` without noise, until its lap is done.
+
+    Args:
+        pose: of the robot.
+        arc: arc length of the path's point nearest to it.
+        way: made along the path so far.
+        edges: of the path.
+        length: of the path.
+        rules: way to the look-ahead point; heading error beyond which it turns on the spot; step;
+            largest turn of a step; way at which the lap is done.
+        actions: distance, turn, (n, 2).
+
+    Returns:
+        How many actions there are, at most n.
+    """
+    x, y, heading = pose
+    look_ahead, on_the_spot, step, most, end = rules
+    rows: int = actions.shape[0]
+    for count in range(rows):
+        if way >= end:
+            return count
+        to_x, to_y = _point_at((arc + look_ahead) % length, edges)
+        error = centred64(atan2_64(to_y - y, to_x - x) - heading, _TURN)
+        actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
+        actions[count, 1] = min(max(error, -most), most)
+        # on with what float32 made of it
+        heading = centred64(heading + np.float64(actions[count, 1]), _TURN)
+        distance = np.float64(actions[count, 0])
+        x, y = x + distance * cos64(heading), y + distance * sin64(heading)
+        arc, gone = follow(x, y, arc, edges, length)
+        way += gone
+    return rows
+
+
+@compiled
+def _point_at(arc: float, edges: Floats) -> tuple[float, float]:
+    """Point of the path at an arc length in [0, length]."""
+    edge = edges.shape[0] - 1
+    while edge > 0 and edges[edge, 5] > arc:
+        edge -= 1
+    share = (arc - edges[edge, 5]) / edges[edge, 4]
+    return edges[edge, 0] + share * edges[edge, 2], edges[edge, 1] + share * edges[edge, 3]

@@ -1,0 +1,99 @@
+"""Random streams of an episode, one per source of randomness, all derived from the reset seed.
+
+Stream k of episode i after ``reset(seed=s)`` is SeedSequence(s, spawn_key=(i, k)): what one source
+draws never shifts what another one gets. The j-th further source of the same kind, say a second
+wrapper, has the key (i, k, j).
+"""
+
+import enum
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+
+from deqmcl_gym.numerics.entropy import Seeds
+from deqmcl_gym.numerics.types import Floats
+
+
+class Stream(enum.IntEnum):
+    """Sources of randomness. The numbers are part of what a seed means: never change them."""
+
+    MOTION = 0
+    SENSOR = 1
+    START = 2
+    DROPOUT = 3
+    KIDNAP = 4
+
+
+def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:
+    """Return the generator of one source in the ``episode``-th episode (from 0) after seeding.
+
+    Args:
+        seed: of the last reset that had one.
+        episode: its number since then.
+        stream: the kind of source.
+        twin: how many sources of this kind come before it.
+    """
+    key = (episode, int(stream), twin) if twin else (episode, int(stream))
+    # NumPy takes any ISeedSequence; its annotations do not say so.
+    seeds = cast(np.random.SeedSequence, Seeds(seed, key))
+    return np.random.Generator(np.random.PCG64(seeds))
+
+
+class NormalRows:
+    """Rows of normal numbers, drawn in blocks: many times faster than one by one."""
+
+    def __init__(self, rng: np.random.Generator, width: int, sd: float = 1.0) -> None:
+        """Draw rows (width,) of N(0, sd²) from ``rng``."""
+        self._rng, self._sd = rng, sd
+        # As many rows as a lap may have steps, but no more than 0.5 MB of a wide one.
+        self._block = (max(1, min(256, 65_536 // width)), width)
+        self._rows: Iterator[Floats] = iter(())
+
+    def next(self) -> Floats:
+        """Return the next row, (width,), as the caller's own."""
+        for row in self._rows:
+            return row
+        self._rows = iter(self._sd * self._rng.standard_normal(self._block))
+        return self.next()
+
+
+class NormalTable:
+    """Normal numbers for each of many rooms: the rows that its own :class:`NormalRows` gives it.
+
+    A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``: no copy between.
+
+    Attributes:
+        drawn: N(0, 1), (n, rows, width).
+        at: the next row of each room, (n,).
+    """
+
+    def __init__(self, rooms: int, width: int, lap: int) -> None:
+        """Draw rows (width,) from each room's stream, some ``lap`` of them in an episode.
+
+        :meth:`renew` names the stream.
+        """
+        # A call of NumPy for a lap, or few; about 32 KB of a room's numbers at a time, or a row.
+        blocks = -(-lap * width // 4096)
+        self.drawn = np.empty((rooms, -(-lap // blocks), width))
+        self.at = np.zeros(rooms, np.intp)
+        self._sure = 0  # calls of fill() before a room may have none left
+        self._rngs: list[np.random.Generator | None] = [None] * rooms
+
+    def renew(self, room: int, rng: np.random.Generator) -> None:
+        """Let a room draw from another stream from now on."""
+        self._rngs[room] = rng
+        self.at[room] = self.drawn.shape[1]
+        self._sure = 0
+
+    def fill(self) -> None:
+        """Draw the next rows of each room that has none left; between two calls it takes one."""
+        if self._sure == 0:
+            rows = self.drawn.shape[1]
+            for room in (self.at == rows).nonzero()[0].tolist():
+                rng = self._rngs[room]
+                assert rng is not None  # a room begins before it draws
+                rng.standard_normal(out=self.drawn[room])
+                self.at[room] = 0
+            self._sure = rows - int(self.at.max())
+        self._sure -= 1

@@ -1,0 +1,257 @@
+"""The compiled inner loops of the estimators: weights, resampling, motion."""
+
+import numpy as np
+
+from deqmcl_gym.maps.kernels import drive as drive_poses
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
+from deqmcl_gym.numerics.types import Floats, Indices, Singles
+
+_HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
+_TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
+
+
+@compiled
+def largest(values: Floats) -> float:
+    """Return the maximum, -inf of none: in four strands, as each step waits for the one before."""
+    first, second, third, fourth = -np.inf, -np.inf, -np.inf, -np.inf
+    whole = values.size - values.size % 4
+    for i in range(0, whole, 4):
+        first = max(first, values[i])
+        second = max(second, values[i + 1])
+        third = max(third, values[i + 2])
+        fourth = max(fourth, values[i + 3])
+    for i in range(whole, values.size):
+        first = max(first, values[i])
+    return max(first, second, third, fourth)
+
+
+@compiled
+def normalize(log_weights: Floats, out: Floats) -> float:
+    """Fill in weights with sum 1; return log Σ exp(log w), -inf (and fill in none) if all are 0."""
+    top = largest(log_weights)
+    if not top > -np.inf:
+        return top
+    total = 0.0
+    for i in range(log_weights.size):
+        out[i] = exp64(log_weights[i] - top)
+    for i in range(out.size):
+        total += out[i]
+    for i in range(out.size):
+        out[i] /= total
+    return float(top + log64(total))
+
+
+@compiled
+def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> float:
+    """Log (Σ w p / Σ w) over at most ``most`` evenly spaced particles; NaN if they weigh 0."""
+    stride = (log_weights.size - 1) // most + 1
+    before = log_weights[::stride].copy()
+    after = before + log_likelihoods[::stride]
+    top, top_both = largest(before), largest(after)
+    if not (top > -np.inf and top_both > -np.inf):
+        return top_both - top  # -inf, or NaN
+    alike = True  # as after resampling: then each exponential is 1
+    for i in range(before.size):
+        alike &= before[i] == top
+    weights, both = float(before.size), 0.0
+    if not alike:
+        for i in range(before.size):
+            before[i] = exp64(before[i] - top)
+        weights = 0.0
+        for i in range(before.size):
+            weights += before[i]
+    for i in range(after.size):
+        after[i] = exp64(after[i] - top_both)
+    for i in range(after.size):
+        both += after[i]
+    return float(top_both - top + log64(both / weights))
+
+
+@compiled
+def two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
+    """Probability of the first of two states after observations, by the forward recursion.
+
+    Args:
+        start: its probability before them.
+        stay, enter: probabilities to stay in it, and to come to it, before each observation.
+        log_ratios: log p(o | second) - log p(o | first); NaN tells nothing.
+    """
+    first = start
+    for i in range(log_ratios.size):
+        first = first * stay + (1.0 - first) * enter
+        ratio = log_ratios[i]
+        if ratio > 0.0:
+            likely = first * exp64(-ratio)
+            first = likely / (likely + (1.0 - first))
+        elif ratio <= 0.0:
+            first = first / (first + (1.0 - first) * exp64(ratio))
+    return first
+
+
+@compiled
+def square_sum(weights: Floats) -> float:
+    """Σ w²."""
+    total = 0.0
+    for i in range(weights.size):
+        total += weights[i] * weights[i]
+    return total
+
+
+@compiled
+def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
+    """Fill in log w + log factor; return its maximum, -inf if no weight is left."""
+    for i in range(out.size):
+        out[i] = log_weights[i] + log_factor[i]
+    return largest(out)
+
+
+@compiled
+def absorbed(
+    log_weights: Floats, log_likelihoods: Floats, most: int, out: Floats
+) -> tuple[float, float]:
+    """Do ``shifted`` and ``log_evidence``; return what both return."""
+    evidence = log_evidence(log_weights, log_likelihoods, most)
+    return shifted(log_weights, log_likelihoods, out), evidence
+
+
+@compiled
+def systematic(weights: Floats, offset: float, out: Indices) -> None:
+    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
+
+    Each particle is written at the first pointer that it can have, over those that have none; the
+    other pointers take the last one written. A search would wait on a guess at every pointer.
+    """
+    n = weights.size
+    before = np.empty(n)  # the weight of the particles before each
+    total = 0.0
+    for i in range(n):
+        before[i] = total
+        total += weights[i]
+    last = n - 1  # of weight above zero
+    while last > 0 and not weights[last] > 0.0:
+        last -= 1
+    per_weight = n / total
+    for i in range(n):
+        before[i] = np.ceil(before[i] * per_weight - offset)
+    written = np.zeros(n)
+    for i in range(last + 1):
+        first = int(before[i])
+        if 0 <= first < n:
+            written[first] = i
+    furthest = 0.0  # not an int: of its maximum the compiler would make a branch
+    for k in range(n):
+        furthest = max(furthest, written[k])
+        out[k] = int(furthest)
+
+
+@compiled
+def strata(offsets: Floats, out: Floats) -> None:
+    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``."""
+    n = out.size
+    for k in range(n):
+        out[k] = (k + offsets[k]) / n
+
+
+@compiled
+def pointed_at(weights: Floats, pointers: Floats, out: Indices) -> None:
+    """Fill in which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+    total = 0.0
+    last = 0  # of weight above zero
+    for i in range(weights.size):
+        total += weights[i]
+        last = i if weights[i] > 0.0 else last
+    reached = weights[0]
+    particle = 0
+    for k in range(pointers.size):
+        goal = pointers[k] * total
+        while reached <= goal and particle < last:
+            particle += 1
+            reached += weights[particle]
+        out[k] = particle
+
+
+@compiled
+def normal_pairs(
+    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, out: Singles
+) -> None:
+    """Fill in pairs of independent normal numbers, each made of one uniform number.
+
+    Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
+    v of its other 29. The largest is 5.9 standard deviations.
+
+    Args:
+        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
+        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
+        out: (2, n).
+    """
+    n = uniforms.size
+    radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
+    for i in range(n):
+        scaled = uniforms[i] * 16777216.0
+        whole = np.int32(scaled)
+        radius[i] = np.float32(whole)
+        angle[i] = np.float32(scaled - whole)
+    for i in range(n):
+        radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
+    for i in range(n):
+        angle[i] = angle[i] * _TURN
+    first, second = out[0], out[1]
+    sincos32(angle, second, first)
+    shift, scale = np.float32(first_mean), np.float32(first_sd)
+    for i in range(n):
+        first[i] = shift + scale * (radius[i] * first[i])
+    shift, scale = np.float32(mean), np.float32(sd)
+    for i in range(n):
+        second[i] = shift + scale * (radius[i] * second[i])
+
+
+@compiled
+def _noisy_move(
+    uniforms: Floats, action: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    distance, angle = action
+    sd_angle = turn * abs(angle) + drift * abs(distance)
+    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out)
+
+
+@compiled
+def noisy_moves(
+    uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    """Fill in d + ε_d and φ + ε_φ of each action; the rest as ``OdometryMotion``.
+
+    Args:
+        uniforms: as for ``normal_pairs``, (F, n).
+        actions: (d px, φ rad), (F, 2).
+        drive, turn, drift: of the noise.
+        out: (F, 2, n).
+    """
+    for step in range(actions.shape[0]):
+        _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
+
+
+@compiled
+def odometry(
+    poses: Singles,
+    uniforms: Floats,
+    action: Floats,
+    drive: float,
+    turn: float,
+    drift: float,
+    out: Singles,
+) -> None:
+    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
+    moves = np.empty((2, uniforms.size), np.float32)
+    _noisy_move(uniforms, action, drive, turn, drift, moves)
+    drive_poses(poses, moves[0], moves[1], out)
+
+
+@compiled
+def agreeing(first: Floats, second: Floats) -> int:
+    """How many leading rows of two tables (·, k) are the same, by exact comparison."""
+    for row in range(min(len(first), len(second))):
+        for column in range(first.shape[1]):
+            if first[row, column] != second[row, column]:
+                return row
+    return min(len(first), len(second))

@@ -1,0 +1,1 @@
+"""Names of localizers: built in, registered, installed, or said by where their code is."""

@@ -1,0 +1,196 @@
+"""Localizers by name: built-in, registered, installed, or said by where their code is."""
+
+import inspect
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from deqmcl_gym.validation import InputError, one_of
+from localizers.api import Localizer, RobotModel
+from localizers.methods.amcl import amcl
+from localizers.methods.dead_reckoning import dead_reckoning
+from localizers.methods.deq_mcl import deq_mcl
+from localizers.methods.ekf import ekf
+from localizers.methods.grid import grid
+from localizers.methods.lookahead import mcl_h, mcl_pilots
+from localizers.methods.map_motion import mcl_map
+from localizers.methods.mcl import mcl
+from localizers.methods.rejuvenated import deq_mcl_rejuvenated
+from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
+from localizers.naming import plugins
+
+Factory = Callable[..., Localizer]
+
+_FACTORIES: dict[str, Factory] = {
+    "mcl": mcl,
+    "mcl-smoother": mcl_smoother,
+    "mcl-map": mcl_map,
+    "mcl-map-smoother": mcl_map_smoother,
+    "deq-mcl": deq_mcl,
+    "deq-mcl-rejuvenated": deq_mcl_rejuvenated,
+    "mcl-h": mcl_h,
+    "mcl-pilots": mcl_pilots,
+    "dead-reckoning": dead_reckoning,
+    "grid": grid,
+    "amcl": amcl,
+    "ekf": ekf,
+}
+_BUILT_IN = frozenset(_FACTORIES)
+
+
+def names() -> tuple[str, ...]:
+    """Names that ``make`` knows: the built-in ones, the registered, the installed (not loaded)."""
+    return tuple(dict.fromkeys((*_FACTORIES, *plugins.installed())))
+
+
+def register(name: str, factory: Factory) -> None:
+    """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
+
+    Raises:
+        InputError: the name is taken, or has a colon.
+    """
+    if name in _FACTORIES:
+        raise InputError(f"the localizer name {name!r} is taken: choose another one.")
+    if plugins.is_reference(name):
+        raise InputError(f"the localizer name {name!r} has a colon: choose one without.")
+    _FACTORIES[name] = factory
+
+
+def is_registered(name: str) -> bool:
+    """Whether a name was registered in this process: other processes do not know it."""
+    return name in _FACTORIES and name not in _BUILT_IN
+
+
+def resolve(name: str) -> Factory:
+    """Return the factory that a name leads to; the first of these that has it.
+
+    A built-in name; a registered one; an entry point of group ``deqmcl.localizers``;
+    ``package.module:NAME``; ``path/to/file.py:NAME``. The code of a plug-in is run by this.
+
+    Raises:
+        InputError: nothing has that name, or its code cannot be imported, or is no factory.
+    """
+    if name in _FACTORIES:
+        return _FACTORIES[name]
+    found = plugins.load(_reference(name), name)
+    if not callable(found):
+        raise InputError(
+            f"the localizer {name!r} is {_a(found)}, but must be a class or a function that makes "
+            "a localizer for a robot."
+        )
+    if not _takes_a_robot(found):
+        raise InputError(
+            f"the localizer {name!r} takes no robot, but must be called as factory(robot) or "
+            "factory(robot, **parameters)."
+        )
+    factory: Factory = found
+    return factory
+
+
+def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
+    """Make a localizer.
+
+    Args:
+        name: see ``resolve``.
+        robot: the map, the sensor and the noise it is made for.
+        params: parameters of the method, see ``parameters(name)``.
+
+    Raises:
+        InputError: unknown name or parameter (the nearest valid one is named), or a bad value.
+        RuntimeError: what the factory made has no ``reset`` or no ``update``.
+    """
+    valid = parameters(name)
+    for param in params:
+        if valid is not None:
+            one_of(f"parameter of localizer {name!r}", param, valid)
+    return made_by(resolve(name), name, robot, **params)
+
+
+def made_by(factory: Factory, name: str, robot: RobotModel, **params: Any) -> Localizer:
+    """Return what a factory makes, if it is a localizer; ``name`` is for the error."""
+    made = factory(robot, **params)
+    lacking = [verb for verb in ("reset", "update") if not callable(getattr(made, verb, None))]
+    if lacking:
+        raise RuntimeError(
+            f"the localizer {name!r} is {_a(made)} without {' and '.join(lacking)}: a localizer "
+            "has reset(prior, plan, rng) and update(ranges, action, plan)."
+        )
+    return made
+
+
+def parameters(name: str) -> tuple[str, ...] | None:
+    """Names of a localizer's parameters; None if its factory takes any."""
+    return parameters_of(resolve(name))
+
+
+def parameters_of(factory: Factory) -> tuple[str, ...] | None:
+    """Names of what a factory takes beside the robot; None if it takes any."""
+    try:
+        given = list(inspect.signature(factory).parameters.values())
+    except ValueError:  # some compiled callables have none to show
+        return None
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in given):
+        return None
+    beside = given[1:] if given and given[0].kind is not given[0].VAR_POSITIONAL else given
+    return tuple(p.name for p in beside if p.kind is not p.VAR_POSITIONAL)
+
+
+def source_digest(name: str) -> str | None:
+    """Digest of the source of a plug-in: another one whenever its file or package is edited.
+
+    Of ``file.py:NAME`` it covers that file; of all others every Python file of the package that
+    the factory is in. The source is read, not run, so a plug-in that cannot be imported has one
+    too. None for a built-in localizer, whose source is this package's, and where there is nothing
+    to read. Whoever keeps results keeps it with them.
+
+    Raises:
+        InputError: a plain name that nobody has.
+    """
+    if name in _BUILT_IN:
+        return None
+    if name not in _FACTORIES:
+        return plugins.reference_digest(_reference(name))
+    factory: Any = _FACTORIES[name]
+    while isinstance(factory, partial):
+        factory = factory.func
+    home = getattr(factory, "__module__", None) or type(factory).__module__
+    module = sys.modules.get(home)
+    if getattr(module, "__spec__", None) is None:  # a script, a prompt, or a file of its own
+        return plugins.file_digest(getattr(module, "__file__", None))
+    return plugins.reference_digest(f"{home}:{name}")
+
+
+def _reference(name: str) -> str:
+    """Where the code of a name is that is neither built in nor registered."""
+    if isinstance(name, str) and plugins.is_reference(name):
+        return plugins.absolute_name(name)
+    installed = plugins.installed()
+    try:
+        reference = installed[one_of("localizer", name, {*_FACTORIES, *installed})]
+    except InputError as error:
+        raise InputError(
+            f"{str(error).rstrip('.')}, or a plug-in as package.module:NAME or "
+            "path/to/file.py:NAME."
+        ) from None
+    if " and " in reference:
+        raise InputError(
+            f"the localizer name {name!r} is offered by several installed packages, {reference}: "
+            "name the one you mean by its module."
+        )
+    return reference
+
+
+def _takes_a_robot(factory: Any) -> bool:
+    try:
+        inspect.signature(factory).bind_partial(None)
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
+
+
+def _a(thing: object) -> str:
+    kind = type(thing).__name__
+    return "None" if thing is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
