@@ -115,7 +115,9 @@ class NumpyModels:
 
     @cached_property
     def _cast(self) -> Caster:
-        return self.caster(self.robot.floor_plan)
+        floor_plan = self.robot.floor_plan
+        assert isinstance(floor_plan, PolygonMap), "the baseline knows polygons only"
+        return self.caster(floor_plan)
 
 
 @dataclass(frozen=True)
