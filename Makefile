@@ -25,8 +25,9 @@ check: format lint types contracts test docs  ## All that CI checks
 format: $(READY)  ## Check the formatting (mend it: .venv/bin/ruff format)
 	$(BIN)/ruff format --check
 
-lint: $(READY)  ## Lint
+lint: $(READY)  ## Lint; no text may name a folder of one machine or a package registry
 	$(BIN)/ruff check
+	@! git grep -nE '(^|[^[:alnum:].~_-])/([w]ork|[r]oot|[h]ome|[U]sers)/[[:alnum:]]|[p]ypi\.org|[p]ythonhosted\.org|[n]pmjs\.'
 
 types: $(READY)  ## Check the types
 	$(BIN)/mypy

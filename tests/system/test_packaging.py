@@ -16,10 +16,6 @@ PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
-WORLD_BLIND = ("A localizer knows the map", "The map stands on nothing")
-OPEN_TO_ALL = {"deqmcl_gym.maps", "deqmcl_gym.numerics", "deqmcl_gym.validation"}
-
-
 def folders():
     """Folders with Python files below the root, as dotted names; hidden and built ones left out."""
     for path in ROOT.rglob("*.py"):
@@ -105,12 +101,3 @@ def test_plots_and_reports_are_extras_and_not_required():
     report = PROJECT["project"]["optional-dependencies"]["report"]
     assert report == ["jinja2>=3.1", "matplotlib>=3.8"]
     assert PROJECT["project"]["optional-dependencies"]["plots"] == ["matplotlib>=3.8"]
-
-
-@pytest.mark.parametrize("name", WORLD_BLIND)
-def test_a_contract_that_keeps_the_world_out_names_every_module_of_it(name):
-    contracts = PROJECT["tool"]["importlinter"]["contracts"]
-    [contract] = [each for each in contracts if each["name"].startswith(name)]
-    paths = [path for path in (ROOT / "deqmcl_gym").glob("[!_]*") if path.suffix in ("", ".py")]
-    modules = {f"deqmcl_gym.{path.stem}" for path in paths}
-    assert modules - OPEN_TO_ALL <= set(contract["forbidden_modules"])
