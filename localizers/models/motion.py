@@ -7,7 +7,7 @@ import numpy as np
 from deqmcl_gym.maps import driven
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers.inference import kernels
+from localizers.models import motion_kernels as kernels
 
 
 @dataclass(frozen=True, kw_only=True)
