@@ -5,7 +5,6 @@ have the names and, where they carry over, the defaults of Nav2's ``amcl``; see 
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +12,15 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.types import Bools
 from deqmcl_gym.validation import InputError, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_plan, checked_step
+from localizers.api import Prior, RobotModel, checked_plan, checked_step, require_reset
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
-from localizers.inference.particle_localizer import MAX_PARTICLES
+from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Scan, States
 from localizers.inference.queue import Queue
-from localizers.inference.trust import ANYWHERE, Trust
+from localizers.inference.trust import Trust
 from localizers.models.beams import BeamModel
-from localizers.models.free_space import even_poses, random_poses
+from localizers.models.free_space import random_poses
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan, usable_beams
 
@@ -86,6 +85,7 @@ class AdaptiveLocalizer:
         self.robot = robot
         self._scan, self._kld, self._recovery = scan, kld, recovery
         self._resampling = resampling
+        self._trust = Trust.of(scan, robot.floor_plan)
         self._unused = _unused_beams(robot.lidar, max_beams)
         self._running: _Running | None = None
 
@@ -93,17 +93,13 @@ class AdaptiveLocalizer:
         """Start anew with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         checked_plan(plan)
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, rng.spawn(1)[0]).T, np.float32)
-        belief = _cloud(cloud, AdaptiveEvents(), Trust(self._scan, self._anywhere))
+        belief = _cloud(cloud, AdaptiveEvents(), self._trust)
         self._running = _Running(belief, self._recovery, 0, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Go one step on; see ``Localizer.update``."""
-        if self._running is None:
-            raise RuntimeError(
-                "update was called before reset: call reset(prior, plan, rng) first."
-            )
-        now = self._running
+        now = require_reset(self._running)
         scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
         used = np.where(self._unused, np.nan, scan)
         belief = self._resampled(now)
@@ -132,10 +128,6 @@ class AdaptiveLocalizer:
         enough = self._kld.enough(drawn)
         events = belief.events.plus(random_poses=int(anywhere[:enough].sum()))
         return _cloud(np.ascontiguousarray(drawn[:, :enough]), events, belief.trust)
-
-    @cached_property
-    def _anywhere(self) -> States:
-        return even_poses(self.robot.floor_plan, ANYWHERE)
 
 
 def amcl(

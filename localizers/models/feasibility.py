@@ -15,8 +15,6 @@ from localizers.models.motion import OdometryMotion
 class Unconstrained:
     """G = 1: the map says nothing about where the robot can go."""
 
-    charges = False  # need not be asked; a subclass must be
-
     def log_g(self, before: Singles, after: Singles) -> Floats:
         """Zero for each step, (n,)."""
         return np.zeros(after.shape[1])
