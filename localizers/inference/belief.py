@@ -136,9 +136,8 @@ class ParticleBelief(_Cloud):
             log_h=None,
         )
 
-    def appended(self, states: States, action: Floats) -> "ParticleBelief":
-        """Add newest states (d, n), drawn by ``action``."""
-        drawn = np.concatenate((self.drawn, action[None]))
+    def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
+        """Add newest states (d, n), drawn by the last of the actions ``drawn``, (F_t + 1, k)."""
         return self._replace(queue=self.queue.appended(states), drawn=drawn)
 
     def stepped(self, past: int) -> "ParticleBelief":

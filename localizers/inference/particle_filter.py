@@ -23,7 +23,7 @@ from localizers.inference.parts import (
 from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import Selection, by_own_weight
-from localizers.inference.rollout import Rollout
+from localizers.inference.rollout import Rollout, Unconstrained
 from localizers.inference.trust import Trust
 from localizers.inference.weights import normalized_with_log_sum
 
@@ -40,6 +40,7 @@ class ParticleFilter:
 
     Attributes:
         particles: n.
+        feasibility: g; None is 1, nothing is charged.
         past: L, how many states before the present are kept (and so smoothed).
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
@@ -52,9 +53,9 @@ class ParticleFilter:
 
     motion: Motion
     scan: Scan
-    feasibility: Feasibility
     resampling: Resampling
     particles: int
+    feasibility: Feasibility | None = None
     past: int = 0
     future: int = 0
     pilots: int = 16
@@ -86,9 +87,10 @@ class ParticleFilter:
             drawn=plan[:0],
             trust=self.trust,
         )
-        for action in plan[: self.future]:
+        window = plan[: self.future]
+        for ahead in range(len(window)):
             belief = self._resampled(belief, rng)
-            belief = self._extended(belief, action, rng)
+            belief = self._extended(belief, window[: ahead + 1], rng)
         return self.lookahead(belief, plan, rng)
 
     def step(
@@ -113,8 +115,8 @@ class ParticleFilter:
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there
         actions = np.concatenate((action[None], plan[: self.future]))
         belief = self._redraw(belief, actions, rng)
-        for newest in actions[belief.queue.ahead :]:
-            belief = self._extended(belief, newest, rng)
+        for ahead in range(belief.queue.ahead, len(actions)):
+            belief = self._extended(belief, actions[: ahead + 1], rng)
         belief = belief.stepped(self.past)
         # Reweight
         belief = belief.scanned(ranges, self.scan.log_likelihood(belief.present, ranges))
@@ -130,18 +132,19 @@ class ParticleFilter:
         return self.move(belief, ancestors, rng)
 
     def _extended(
-        self, belief: ParticleBelief, action: Action, rng: np.random.Generator
+        self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Append head' ~ p(· | head, action), charged once by g(head, head')."""
+        """Append head' ~ p(· | head, u), charged once by g(head, head'), u the last of actions."""
         before = belief.head
-        after = self.motion.sample(before, action, rng)
-        belief = belief.reweighted(self.feasibility.log_g(before, after))
-        return belief.appended(after, action)
+        after = self.motion.sample(before, actions[-1], rng)
+        if self.feasibility is not None:
+            belief = belief.reweighted(self.feasibility.log_g(before, after))
+        return belief.appended(after, actions)
 
     @cached_property
     def rollout(self) -> Rollout:
         """Draws futures by this filter's motion and charges them by its feasibility."""
-        return Rollout(self.motion, self.feasibility)
+        return Rollout(self.motion, self.feasibility or Unconstrained())
 
     @cached_property
     def _redraw(self) -> Redraw:

@@ -100,11 +100,10 @@ class Queue(_Slots):
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
         before, present = self.past.push(self.links[self.present]), self.present + 1
-        drop = max(present - past, 0)
-        for _ in range(drop):
-            before = before.pop()
-        slots, links = self.slots[drop:], self.links[drop:]
-        return Queue(slots, links, self.pending, present - drop, before, self.future.pop())
+        if present <= past:
+            return self._replace(present=present, past=before, future=self.future.pop())
+        slots, links = self.slots[1:], self.links[1:]
+        return Queue(slots, links, self.pending, past, before.pop(), self.future.pop())
 
     def cut(self, keep: int) -> "Queue":
         """Forget the states more than ``keep`` after the present, today's order unchanged."""

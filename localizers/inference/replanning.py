@@ -51,8 +51,8 @@ class Redraw:
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)
-        for states, action in zip(paths, actions[shared:held], strict=True):
-            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], action)
+        for ahead, states in enumerate(paths, start=shared + 1):
+            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
 

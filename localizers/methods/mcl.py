@@ -7,7 +7,6 @@ from localizers.api import RobotModel
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.trust import Trust
 from localizers.methods.family import Shared, method
-from localizers.models.feasibility import Unconstrained
 from localizers.models.scan import LidarScan
 
 
@@ -18,7 +17,6 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
     return ParticleFilter(
         motion=robot.motion,
         scan=scan,
-        feasibility=Unconstrained(),
         resampling=shared.resampling,
         particles=shared.particles,
         trust=Trust.of(scan, robot.floor_plan),

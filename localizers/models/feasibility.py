@@ -11,15 +11,6 @@ from localizers.models.drives import ChargedDrives
 from localizers.models.motion import OdometryMotion
 
 
-@dataclass(frozen=True)
-class Unconstrained:
-    """G = 1: the map says nothing about where the robot can go."""
-
-    def log_g(self, before: Singles, after: Singles) -> Floats:
-        """Zero for each step, (n,)."""
-        return np.zeros(after.shape[1])
-
-
 @dataclass(frozen=True, kw_only=True)
 class FreeSpace:
     """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.

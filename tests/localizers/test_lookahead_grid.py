@@ -186,7 +186,7 @@ def test_a_window_is_tabulated_once_for_all_localizers_of_an_equal_robot(
 @pytest.mark.parametrize(
     ("params", "words"),
     [
-        *[({"cell": bad}, "cell is") for bad in (0, -1, math.nan, "5", None)],
+        *[({"cell": bad}, "cell is") for bad in (0, -1, math.nan, "5")],
         *[({"headings": bad}, "headings is") for bad in (0, 1.5, None)],
         ({"cell": 0.01}, "give a larger cell or fewer headings"),
         ({"form": "twist"}, "did you mean 'twisted'"),
