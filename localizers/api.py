@@ -25,8 +25,8 @@ class Prior(Protocol):
     """p(x_0), what is known of the pose before the first step."""
 
     @property
-    def mean(self) -> tuple[float, float, float]:
-        """Expected pose (x px, y px, θ rad)."""
+    def mean(self) -> tuple[float, float, float] | None:
+        """Expected pose (x, y, θ rad); None if none would mean anything."""
         ...
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:

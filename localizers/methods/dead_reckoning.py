@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
 from localizers.api import Prior, RobotModel, checked_action, checked_plan, require_reset
 
 
@@ -32,6 +33,11 @@ class DeadReckoning:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
+        if prior.mean is None:
+            raise InputError(
+                f"the prior is {prior!r}, but dead reckoning needs a mean to start from: give a "
+                "GaussianPrior, or another localizer."
+            )
         return self._followed([prior.mean], plan)
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:

@@ -14,7 +14,7 @@ from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
-from localizers.api import Points, Prior, RobotModel
+from localizers.api import Points, Prior, RobotModel, mean_pose
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
@@ -181,10 +181,15 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
 
 def _moments(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior and covariance about it, the headings taken as differences in [-π, π]."""
-    mean = np.array(prior.mean, dtype=np.float64)
-    apart = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64) - mean
-    apart[:, 2] -= 2 * np.pi * np.rint(apart[:, 2] / (2 * np.pi))
+    """Mean of a prior (of its draws, if it has none) and covariance about it.
+
+    The headings are taken as differences in [-π, π].
+    """
+    draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
+    even = np.full(len(draws), 1 / len(draws))
+    mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
+    apart = draws - mean
+    apart[:, 2] = arrays.wrapped(apart[:, 2])
     covariance = np.empty((3, 3))
     for i in range(3):
         for j in range(3):

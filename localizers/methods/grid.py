@@ -142,7 +142,7 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     """Return the prior's probability of each cell, by 2 x 2 x 2 points per cell, (H, Y, X).
 
     A prior of which the points see next to nothing, because it is far narrower than a cell or a
-    single pose, goes into the cell of its mean.
+    single pose, goes into the cell of its mean, if it has one.
     """
     centres = grid.centres().T.astype(np.float64)
     half = np.array([grid.cell, grid.cell, grid.heading_step]) / 4
@@ -153,6 +153,11 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     volume = grid.cell**2 * grid.heading_step / len(corners)
     if not top + float(arrays.log(max(mass.sum() * volume, 1e-300))) > _UNSEEN:
         mass[:] = 0.0
+        if prior.mean is None:
+            raise InputError(
+                f"the prior {prior!r} has no mean and no mass at the cells: give another prior, "
+                "or smaller cells."
+            )
         at = grid.cell_of(prior.mean)
         if at is None:
             raise InputError(
