@@ -15,8 +15,8 @@ from deqmcl_gym.numerics.types import Floats, Singles
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
-_FOLD = 16  # beams multiplied before a logarithm is taken, …
-_LEAST = 1e-19  # … where no density is below this: so the product is a normal float64
+FOLD = 16  # beams multiplied before a logarithm is taken, …
+LEAST = 1e-19  # … where no density is below this: so the product is a normal float64
 _FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
 
 _LOG2E = 1.4426950408889634
@@ -62,7 +62,7 @@ def gaussian_uniform(
         out: (n,).
     """
     peak = hit / (sigma * _SQRT_2PI)
-    fold = _FOLD if min(floor, atom) >= _LEAST else 1
+    fold = FOLD if min(floor, atom) >= LEAST else 1
     product, value = np.empty(_POSES), np.empty(_POSES)
     part, power = np.empty(_POSES), np.empty(_POSES)
     n = expected.shape[1]
@@ -111,7 +111,7 @@ def four_parts(
     """
     hit, short, largest, rand = shares
     peak, anything = hit / (sigma * _SQRT_2PI), rand / max_range
-    fold = _FOLD if min(largest, anything) >= _LEAST else 1
+    fold = FOLD if min(largest, anything) >= LEAST else 1
     product, seen = np.empty(_POSES), np.empty(_POSES)
     part, power = np.empty(_POSES), np.empty(_POSES)
     value, below, above = np.empty(_POSES), np.empty(_POSES), np.empty(_POSES)

@@ -24,8 +24,10 @@ PLAN = np.array([(8.0, 0.0), (8.0, 0.4), (8.0, 0.0), (8.0, -0.5)])
 RADIUS = 5.0
 
 
-def grid_of(floor_plan, motion, beta: float = 1.0, **params) -> LookaheadGrid:
-    return LookaheadGrid(floor_plan=floor_plan, radius=RADIUS, beta=beta, motion=motion, **params)
+def grid_of(floor_plan, motion, beta: float = 1.0, cell: float = 5.0, **params) -> LookaheadGrid:
+    return LookaheadGrid(
+        floor_plan=floor_plan, radius=RADIUS, beta=beta, motion=motion, cell=cell, **params
+    )
 
 
 def rolled_out(grid: LookaheadGrid, poses, plan, copies: int, seed: int = 0):
