@@ -1,18 +1,21 @@
 """What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, array, number
+from localizers.inference.parts import Motion
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
+
+T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
@@ -22,8 +25,8 @@ class Prior(Protocol):
     """p(x_0), what is known of the pose before the first step."""
 
     @property
-    def mean(self) -> tuple[float, float, float]:
-        """Expected pose (x px, y px, θ rad)."""
+    def mean(self) -> tuple[float, float, float] | None:
+        """Expected pose (x, y, θ rad); None if none would mean anything."""
         ...
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
@@ -80,14 +83,6 @@ class Localizer(Protocol):
         ...
 
 
-class Motion(Protocol):
-    """The assumed motion model; see ``localizers.models.motion.OdometryMotion``."""
-
-    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
-        """Draw one successor of each pose (3, n)."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotModel:
     """What a localizer is made for: the map, the sensor and the noise it assumes.
@@ -114,6 +109,13 @@ def quality_of(belief: Belief) -> float | None:
     """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if its localizer gives none."""
     quality = getattr(belief, "quality", None)
     return None if quality is None else number("the belief's quality", quality, low=0, high=1)
+
+
+def require_reset(running: T | None) -> T:
+    """Return what a localizer holds since reset; refuse an update before."""
+    if running is None:
+        raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+    return running
 
 
 def checked_plan(plan: ArrayLike) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 Single = Any  # a float32
@@ -20,9 +20,6 @@ BLOCK = 512
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-_TURN = np.float32(2 * np.pi)
-_PER_TURN = np.float32(1 / (2 * np.pi))
-_ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding and subtracting it rounds
 
 
 @compiled
@@ -30,16 +27,14 @@ def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> N
     """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + distance (cos θ', sin θ').
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        distances, turns: (n,) px, rad.
+        poses: rows x, y, θ, (3, n).
+        distances, turns: (n,).
         out: (3, n), other memory than the poses.
     """
     x, y, heading = poses[0], poses[1], poses[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
     for i in range(x.size):
-        angle = heading[i] + turns[i]
-        angle -= _TURN * ((angle * _PER_TURN + _ROUNDER) - _ROUNDER)
-        new_heading[i] = angle
+        new_heading[i] = wrapped32(heading[i] + turns[i])
     sincos32(new_heading, new_y, new_x)
     for i in range(x.size):
         new_x[i] = x[i] + distances[i] * new_x[i]
@@ -52,8 +47,8 @@ def wind(poses: Singles, walls: Singles, out: Ints) -> None:
     """Fill in how often the walls wind counterclockwise around each point.
 
     Args:
-        poses: rows x px and y px (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
+        poses: rows x and y (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4).
         out: (n,).
     """
     x, y = poses[0], poses[1]
@@ -73,9 +68,9 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
     """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
 
     Args:
-        starts, ends: rows x px and y px of the paths' ends (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
-        out: (n,) px².
+        starts, ends: rows x and y of the paths' ends (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4).
+        out: (n,).
     """
     n = starts.shape[1]
     ax = np.zeros(LANES, np.float32)
@@ -170,7 +165,7 @@ def feasible(
 
     Args:
         starts, ends, walls: as ``sweep``.
-        radius: px.
+        radius: of the disc.
         corner, per_side, bounds: ``deqmcl_gym.maps.clearance.Clearance``.
         out: (n,).
     """
@@ -221,8 +216,8 @@ def roll_out(
     A block of poses at a time goes all the way, so that it stays in the processor's cache.
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        moves: distances and turns, (F, 2, n) px, rad; as ``drive``.
+        poses: rows x, y, θ, (3, n).
+        moves: distances and turns, (F, 2, n); as ``drive``.
         walls, radius, corner, per_side, bounds: as ``feasible``.
         collisions: how many steps of each collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).

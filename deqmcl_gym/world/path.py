@@ -6,20 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.numerics.elementary import TURN, centred64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world import path_kernels
 
 Pose = tuple[float, float, float]
 
 
-def centred(value: float, period: float) -> float:
-    """Return a value less whole periods, in [-period / 2, period / 2) but for rounding."""
-    return (value + period / 2) % period - period / 2
-
-
 def wrapped(angle: float) -> float:
     """Return the same direction in [-π, π), rad."""
-    return centred(angle, 2 * math.pi)
+    heading: float = centred64(angle, TURN)
+    return heading
 
 
 @dataclass(frozen=True)
@@ -27,18 +24,18 @@ class Path:
     """A closed polygonal path, driven in the order of its corners.
 
     Attributes:
-        corners: (k, 2) px.
+        corners: (k, 2).
     """
 
     corners: Floats
 
     @cached_property
     def length(self) -> float:
-        """Once around, px."""
+        """Once around."""
         return float(self._lengths.sum())
 
     def arc(self, point: tuple[float, float]) -> float:
-        """Arc length from corner 0 to the path's point nearest to ``point``, px."""
+        """Arc length from corner 0 to the path's point nearest to ``point``."""
         x, y = point
         return path_kernels.nearest_arc(x, y, self.edges)
 
@@ -52,11 +49,12 @@ class Path:
         return float(x), float(y), math.atan2(dy, dx)
 
     def advance(self, before: float, after: float) -> float:
-        """Signed way along the path between two arc lengths, the shorter way round, px."""
-        return centred(after - before, self.length)
+        """Signed way along the path between two arc lengths, the shorter way round."""
+        way: float = centred64(after - before, self.length)
+        return way
 
     def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
-        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``, px."""
+        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``."""
         x, y = point
         return path_kernels.follow(x, y, before, self.edges, self.length)
 
