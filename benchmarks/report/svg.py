@@ -141,9 +141,9 @@ def legend(figure: "Figure", axes: "Axes") -> None:
         labels,
         loc="lower center",
         ncols=_columns(labels),
-        handlelength=1.8,
+        handlelength=1.6,
         frameon=False,
-        columnspacing=1.2,
+        columnspacing=0.9,
         borderpad=0.1,
     )
 
