@@ -56,7 +56,7 @@ def counted(records):
 def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
     records = random_trials(4, seed=seed, seeds=2)
     found = auroc_of(records)
-    assert found.auroc.mean == pytest.approx(counted(records), rel=1e-15)  # a ratio of the same counts
+    assert found.auroc.mean == pytest.approx(counted(records), rel=1e-15)  # of counts
     assert 0.5 < found.auroc.mean < 1
     assert found.far_worlds == 4
 

@@ -59,7 +59,7 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
 
 
 def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns():
-    rows = comparisons(paired({name: (1234.5, (0, -20, 20)) for name in ("mcl", *TITLES)}))
+    rows = comparisons(paired(dict.fromkeys(("mcl", *TITLES), (1234.5, (0, -20, 20)))))
     for line in table_1(rows, "simple").splitlines():
         assert len(line) <= 120
     header = table_1(rows, "simple").splitlines()[0]
