@@ -69,11 +69,14 @@ def glance_table(panels: Sequence[Panel]) -> Table:
 
 def rival_tables(panel: Panel) -> list[Table]:
     """Every method against the paper's, run by run: at x_t, and at x_{t-L}."""
-    caption = "Differences of the errors on the same worlds, with 95 % intervals; negative: better."
     error = {(row.method, row.offset): row.error.mean for row in panel.rows}
     tables = []
     for offset, apart in rivals(panel).items():
         against = next(iter(apart.values()))
+        caption = (
+            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
+            "intervals; negative: better."
+        )
         header = ["method", f"error e of {state_name(offset)}"]
         header += [f"difference to {panel.labels[rival]}" for rival in against]
         lines = [

@@ -114,13 +114,13 @@ def swept(worlds=WORLDS, localizer="mcl"):
 
 @pytest.mark.parametrize("name", ["mcl", "mcl-map"])
 def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline(name):
-    records = [finished("grid", w, 1.0) for w in WORLDS] + swept(localizer=name)
-    found = panels(records, name)
+    found = panels(swept(localizer=name) + [finished("grid", w, 1.0) for w in WORLDS], name)
     assert [panel.title for panel in found] == [
         "scenario paper, particles 100",
         "scenario paper, particles 300",
     ]
     for panel, difference in zip(found, (-7.0, -3.0), strict=True):
+        assert list(panel.labels.values()) == [name, "ekf", "grid"]
         (row,) = (row for row in panel.present if row.method.localizer == "ekf")
         assert row.baseline == method(name, particles=dict(panel.swept)["particles"])
         assert row.diff.mean == difference

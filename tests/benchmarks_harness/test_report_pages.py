@@ -202,6 +202,31 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
+def test_every_mark_of_every_chart_is_inside_its_axes(monkeypatch):
+    (panel,) = panels(paired(THREE, worlds=40))
+    seen = []
+
+    def keep(figure, *, name, **_):
+        (axes,) = figure.axes
+        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+        places = [place for line in marked for place in line.get_xydata().tolist()]
+        assert places, name
+        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
+        seen.append(name)
+
+    monkeypatch.setattr(charts, "picture", keep)
+    look = looks(panel.labels.values())
+    for chart in (
+        charts.points_chart,
+        charts.offset_chart,
+        charts.speed_chart,
+        charts.calibration_chart,
+    ):
+        chart(panel, look)
+    assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
+
+
 def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
     records = [
         finished(name, w, error, params={"resampler": kind})
