@@ -11,7 +11,6 @@ from benchmarks.tables.gap import Gap
 from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
-from benchmarks.tables.stats import Estimate
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.scoring import LEVELS
@@ -120,13 +119,12 @@ def calibration_table(panel: Panel) -> Table:
     lines = []
     for row in panel.rows:
         scores = row.scores
-        inside = (Estimate(*(100 * v for v in scores[f"coverage_{level}"])) for level in LEVELS)
         lines.append(
             [
                 panel.labels[row.method],
                 state_name(row.offset),
                 fixed(scores["energy_score"].mean),
-                *(estimated(share, ".0f", " %") for share in inside),
+                *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
                 estimated(scores["nees"], ".1f"),
                 fixed(scores["entropy"].mean),
                 percent(scores["wall_share"].mean, 1),
