@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
-from benchmarks.trials.presets import ASSUMED
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.validation import InputError, integer
 from localizers import names, resolve
 
 
@@ -21,7 +20,6 @@ class Experiment:
     lag: int = 20
 
     def __post_init__(self) -> None:
-        one_of("scenario", self.scenario, ASSUMED)
         if not self.localizers:
             raise InputError(f"no localizer is named: allowed are {', '.join(names())}.")
         for name in self.localizers:

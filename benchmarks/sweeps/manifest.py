@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.files import write_text
+from benchmarks.setup.names import scenario_digest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.plugins import source_digest
@@ -74,7 +75,10 @@ def read(folder: Path) -> dict[str, Any]:
 
 def identity(sweep: Sweep) -> dict[str, Any]:
     """Return everything that the numbers of a sweep depend on, as JSON-able values."""
-    digests = {trial.localizer: source_digest(trial.localizer) for trial in sweep.cells()}
+    digests: dict[str, str] = {}
+    for trial in sweep.cells():
+        digests[trial.localizer] = source_digest(trial.localizer)
+        digests[trial.scenario] = scenario_digest(trial.scenario)
     return {
         "schema": SCHEMA,
         "sweep": sweep.canonical(),

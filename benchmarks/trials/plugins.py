@@ -1,6 +1,7 @@
 """What a sweep asks about a localizer by name; one that cannot be loaded is no reason to stop."""
 
 import localizers
+from benchmarks.setup.names import scenario_digest
 from benchmarks.trials.provenance import provenance
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -9,7 +10,8 @@ from localizers import names, parameters
 
 def key_of(trial: Trial) -> str:
     """Return the name under which a trial's result is kept."""
-    return trial.key(provenance() + source_digest(trial.localizer))
+    sources = source_digest(trial.localizer) + scenario_digest(trial.scenario)
+    return trial.key(provenance() + sources)
 
 
 def takes(name: str) -> tuple[str, ...] | None:
