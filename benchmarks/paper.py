@@ -12,15 +12,9 @@ from benchmarks.pictures.gallery import Gallery
 from benchmarks.sweeps.manifest import refuse_sweep, seeds
 from benchmarks.sweeps.running import check, run_trials
 from benchmarks.sweeps.store import Store
-from benchmarks.tables.table_1 import (
-    Row,
-    reading,
-    table_1,
-    table_csv,
-    table_rows,
-    timings_csv,
-    trials_csv,
-)
+from benchmarks.tables.comparison import Comparison, results_csv
+from benchmarks.tables.panels import comparisons
+from benchmarks.tables.table_1 import reading, table_1, timings_csv, trials_csv
 from benchmarks.trials.provenance import environment
 from deqmcl_gym.validation import integer
 
@@ -48,8 +42,8 @@ def run_paper(experiment: Experiment, out: Path, *, jobs: int, command: Sequence
     figures = Gallery(shown, out / "figures")
     draw = None if figures.current() else figures.draw
     records = run_trials(suite, store, jobs=jobs, errand=draw)
-    rows = table_rows(records)
-    write_text(out / "table.csv", table_csv(rows))
+    rows = comparisons(records)
+    write_text(out / "results.csv", results_csv(rows))
     write_text(out / "trials.csv", trials_csv(records))
     write_text(out / "timings.csv", timings_csv(records))
     write_text(out / "table.md", _markdown(rows, experiment))
@@ -61,7 +55,7 @@ def run_paper(experiment: Experiment, out: Path, *, jobs: int, command: Sequence
             f"{_title(experiment)}\n\n{table_1(rows, 'simple')}",
             NOTE,
             reading(rows),
-            f"Written to {out}: table.csv, trials.csv, timings.csv, table.md, manifest.json"
+            f"Written to {out}: results.csv, trials.csv, timings.csv, table.md, manifest.json"
             + (f", {listing}" if listing else "")
             + ".",
         )
@@ -77,7 +71,7 @@ def _title(experiment: Experiment) -> str:
     )
 
 
-def _markdown(rows: Sequence[Row], experiment: Experiment) -> str:
+def _markdown(rows: Sequence[Comparison], experiment: Experiment) -> str:
     parts = [f"# {_title(experiment)}", table_1(rows, "github"), NOTE, reading(rows)]
     return "\n\n".join(part for part in parts if part) + "\n"
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from benchmarks.files import writable_folder, write_bytes
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import comparisons, results_csv
+from benchmarks.tables.comparison import results_csv
 from benchmarks.tables.gap import gaps, gaps_csv
+from benchmarks.tables.panels import panels
 from benchmarks.tables.table_1 import timings_csv, trials_csv
 from deqmcl_gym.validation import InputError
 
@@ -44,8 +45,9 @@ def write_report(out: Path, results: Results) -> list[Path]:
         InputError: ``out`` cannot be written to.
     """
     writable_folder(out)
-    rows = comparisons(results.records, results.baseline)
-    held = gaps(results.records, results.limits)
+    compared = panels(results.records, results.baseline)
+    held = [row for panel in compared for row in gaps(panel, results.limits)]
+    rows = (row for panel in compared for row in panel.rows)
     contents = {
         "results.csv": results_csv(rows).encode(),
         "trials.csv": trials_csv(results.finished).encode(),
@@ -61,7 +63,7 @@ def write_report(out: Path, results: Results) -> list[Path]:
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(rows, held, results)
+    story = story_of(compared, held, results)
     told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
     told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     for name, content in told.items():
