@@ -42,6 +42,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from concurrent.futures import ThreadPoolExecutor
 
+    from benchmarks.execution.processes import prepare
+
+    if options.jobs != 1:
+        prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.files import write_text
     from benchmarks.pictures.figures import paper_figures
