@@ -1,14 +1,19 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
+import json
+from contextlib import suppress
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from benchmarks.files import writable_folder, write_bytes
+from benchmarks.files import writable_folder, write_bytes, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import results_csv
 from benchmarks.tables.gap import gaps, gaps_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.table_1 import timings_csv, trials_csv
+from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
 IMAGES = "images"
@@ -40,11 +45,28 @@ def write_report(out: Path, results: Results) -> list[Path]:
 
     results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
     results.md also tell times and versions. Without the extra ``report`` there are the tables only.
+    Nothing is written if all is there and would come out the same.
 
     Raises:
         InputError: ``out`` cannot be written to.
     """
     writable_folder(out)
+    return written(out / "written.json", _source(results), lambda: _write(out, results))
+
+
+def _source(results: Results) -> str:
+    """Name all that a report is made of: results, code and libraries."""
+    digest = sha256(f"{source_of('benchmarks')} {no_report()}".encode())
+    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
+        with suppress(PackageNotFoundError):
+            digest.update(f"{library} {version(library)}".encode())
+    for part in vars(results).items():
+        for chunk in json.JSONEncoder(default=vars).iterencode(part):
+            digest.update(chunk.encode())
+    return digest.hexdigest()
+
+
+def _write(out: Path, results: Results) -> list[Path]:
     compared = panels(results.records, results.baseline)
     held = [row for panel in compared for row in gaps(panel, results.limits)]
     rows = (row for panel in compared for row in panel.rows)

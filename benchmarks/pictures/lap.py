@@ -1,11 +1,10 @@
-"""``deqmcl run``: one lap of one localizer, its animation and its error curve."""
+"""One lap of one localizer: its animation, its error curve, its trace."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.experiment import Experiment
 from benchmarks.files import writable_folder, write_bytes, write_text
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
@@ -13,17 +12,16 @@ from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import check_params, room_of, trial_moments
+from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
+from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 
 
-def run_lap(experiment: Experiment, out: Path) -> str:
+def run_lap(trial: Trial, out: Path) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print."""
     require_plots()
-    (trial,) = experiment.sweep.distinct()
-    check_params(trial)
     writable_folder(out)
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
