@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.units import LENGTH, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, array, number
@@ -90,18 +91,20 @@ class RobotModel:
     Attributes:
         floor_plan: the map m.
         lidar: geometry of the sensor.
-        radius: of the robot's disc, px.
+        radius: of the robot's disc; None is 8 px, or as much in the map's unit.
         motion: p(x_t | x_{t-1}, a_t).
         scan: p(o | ô) of one beam.
     """
 
     floor_plan: Map
     lidar: Lidar
-    radius: float = 8.0
+    radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
     motion: Motion = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
 
     def __post_init__(self) -> None:
+        if self.radius is None:
+            object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
         number("radius", self.radius, low=0)
 
 
