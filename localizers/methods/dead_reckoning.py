@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics.types import Floats
 from localizers.api import Prior, RobotModel, checked_action, checked_plan
 
-
 Pose = tuple[float, float, float]
 
 
