@@ -1,9 +1,9 @@
 """h_t(x) = E[Π g of the planned steps | x_t = x], tabulated on a grid of poses."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,27 +64,62 @@ class LookaheadGrid:
     def log_h(self, poses: Singles, window: Floats) -> Floats:
         """Log h of poses (3, n) under a window of actions (F, 2), (n,)."""
         out = np.empty(poses.shape[1])
-        table = _tables(self)(window.tobytes())
-        grid_kernels.log_interpolated(table, poses, *self.origin, self.cell, out)
+        table = _tables(self).of(window, self.around(poses))
+        _, ny, nx = self.shape
+        grid_kernels.log_interpolated(
+            table.h, poses, (*self.origin, self.cell), (ny, nx), table.corner, out
+        )
         return out
 
-    def table(self, window: Floats) -> Singles:
-        """Compute h at the nodes under a window of actions (F, 2), (H, ny, nx)."""
+    def table(self, window: Floats, asked: "Nodes | None" = None) -> "Table":
+        """Compute h under a window of actions (F, 2), at all nodes or at those that are asked for.
+
+        Backwards, each step is done for no more nodes than the ones before it can lead to.
+        """
         headings, ny, nx = self.shape
+        before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
+        turns, spreads = [], [self.motion.spread(action) for action in window]
+        for (distance, turn), (sd, sd_turn) in zip(window.tolist(), spreads, strict=True):
+            turns.append(_turn_weights(turn, sd_turn, headings))
+            far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
+            before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
+        left, low, right, high, _ = before[-2] if len(before) > 1 else before[0]
         pad = self._reach(window)
-        height, width = ny + 2 * pad, nx + 2 * pad
-        h = np.ones((headings, height * width), np.float32)
+        width = right - left + 2 * pad
+        h = np.ones((headings, (high - low + 2 * pad) * width), np.float32)
         out = np.ones_like(h)
-        charge = np.float32(math.exp(-self.beta))
-        for action in window[::-1]:
-            distance, turn = action.tolist()
-            sd_distance, sd_turn = self.motion.spread(action)
-            drives = _drives(self, distance, sd_distance, pad)
-            turns = _turn_weights(turn, sd_turn, headings)
-            grid_kernels.stepped_back(h, width, pad, *drives, charge, *turns, LEAST, out)
+        charge, drives = np.float32(math.exp(-self.beta)), {}
+        for step in range(len(window))[::-1]:
+            drive = float(window[step, 0]), spreads[step][0]
+            if drive not in drives:
+                cells, parts, shares, collides = _drives(self, *drive)
+                blocked = np.zeros((*collides.shape[:2], high - low, width), np.bool_)
+                blocked[..., : right - left] = collides[..., low:high, left:right]
+                drives[drive] = cells, parts, shares, blocked.reshape(*collides.shape[:2], -1)
+            rows = before[step].low - low, before[step].high - low
+            wanted = before[step].headings
+            grid_kernels.stepped_back(
+                h, width, pad, drives[drive], charge, turns[step], LEAST, rows, wanted, out
+            )
             h, out = out, h
-        inner = h.reshape(headings, height, width)[:, pad : pad + ny, pad : pad + nx]
-        return np.ascontiguousarray(inner)
+        inner = h.reshape(headings, -1, width)[:, pad : pad + high - low, pad : pad + right - left]
+        nodes = before[0]
+        inner = inner[:, nodes.low - low : nodes.high - low, nodes.left - left : nodes.right - left]
+        return Table(np.ascontiguousarray(inner), nodes)
+
+    def around(self, poses: Singles) -> "Nodes":
+        """Return the nodes that h of poses (3, n) is interpolated between."""
+        headings, ny, nx = self.shape
+        x, y, heading = poses.astype(np.float64)
+        xy = (np.stack([x, y]) - np.array(self.origin)[:, None]) / self.cell
+        last = np.array([nx, ny]) - 2
+        left, low = np.clip(xy.min(axis=1), 0, last).astype(np.intp).tolist()
+        right, high = np.clip(xy.max(axis=1), 0, last).astype(np.intp).tolist()
+        turns = heading / (2 * np.pi)
+        first = ((turns - np.floor(turns)) * headings).astype(np.intp)
+        wanted = np.zeros(headings, np.bool_)
+        wanted[[first % headings, (first + 1) % headings]] = True
+        return Nodes(left, low, right + 2, high + 2, wanted)
 
     def _reach(self, window: Floats) -> int:
         """More nodes than any drive of a window goes to a side, counted to the border at most."""
@@ -109,43 +144,93 @@ class LookaheadGrid:
         return self.headings, ny, nx
 
 
-Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
+class Nodes(NamedTuple):
+    """A rectangle of nodes, columns [left, right) and rows [low, high), at some headings, (H,)."""
+
+    left: int
+    low: int
+    right: int
+    high: int
+    headings: Bools
+
+    def led_to(self, far: float, first: int, weights: Singles, shape: tuple[int, int]) -> "Nodes":
+        """Return where a step leads to from here: so many cells ahead, by turns as weighted."""
+        (ny, nx), reach = shape, math.ceil(min(far, max(shape) + 1.0))
+        turned = np.zeros_like(self.headings)
+        ahead = np.flatnonzero(self.headings)[:, None] + (first + np.arange(weights.size))
+        turned[ahead % turned.size] = True
+        left, low = max(self.left - reach, 0), max(self.low - reach, 0)
+        return Nodes(left, low, min(self.right + reach, nx), min(self.high + reach, ny), turned)
+
+    def hold(self, other: "Nodes") -> bool:
+        """Whether all of the others are among these."""
+        columns = self.left <= other.left and other.right <= self.right
+        rows = self.low <= other.low and other.high <= self.high
+        return columns and rows and not bool((other.headings & ~self.headings).any())
+
+
+class Table(NamedTuple):
+    """h at some nodes, (H, rows, columns); of no meaning at headings that were not asked for."""
+
+    h: Singles
+    nodes: Nodes
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """Column and row of the first node."""
+        return self.nodes.left, self.nodes.low
+
+
+class _Tables:
+    """The latest tables of a grid; of a window that is asked for again, the whole one is made."""
+
+    def __init__(self, grid: LookaheadGrid) -> None:
+        size = math.prod(grid.shape) * np.float32().itemsize
+        self._grid, self._most = grid, max(1, CACHE_BYTES // size)
+        self._kept: dict[bytes, Table] = {}  # the one used last comes last
+
+    def of(self, window: Floats, asked: Nodes) -> Table:
+        """Return a table of h under a window of actions (F, 2), at the nodes asked for or more."""
+        key = window.tobytes()
+        table = self._kept.pop(key, None)
+        if table is None:
+            table = self._grid.table(window, asked)
+        elif not table.nodes.hold(asked):
+            table = self._grid.table(window)
+        self._kept[key] = table
+        if len(self._kept) > self._most:
+            del self._kept[next(iter(self._kept))]
+        return table
 
 
 @lru_cache(maxsize=2)
-def _tables(grid: LookaheadGrid) -> Callable[[bytes], Singles]:
-    """Return the table of a window of actions; the latest are kept."""
-    size = math.prod(grid.shape) * np.float32().itemsize
-
-    @lru_cache(maxsize=max(1, CACHE_BYTES // size))
-    def table(window: bytes) -> Singles:
-        return grid.table(np.frombuffer(window).reshape(-1, 2))
-
-    return table
+def _tables(grid: LookaheadGrid) -> _Tables:
+    return _Tables(grid)
 
 
-@lru_cache(maxsize=8)
-def _drives(grid: LookaheadGrid, distance: float, sd: float, pad: int) -> Drives:
-    """Return shifts, their shares and which collide, as ``grid_kernels.stepped_back`` has them."""
+Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
+
+
+@lru_cache(maxsize=32)
+def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
+    """Return shifts, their shares and which collide, as ``stepped_back`` has them, (…, ny, nx)."""
     distances = np.array([distance + sd * z for z in (_SIGMAS if sd > 0 else (0.0,))])
     shares = np.array(_SHARES if sd > 0 else (1.0,), dtype=np.float32)
     angles = np.arange(grid.headings) * (2 * math.pi / grid.headings)
     directions = np.column_stack([arrays.cos(angles), arrays.sin(angles)])
-    shifts = distances[:, None, None] * directions  # (Q, H, 2) px
+    shifts = distances[:, None, None] * directions  # (Q, H, 2)
     _, ny, nx = grid.shape
     x0, y0 = grid.origin
     x, y = np.meshgrid(x0 + grid.cell * np.arange(nx), y0 + grid.cell * np.arange(ny))
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    collides = np.zeros((*shifts.shape[:2], ny, nx + 2 * pad), np.bool_)
+    collides = np.empty((*shifts.shape[:2], ny, nx), np.bool_)
     for q, heading in np.ndindex(shifts.shape[:2]):
         ends = nodes + shifts[q, heading]
-        blocked = grid.floor_plan.collides(nodes, ends, grid.radius)
-        collides[q, heading, :, :nx] = blocked.reshape(ny, nx)
+        collides[q, heading] = grid.floor_plan.collides(nodes, ends, grid.radius).reshape(ny, nx)
     far = max(ny, nx) + 1.0  # from there on all is the border
     shifts = np.clip(shifts / grid.cell, -far, far)
     cells = np.floor(shifts)
-    parts = (shifts - cells).astype(np.float32)
-    return cells.astype(np.int64), parts, shares, collides.reshape(*shifts.shape[:2], -1)
+    return cells.astype(np.int64), (shifts - cells).astype(np.float32), shares, collides
 
 
 def _turn_weights(turn: float, sd: float, headings: int) -> tuple[int, Singles]:
