@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.maps.casting import AllWalls
+from deqmcl_gym.maps.casting import AllAtOnce
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, CensoredGaussianUniform, GaussianUniform
@@ -64,14 +64,14 @@ class LidarScan:
         A subclass of a part may measure or weigh in another way.
         """
         beam, floor_plan, max_range = self.beam, self.floor_plan, self.lidar.max_range
-        if not isinstance(floor_plan.caster, AllWalls):
+        if not isinstance(floor_plan.caster, AllAtOnce):
             return None
         if type(beam) is not GaussianUniform and type(beam) is not CensoredGaussianUniform:
             return None
         mixture = beam.mixture(max_range)
         if mixture is None:
             return None
-        return (self._bearings, *floor_plan.caster, max_range, *mixture, OUTSIDE)
+        return (self._bearings, tuple(floor_plan.caster.walls), max_range, *mixture, OUTSIDE)
 
 
 class ScanTable:

@@ -128,13 +128,7 @@ def scan_mixture(
     ranges: Floats,
     out: Floats,
     bearings: Singles,
-    outer: Singles,
-    room: Singles,
-    box: Singles,
-    boxes: Singles,
-    upright: Singles,
-    level: Singles,
-    oblique: Singles,
+    walls: tuple[Singles, ...],
     max_range: float,
     sigma: float,
     peak: float,
@@ -149,7 +143,7 @@ def scan_mixture(
         ranges: o, (B,) px; each must be a number in [0, max_range], without the ends if not
             ``ends``.
         out: (n,).
-        bearings, outer, room, box, boxes, upright, level, oblique: as for ``cast``.
+        bearings, walls: as for ``cast``.
         sigma, peak, floor: as for ``mixture``.
         outside: what a pose gets that is outside the outer wall.
     """
@@ -165,7 +159,7 @@ def scan_mixture(
         # rows without gaps are quicker
         part = poses if n <= _KEPT else poses[:, start:end].copy()
         expected = np.empty((bearings.size, part.shape[1]), np.float32)
-        cast(part, bearings, outer, room, box, boxes, upright, level, oblique, expected)
+        cast(part, bearings, walls, expected)
         mixture(ranges, expected, sigma, peak, floor, out[start:end])
         fill_where_nan(expected[0], outside, out[start:end])
     return True
