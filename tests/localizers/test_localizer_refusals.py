@@ -39,10 +39,10 @@ def sentence(caught) -> str:
         *[("deq-mcl", {"pilots": bad}, "pilots is") for bad in (0, -1, 1.5)],
         ("mcl", {"particels": 10}, "did you mean 'particles'"),
         ("deq-mcl", {"pilot": 10}, "did you mean 'pilots'"),
-        ("mcl", {"lag": 3}, "allowed are ess_threshold, particles, resampler"),
-        ("dead-reckoning", {"particles": 10}, "allowed are none"),
+        ("mcl", {"lag": 3}, "allowed values: ess_threshold, particles, resampler"),
+        ("dead-reckoning", {"particles": 10}, "allowed values: none"),
         ("deqmcl", {}, "did you mean 'deq-mcl'"),
-        ("", {}, "allowed are amcl, dead-reckoning, deq-mcl, "),
+        ("", {}, "allowed values: amcl, dead-reckoning, deq-mcl, "),
         (None, {}, "unknown localizer None"),
     ],
 )
