@@ -13,9 +13,10 @@ from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import check_params, room_of, trial_moments
+from benchmarks.trials.episode import check_params, room_of, task_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
+from benchmarks.trials.thresholds import Thresholds
 from benchmarks.trials.trace import Trace, trace_of
 
 
@@ -27,7 +28,7 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     writable_folder(out)
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
-    trace = trace_of(episode, trial.offsets, room_of(trial.scenario))
+    trace = trace_of(episode, trial.offsets, task_of(room_of(trial.scenario)))
     title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
@@ -44,9 +45,9 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     for name, text in tracks.items():
         write_text(out / name, text)
     lines = [
-        f"{state_name(row.offset):>8}: error {row.error:6.2f}, position RMSE "
-        f"{row.position_rmse:6.2f} px, heading RMSE {np.degrees(row.heading_rmse):5.1f} deg"
-        for row in scores(trace, trial.lag)
+        f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
+        f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+        for row in scores(trace, trial.lag, Thresholds())
     ]
     return "\n".join(
         [

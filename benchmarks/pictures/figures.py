@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
+from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
-from benchmarks.trials.metrics import cloud_moments, state_error
+from benchmarks.trials.metrics import state_error
 from benchmarks.trials.spec import Params, Trial
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
@@ -82,6 +83,6 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"
-    mean, variance = cloud_moments(*points)
-    error = state_error(mean[None], truth[None])[0]
-    return f"error {error:.1f}, SD {(variance[0] + variance[1]) ** 0.5:.1f} px"
+    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], truth[None]))
+    error = state_error(row[None, :4], truth[None])[0]
+    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} px"

@@ -1,13 +1,13 @@
 """One trial, run to its record or to the reason why there is none."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.episode import room_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.thresholds import Thresholds
 from benchmarks.trials.trace import Trace, trace_of
 
 
@@ -22,7 +22,8 @@ class Outcome:
 
 def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
-    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.scenario, trial.world))
+    room = room_of(trial.scenario, trial.world)
+    return trace_of(trial_moments(trial, room), trial.offsets, task_of(room))
 
 
 def attempt(trial: Trial, key: str) -> Outcome:
@@ -38,7 +39,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
                 "run the command again, with the same on every machine"
             )
         trace = trial_trace(trial)
-        result = {"trial": trial.canonical()} | record(trace, trial.lag)
+        result = {"trial": trial.canonical()} | record(trace, trial.lag, Thresholds())
     except Exception as error:
         words = " ".join(str(error).split())
         return Outcome(reason=f"{type(error).__name__}: {words}")
@@ -47,13 +48,9 @@ def attempt(trial: Trial, key: str) -> Outcome:
 
 
 def _worthless(result: dict[str, Any]) -> str | None:
-    """Say why a record is no success: nothing done, or an estimate that is no number."""
+    """Say why a record is no success."""
     if result["steps_done"] == 0:
         return "it processed 0 steps"
     if "0" not in result["curves"]:
         return "its belief holds no points of the present"
-    for offset, curve in result["curves"].items():
-        for state, error in enumerate(curve["error"], curve["first_state"]):
-            if not math.isfinite(error):
-                return f"its belief of state {state} at offset {offset} is not finite"
     return None

@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.presets import ASSUMED, Assumptions
 from benchmarks.trials.spec import Params, Trial
@@ -103,9 +104,18 @@ def room_of(scenario: str, world: Params = ()) -> RoomEnv:
     return RoomEnv(preset=scenario, ends_at_goal=False, **parts)
 
 
-def trial_moments(trial: Trial) -> Iterator[Moment]:
-    """Run a trial; yield each step."""
-    room = room_of(trial.scenario, trial.world)
+def task_of(room: RoomEnv) -> Task:
+    """Return what scoring must know of a room."""
+    return Task(
+        floor_plan=room.floor_plan,
+        radius=room.world.robot.radius,
+        max_range=room.lidar.max_range,
+    )
+
+
+def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:
+    """Run a trial in its room, made here if none is given; yield each step."""
+    room = room_of(trial.scenario, trial.world) if room is None else room
     env = disturbed(room, trial.disturbance)
     localizer = _localizer(trial, room)
     prior = _assumed(trial).prior(room)
