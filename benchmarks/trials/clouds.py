@@ -73,7 +73,7 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     except (TypeError, ValueError):
         seen = f"is of type {type(points).__name__}"
     else:
-        if shares.size and rows.shape == (3, *shares.shape):
+        if shares.ndim == 1 and shares.size and rows.shape == (3, shares.size):
             return Cloud(state, offset, rows, shares)
         seen = f"has poses of shape {poses.shape} and weights of shape {weights.shape}"
     raise InputError(

@@ -78,7 +78,12 @@ def _moments(x: Floats, y: Floats, heading: Floats, weights: Floats, out: Floats
 
 @compiled
 def calibration(
-    poses: Reals, weights: Floats, ends: Ints, means: Floats, truth: Floats, floor: Floats,
+    poses: Reals,
+    weights: Floats,
+    ends: Ints,
+    means: Floats,
+    truth: Floats,
+    floor: Floats,
     out: Floats,
 ) -> None:
     """Fill in energy score, rank of the truth and NEES; see ``clouds.measured``, (k, 3).
@@ -107,19 +112,22 @@ def calibration(
 @compiled
 def _near(x: Floats, y: Floats, weights: Floats, truth: Floats) -> Scalar:
     """Σ w |x_i - truth|, in (x, y)."""
-    near = 0.0
+    near, far = 0.0, np.empty(weights.size)
     for i in range(weights.size):
         dx, dy = x[i] - truth[0], y[i] - truth[1]
-        near += weights[i] * math.sqrt(dx * dx + dy * dy)
+        far[i] = weights[i] * math.sqrt(dx * dx + dy * dy)
+    for i in range(weights.size):
+        near += far[i]
     return near
 
 
 @compiled
 def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
     """½ the mean distance of pairs of particles at the cumulative weights (j + ½) / PAIRED."""
+    n = weights.size
     some_x, some_y, spread = np.empty(PAIRED), np.empty(PAIRED), np.zeros(PAIRED)
     total = 0.0
-    for i in range(weights.size):
+    for i in range(n):
         total += weights[i]
     reached, particle = weights[0], 0
     for j in range(PAIRED):
@@ -140,7 +148,12 @@ def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
 
 @compiled
 def _rank_and_nees(
-    x: Floats, y: Floats, heading: Floats, weights: Floats, mean: Floats, truth: Floats,
+    x: Floats,
+    y: Floats,
+    heading: Floats,
+    weights: Floats,
+    mean: Floats,
+    truth: Floats,
     floor: Floats,
 ) -> tuple[Scalar, Scalar]:
     """Weight nearer to the mean than the truth is, and dᵀ P⁻¹ d of (x, y, θ)."""
@@ -175,5 +188,7 @@ def _rank_and_nees(
     for i in range(n):
         v0 = h00 * (x[i] - mx)
         v1 = h10 * (x[i] - mx) + h11 * (y[i] - my)
-        nearer += weights[i] if v0 * v0 + v1 * v1 < distance else 0.0
+        turned[i] = weights[i] if v0 * v0 + v1 * v1 < distance else 0.0
+    for i in range(n):
+        nearer += turned[i]
     return nearer, distance + u2 * u2

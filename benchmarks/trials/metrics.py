@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from benchmarks.trials.clouds import Cloud, Clouds, Task
+from benchmarks.trials.clouds import Clouds, Task
 from benchmarks.trials.thresholds import Thresholds
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
@@ -101,7 +101,7 @@ def heading_error(means: Floats, truth: Floats) -> Floats:
     return error
 
 
-def entropy(variances: Floats, unit: str = "px") -> Floats:
+def entropy(variances: Floats, unit: str) -> Floats:
     """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, nats, (k,).
 
     The entropy of a Gaussian with these variances and no correlation, f = (0.1 px)² and 10⁻⁶. The
