@@ -94,7 +94,7 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
 
 
 def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
-    """Return a pose (x px, y px, heading rad), else refuse it; over 2π it looks like degrees."""
+    """Return a pose (x, y, heading), else refuse it; over 2π it looks like degrees."""
     x, y, heading = array(what, value, (3,)).tolist()
     if abs(heading) > 2 * math.pi:
         raise InputError(
@@ -105,7 +105,7 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
 
 
 def actions(what: str, value: ArrayLike) -> Floats:
-    """Return actions (distance px, turn rad), (k, 2), as a fresh array, else refuse; [] is none."""
+    """Return actions (distance, turn), (k, 2), as a fresh array, else refuse; [] is none."""
     none = isinstance(value, list | tuple) and not value
     return array(what, np.empty((0, 2)) if none else value, (None, 2))
 

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Iterable, Sequence
 
 NAME = "list"
-HELP = "list suites, localizers and presets"
-DESCRIPTION = "List the suites, the localizers and the presets there are."
+HELP = "list suites, localizers, scenarios and agents"
+DESCRIPTION = "List the suites, the localizers, the scenarios and the agents there are."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,8 +16,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del options, given
+    from benchmarks.setup.names import agent_names, agent_words, scenario, scenario_names
     from benchmarks.sweeps.suites import FAMILIES, SUITES
-    from benchmarks.trials.presets import ASSUMED
     from localizers import names
 
     suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]
@@ -27,7 +27,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         (
             f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",
             f"Localizers and their parameters\n{_lines(localizers)}",
-            f"Presets\n{_lines((name, '') for name in ASSUMED)}",
+            f"Scenarios\n{_lines((name, scenario(name).words) for name in scenario_names())}",
+            f"Agents\n{_lines((name, agent_words(name)) for name in agent_names())}",
         )
     )
 

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, comma_separated
+from benchmarks.commands.shared import add_setting, comma_separated, setting_words, sweep_of
 
 NAME = "phase"
 HELP = "draw the queue as place fields over the theta phase"
@@ -28,16 +28,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from benchmarks.experiment import Experiment
     from benchmarks.phase.command import METHODS, run_phase
 
     named = options.localizers
-    experiment = Experiment(
-        localizers=METHODS if named is None else comma_separated(named),
-        trials=1,
-        scenario=options.scenario,
-        seed=options.seed,
-        particles=options.particles,
-        lag=options.lag,
-    )
-    return run_phase(experiment, options.fields, options.out, ["deqmcl", *given])
+    sweep = sweep_of(options, METHODS if named is None else comma_separated(named))
+    title = f"The queue as theta phase: scenario {sweep.scenario}, {setting_words(sweep)}"
+    return run_phase(sweep.distinct(), options.fields, options.out, title, ["deqmcl", *given])

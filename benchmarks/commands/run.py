@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_setting
+from benchmarks.commands.shared import add_setting, sweep_of
 
 NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
@@ -24,15 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
-    from benchmarks.experiment import Experiment
-    from benchmarks.lap_run import run_lap
+    from benchmarks.pictures.lap import run_lap
 
-    experiment = Experiment(
-        localizers=(options.localizer,),
-        trials=1,
-        scenario=options.scenario,
-        seed=options.seed,
-        particles=options.particles,
-        lag=options.lag,
-    )
-    return run_lap(experiment, options.out)
+    (trial,) = sweep_of(options, (options.localizer,)).distinct()
+    return run_lap(trial, options.out)

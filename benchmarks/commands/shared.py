@@ -1,18 +1,58 @@
-"""Arguments that several commands take."""
+"""What ``paper``, ``run`` and ``phase`` take: one setting, and methods on it."""
 
 import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.design import Sweep
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
-    """Add the root seed, the world, and the parameters that most localizers have."""
-    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+    """Add the scenario, the root seed, and the parameters that most localizers have."""
     parser.add_argument(
         "--scenario",
         default="paper",
-        help="the world: paper, matched, sharp or guided (paper)",
+        metavar="NAME",
+        help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
     )
+    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
     parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
+
+
+def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int = 1) -> "Sweep":
+    """Return the localizers on the worlds of the setting, after a look at every one of them.
+
+    Raises:
+        InputError: something of it is refused; nothing was run or written.
+    """
+    from benchmarks.sweeps.running import check
+    from benchmarks.sweeps.suites import paper_sweep
+    from deqmcl_gym.validation import InputError, integer
+    from localizers import names, resolve
+
+    if not localizers:
+        raise InputError(f"no localizer is named: allowed values: {', '.join(names())}.")
+    for name in localizers:
+        resolve(name)
+    if len(set(localizers)) < len(localizers):
+        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
+    sweep = paper_sweep(
+        scenario=options.scenario,
+        localizers=localizers,
+        trials=integer("--trials", trials, low=1, high=100_000),
+        seed=integer("--seed", options.seed),
+        lag=integer("--lag", options.lag),
+        particles=integer("--particles", options.particles, low=1),
+    )
+    check(sweep)
+    return sweep
+
+
+def setting_words(sweep: "Sweep") -> str:
+    """N, L and seed."""
+    return f"N = {dict(sweep.params)['particles']}, L = {sweep.lag}, seed {sweep.seed}"
 
 
 def comma_separated(listed: str) -> tuple[str, ...]:

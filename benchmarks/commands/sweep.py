@@ -41,15 +41,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
-    from benchmarks.report import no_report
+    from benchmarks.report import no_report, write_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
+        begun,
         check,
         refuse_too_many,
-        run_sweep,
         shard_of,
     )
     from benchmarks.sweeps.sweepfile import sweeps_named
@@ -76,7 +76,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     out = options.out or Path("results") / Path(options.suite).stem
     texts, failed = [], []
     for folder, sweep in sweeps.items():
-        results, files = run_sweep(sweep, out / folder, how, command=["deqmcl", *given])
+        with begun(sweep, out / folder, how, command=["deqmcl", *given]) as running:
+            results = running.results()
+            files = write_report(out / folder, results)
         texts.append(summary(sweep, results, out / folder, files))
         failed += [failed_sentence(results)] if results.failures else []
     if (why := no_report()) is not None:

@@ -81,8 +81,11 @@ class Where:
             with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
                 yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
         elif self.executor == "process":
-            with self._processes(trials) as executor:
-                yield Engine(executor=executor, slots=self._here(trials))
+            workers = self._here(trials)
+            with self._processes(workers) as executor:
+                # one trial waits beside the workers, so that none waits until a result is stored
+                spare = isinstance(executor, Processes)
+                yield Engine(executor=executor, slots=workers + spare)
         else:
             with _made_by(self.executor) as executor:
                 yield Engine(
@@ -92,8 +95,7 @@ class Where:
     def _here(self, trials: int) -> int:
         return max(1, min(self.jobs or available_cpus(), trials))
 
-    def _processes(self, trials: int) -> Executor:
-        workers = self._here(trials)
+    def _processes(self, workers: int) -> Executor:
         if workers == 1 and self.timeout is None:
             return ThisProcess()
         return Processes(workers, timeout=self.timeout)

@@ -9,11 +9,12 @@ import multiprocessing
 import os
 import queue
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -32,6 +33,20 @@ ONE_THREAD = {
 _FAREWELL = 1.0
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
+# Where forking is safe, workers are forked from a process that has loaded all that they need.
+if sys.platform == "linux":
+    _CONTEXT = multiprocessing.get_context("forkserver")
+    _CONTEXT.set_forkserver_preload(["benchmarks.execution.preload"])
+else:
+    _CONTEXT = multiprocessing.get_context("spawn")
+
+
+def prepare() -> None:
+    """Begin to load what workers will need; return at once."""
+    if sys.platform == "linux":
+        with _sheltered():
+            forkserver.ensure_running()
+
 
 class WorkerDiedError(RuntimeError):
     """The process that ran a call ended before it answered."""
@@ -46,7 +61,7 @@ class TimedOutError(RuntimeError):
 
 
 class Processes(Executor):
-    """``workers`` spawned processes of one thread each.
+    """``workers`` processes of one thread each.
 
     A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
     than ``timeout`` seconds; a new process takes the next call. Leaving the context kills what
@@ -109,8 +124,7 @@ class Processes(Executor):
         with self._lock:
             if self._closed:
                 raise WorkerDiedError("the sweep is being stopped")
-            _shield_from_ctrl_c()
-            with _one_thread_each():
+            with _sheltered():
                 worker = _Worker()
             self._living.add(worker)
         return worker
@@ -126,10 +140,9 @@ class _Worker:
     """A process and our end of the line to it."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
         self._line: Connection
-        self._line, its_end = context.Pipe()
-        self._process = context.Process(target=work, args=(its_end,), name="deqmcl-worker")
+        self._line, its_end = _CONTEXT.Pipe()
+        self._process = _CONTEXT.Process(target=work, args=(its_end,), name="deqmcl-worker")
         self._process.start()
         its_end.close()  # so that the line breaks when the process dies
         self._ready = False
@@ -171,25 +184,25 @@ class _Worker:
         return f"its worker died {how}"
 
 
-def _shield_from_ctrl_c() -> None:
-    """Let only the parent hear Ctrl-C, which a terminal sends to all processes.
-
-    A process inherits the signal mask of the thread that starts it. The first start of a process
-    also starts multiprocessing's resource tracker, which would clear the mask.
-    """
-    if hasattr(signal, "pthread_sigmask"):
-        resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-
-
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes started here have one thread; libraries read this when they are loaded."""
+def _sheltered() -> Iterator[None]:
+    """Let processes started here have one thread, and leave Ctrl-C to this one.
+
+    Libraries read the environment when they are loaded. A terminal sends Ctrl-C to all processes;
+    one inherits the signal mask of the thread that starts it. The first start of a process also
+    starts multiprocessing's resource tracker, which would clear the mask.
+    """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
+    masked = hasattr(signal, "pthread_sigmask")
+    if masked:
+        resource_tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        if masked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]

@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection, wait
 def work(line: Connection) -> None:
     """Answer each (function, arguments) with (True, result) or (False, exception)."""
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    _load()
+    load()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
         while True:
@@ -22,7 +22,7 @@ def work(line: Connection) -> None:
             line.send(answer)
 
 
-def _load() -> None:
+def load() -> None:
     """Load what trials need before the first of them is timed."""
     import cv2
 

@@ -1,11 +1,10 @@
-"""``deqmcl phase``: from what can be told to the files written."""
+"""From laps to the figure, the data and the page."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.experiment import Experiment
 from benchmarks.files import writable_folder, write_bytes
 from benchmarks.phase.cycles import Cycles, cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
@@ -14,25 +13,31 @@ from benchmarks.phase.page import PERFECT, cycles_csv, fields_csv, page, table, 
 from benchmarks.phase.precession import precession
 from benchmarks.pictures.plots import require_plots
 from benchmarks.tables.table_1 import TITLES
-from benchmarks.trials.episode import check_params, room_of, trial_moments
+from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
 
 
-def run_phase(experiment: Experiment, fields: int, out: Path, command: Sequence[str]) -> str:
-    """Run a lap of each localizer; write figure, data and page; return what to print."""
+def run_phase(
+    trials: Sequence[Trial], fields: int, out: Path, title: str, command: Sequence[str]
+) -> str:
+    """Run a lap of each localizer on one world; write figure, data and page; return what to print.
+
+    Args:
+        trials: one per localizer.
+        fields: number of place fields.
+        out: folder.
+        title: of the figure and the page.
+        command: the words that this was started by.
+    """
     integer("--fields", fields, low=2, high=100)
     require_plots()
-    trials = experiment.sweep.distinct()
-    for trial in trials:
-        check_params(trial)
     writable_folder(out)
-    room = room_of(experiment.scenario)
+    room = room_of(trials[0].scenario)
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
-    title = f"The queue as theta phase: scenario {experiment.scenario}, {experiment.words}"
     perfect, laps = _laps(trials, places)
     panels = [_panel(name, cycles) for name, cycles in laps.items()]
     first = _panel(PERFECT, perfect)

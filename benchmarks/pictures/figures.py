@@ -1,12 +1,18 @@
 """The paper's figures 4 and 5 and an animation of the lap, always of trial 0: no picking."""
 
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 
+import cv2
+
+from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
 from benchmarks.trials.metrics import state_error
+from benchmarks.trials.plugins import keyed
+from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Params, Trial
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
@@ -16,6 +22,7 @@ FIG_4_METHODS = ("deq-mcl", "mcl")
 FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
+_SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 _LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
 
@@ -24,6 +31,14 @@ def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -
     """Return a camera for the room of a scenario, changed as ``world`` says."""
     room = room_of(scenario, world)
     return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
+
+
+def paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
+    """Draw the figures of those methods that are among the trials, unless they are there."""
+    shown = [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
+    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__]
+    digest = sha256("\n".join(source).encode()).hexdigest()
+    return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))
 
 
 def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
@@ -83,6 +98,6 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"
-    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], truth[None]))
+    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
     error = state_error(row[None, :4], truth[None])[0]
     return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} px"

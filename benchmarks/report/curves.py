@@ -1,43 +1,43 @@
 """Curves over every number that was swept: of the world, of what is assumed, of a localizer."""
 
-import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.report.panels import as_number, short_name
 from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, legend, picture
+from benchmarks.report.svg import Picture, canvas, estimates, legend, picture
 from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.panels import Panel, disturbance_words, is_number
+from benchmarks.tables.stats import Estimate
 
-Facts = dict[str, Any]
+Place = dict[str, Any]  # where a panel lies: values by dotted name
+Coordinates = frozenset[tuple[str, Any]]
+
 _LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a curve shows of a comparison: a value with its interval, and its words."""
+    """What a curve shows of a comparison, and its words; ``lowest`` is where the axis begins."""
 
     name: str
     title: str
     axis: str
     caption: str
-    of: Callable[[Comparison], tuple[float, float, float]]
+    of: Callable[[Comparison], Estimate]
     left_out: str = ""  # a localizer
-
-    def shows(self, row: Comparison) -> bool:
-        """Whether a row has it, and is not of the localizer that is left out."""
-        return row.method.localizer != self.left_out and not math.isnan(self.of(row)[0])
+    lowest: float | None = None
 
 
 ERROR = Quantity(
     name="curve",
     title="Error",
     axis="error e of x[t]",
-    caption="Bars: 95 % bootstrap intervals over worlds. A dash-dotted line is a method "
-    "without this parameter.",
-    of=lambda row: (row.error, row.error_low, row.error_high),
+    caption="Bars: 95 % bootstrap intervals over worlds. A method without this parameter has the "
+    "same error everywhere.",
+    of=lambda row: row.error,
+    lowest=0,
 )
 DIFFERENCE = Quantity(
     name="difference",
@@ -45,164 +45,130 @@ DIFFERENCE = Quantity(
     axis="error e of x[t] - the baseline's",
     caption="Below 0: better than the baseline on the same worlds. Bars: 95 % bootstrap intervals "
     "over worlds. Dead reckoning is left out, as its scale hides the others.",
-    of=lambda row: (row.diff, row.diff_low, row.diff_high),
+    of=lambda row: row.diff,
     left_out="dead-reckoning",
 )
 
 
-@dataclass(frozen=True)
-class _Line:
-    look: Look
-    rows: list[tuple[float | None, Comparison]]
+@dataclass(frozen=True, kw_only=True)
+class _Chart:
+    """The panels that differ in one coordinate, and in those that change together with it."""
+
+    key: str
+    followers: Sequence[str]
+    where: str
+    panels: Mapping[float, Panel]
 
 
 def swept_charts(
-    rows: Sequence[Comparison], look: Mapping[Any, Look], quantity: Quantity = ERROR
+    panels: Sequence[Panel], looks: Mapping[str, Look], quantity: Quantity = ERROR
 ) -> list[Picture]:
-    """Draw a quantity about x_t over each numeric key of at least two values."""
-    present = [(row, _facts(row)) for row in rows if row.offset == 0 and quantity.shows(row)]
+    """Draw a quantity about x_t over each number that takes several values.
+
+    Where several are swept, there is a chart for every value of the others.
+    """
     charts: list[Picture] = []
-    for key, followers in _swept(facts for _, facts in present):
-        groups: dict[str, dict[str, _Line]] = {}
-        for row, facts in present:
-            rest = {k: v for k, v in facts.items() if k != key and k not in followers}
-            world = {k: v for k, v in rest.items() if not k.startswith("params.")}
-            world.pop("localizer")
-            name = _line_name(rest, [f for _, f in present], {key, *followers})
-            lines = groups.setdefault(json.dumps(world, sort_keys=True), {})
-            line = lines.setdefault(name, _Line(look[row.method], []))
-            line.rows.append((as_number(facts.get(key)), row))
-        for world_words, lines in groups.items():
-            values = {v for line in lines.values() for v, _ in line.rows if v is not None}
-            if len(values) > 1:
-                where = _where(world_words, list(groups))
-                name = f"{quantity.name}-{len(charts) + 1}"
-                charts.append(_chart(name, quantity, key, followers, where, lines, values))
+    for chart in _charts(panels):
+        curves = _curves(chart, quantity)
+        if curves:
+            name = f"{quantity.name}-{len(charts) + 1}"
+            charts.append(_drawn(name, chart, curves, looks, quantity))
     return charts
 
 
-def _chart(
+def _charts(panels: Sequence[Panel]) -> list[_Chart]:
+    places = [_place(panel) for panel in panels]
+    charts = []
+    for key, followers in _swept(places).items():
+        groups: dict[Coordinates, dict[float, Panel]] = {}
+        for place, panel in zip(places, panels, strict=True):
+            rest = {name: v for name, v in place.items() if name not in (key, *followers)}
+            if is_number(place.get(key)):
+                groups.setdefault(frozenset(rest.items()), {})[place[key]] = panel
+        charts += [
+            _Chart(key=key, followers=followers, where=_where(rest, groups), panels=members)
+            for rest, members in groups.items()
+            if len(members) > 1
+        ]
+    return charts
+
+
+def _place(panel: Panel) -> Place:
+    setting = panel.setting
+    disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
+    place: Place = {"scenario": setting.scenario, "disturbance": disturbed}
+    place |= {"lag": setting.lag, "seed": setting.seed}
+    for part, values in (
+        ("world", setting.world),
+        ("assumed", setting.assumed),
+        ("params", panel.swept),
+    ):
+        place |= {f"{part}.{name}": value for name, value in values}
+    return place
+
+
+def _swept(places: Sequence[Place]) -> dict[str, list[str]]:
+    """Coordinates with two numbers or more, each with those that change together with it."""
+    keys = dict.fromkeys(key for place in places for key in place if key != "seed")
+    varying = [key for key in keys if len(set(filter(is_number, _values(key, places)))) > 1]
+    found: dict[str, list[str]] = {}
+    for key in varying:
+        if not any(key in followers for followers in found.values()):
+            found[key] = [k for k in varying if k != key and _together(key, k, places)]
+    return found
+
+
+def _values(key: str, places: Sequence[Place]) -> list[Any]:
+    return [place[key] for place in places if key in place]
+
+
+def _together(one: str, other: str, places: Sequence[Place]) -> bool:
+    pairs = {(place[one], place[other]) for place in places if one in place and other in place}
+    return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def _curves(chart: _Chart, quantity: Quantity) -> dict[str, dict[float, Estimate]]:
+    """What is known of each method, by label and value."""
+    curves: dict[str, dict[float, Estimate]] = {}
+    for value, panel in sorted(chart.panels.items()):
+        for row in panel.present:
+            shown = quantity.of(row)
+            if row.method.localizer != quantity.left_out and not math.isnan(shown.mean):
+                curves.setdefault(panel.labels[row.method], {})[value] = shown
+    return curves
+
+
+def _drawn(
     name: str,
+    chart: _Chart,
+    curves: Mapping[str, Mapping[float, Estimate]],
+    looks: Mapping[str, Look],
     quantity: Quantity,
-    key: str,
-    followers: Sequence[str],
-    where: str,
-    lines: Mapping[str, _Line],
-    values: set[float],
 ) -> Picture:
-    figure, axes = canvas(4.8, 3.4)
-    for label, line in lines.items():
-        known = sorted(
-            ((value, row) for value, row in line.rows if value is not None), key=lambda p: p[0]
-        )
-        if not known and quantity is DIFFERENCE:  # to which of the baseline's values?
-            continue
-        if not known:  # it has no such parameter: the same at every value
-            for _, row in line.rows:
-                level, _, _ = quantity.of(row)
-                axes.axhline(level, color=line.look.color, linestyle="-.", label=label)
-            continue
-        shown = [quantity.of(row) for _, row in known]
-        ends = [(middle - low, high - middle) for middle, low, high in shown]
-        bars = None if any(math.isnan(low) for low, _ in ends) else list(zip(*ends, strict=True))
-        axes.errorbar(
-            [value for value, _ in known],
-            [middle for middle, _, _ in shown],
-            yerr=bars,
-            fmt=f"-{line.look.mark}",
-            color=line.look.color,
-            markersize=5,
-            elinewidth=0.9,
-            label=label,
-        )
-    finite = sorted(value for value in values if math.isfinite(value))
+    figure, axes = canvas(4.8, 3.4, legend_of=curves)
+    for label, shown in curves.items():
+        estimates(axes, list(shown), list(shown.values()), looks[label], label)
+    finite = sorted(filter(math.isfinite, chart.panels))
     if finite and finite[0] > 0 and finite[-1] / finite[0] >= _LOG_RATIO:
         axes.set_xscale("log")
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
         axes.set_xticks([], minor=True)
-    words = _words(key)
-    also = ", ".join(map(_words, followers))
-    axes.set(xlabel=f"{words} …" if followers else words, ylabel=quantity.axis)
-    if quantity is ERROR:
-        axes.set_ylim(0, None)
-    legend(figure, axes, lines)
+    words = _words(chart.key)
+    axes.set(xlabel=f"{words} …" if chart.followers else words, ylabel=quantity.axis)
+    axes.set_ylim(quantity.lowest, None)
     axes.axhline(0, color=INK, linewidth=0.8)
-    title = f"{quantity.title} over {words}" + (f": {where}" if where else "")
-    return picture(
-        figure,
-        name=name,
-        title=title,
-        caption=quantity.caption + (f" … and with it {also}." if followers else ""),
-        alt=title,
-    )
+    legend(figure, axes)
+    title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
+    also = f" … and with it {', '.join(map(_words, chart.followers))}." if chart.followers else ""
+    return picture(figure, name=name, title=title, caption=quantity.caption + also, alt=title)
 
 
-def _facts(row: Comparison) -> Facts:
-    """Everything that says what a row is of, flat."""
-    facts: Facts = {"scenario": row.setting.scenario, "disturbance": row.setting.disturbance}
-    facts |= {"lag": row.setting.lag, "seed": row.setting.seed, "localizer": row.method.localizer}
-    for part, words in (
-        ("world", row.setting.world),
-        ("assumed", row.setting.assumed),
-        ("params", row.method.params),
-    ):
-        facts |= {f"{part}.{name}": value for name, value in json.loads(words).items()}
-    return facts
-
-
-def _swept(all_facts: Any) -> list[tuple[str, list[str]]]:
-    """Keys with two numbers or more, each with the keys that change together with it."""
-    listed = list(all_facts)
-    keys = dict.fromkeys(key for facts in listed for key in facts)
-    varying = []
-    for key in keys:
-        values = {as_number(facts[key]) for facts in listed if key in facts} - {None}
-        if key != "seed" and len(values) > 1:
-            varying.append(key)
-    found: list[tuple[str, list[str]]] = []
-    taken: set[str] = set()
-    for key in varying:
-        if key in taken:
-            continue
-        followers = [other for other in varying if other != key and _together(key, other, listed)]
-        taken.update(followers)
-        found.append((key, followers))
-    return found
-
-
-def _together(one: str, other: str, listed: Sequence[Facts]) -> bool:
-    pairs = {(str(f[one]), str(f[other])) for f in listed if one in f and other in f}
-    return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
-
-
-def _line_name(rest: Facts, listed: Sequence[Facts], swept: set[str]) -> str:
-    """The localizer, and those of its parameters that take several values beside the swept one."""
-    same = [facts for facts in listed if facts["localizer"] == rest["localizer"]]
-    telling = [
-        key
-        for key in sorted(rest)
-        if key.startswith("params.")
-        and key not in swept
-        and len({json.dumps(facts.get(key)) for facts in same}) > 1
-    ]
-    words = [f"{key.removeprefix('params.')}={rest[key]}" for key in telling]
-    return " ".join([short_name(rest["localizer"]), *words])
-
-
-def _where(world: str, worlds: Sequence[str]) -> str:
-    """What sets a chart apart from the others over the same key."""
-    if len(worlds) == 1:
-        return ""
-    facts, others = json.loads(world), [json.loads(one) for one in worlds]
-    differing = [
-        key
-        for key in sorted({k for one in others for k in one})
-        if len({json.dumps(one.get(key)) for one in others}) > 1
-    ]
+def _where(rest: Coordinates, others: Iterable[Coordinates]) -> str:
+    """What sets a chart apart from the others over the same coordinate."""
+    shared = frozenset.intersection(*others)
     return ", ".join(
-        str(facts[key]) if key == "scenario" else f"{_words(key)} {facts[key]}"
-        for key in differing
-        if key in facts
+        str(value) if key in ("scenario", "disturbance") else f"{_words(key)} {value}"
+        for key, value in sorted(rest - shared)
     )
 
 

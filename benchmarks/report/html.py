@@ -8,13 +8,12 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from benchmarks.report import detection, words
+from benchmarks.report import tables, words
 from benchmarks.report.markdown import describe
-from benchmarks.report.panels import full_name
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import DARK, LIGHT
 from benchmarks.report.svg import Picture
-from benchmarks.trials.scoring import LOST_DISTANCE, LOST_STEPS
+from benchmarks.tables.table_1 import full_name
 
 
 def html(story: Story) -> str:
@@ -31,19 +30,21 @@ def html(story: Story) -> str:
         style=Markup(_variables() + (here / "page.css").read_text(encoding="utf-8")),
         results=results,
         sections=story.sections,
-        panels=[section.panel for section in story.sections],
+        panels=story.panels,
         curves=story.curves,
+        tables=tables,
         words=words,
-        detection=detection,
         baseline=full_name(results.baseline),
-        overview=words.overview(results, [section.panel for section in story.sections]),
+        overview=words.overview(results, story.panels),
         progress=words.progress(results),
-        failures=[(describe(failure.trial), failure.reason) for failure in results.failures],
+        failed=tables.Table(
+            "Trials that raised an error; they are in no mean.",
+            ["trial", "reason"],
+            [[describe(failure.trial), failure.reason] for failure in results.failures],
+        ),
         command=shlex.join(results.command),
         environment=json.dumps(results.environment, indent=2),
         pictured=PICTURED,
-        lost_steps=LOST_STEPS,
-        lost_distance=LOST_DISTANCE,
     )
 
 

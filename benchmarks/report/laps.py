@@ -10,9 +10,8 @@ import cv2
 
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.frames import side_by_side, webp
-from benchmarks.report.panels import Panel
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import world_scores
+from benchmarks.tables.panels import Panel
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial, frozen, unworded
 from deqmcl_gym.world.drawing import Image
@@ -46,8 +45,7 @@ def laps(panel: Panel) -> list[Lap]:
     focus = _focus(panel.present)
     if focus is None:
         return []
-    errors = world_scores(panel.own(focus.method), "error")
-    ranked = sorted((e, world) for world, e in errors.items() if not math.isnan(e))
+    ranked = sorted((e, world) for world, e in focus.errors.items() if not math.isnan(e))
     chosen = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
     shown = dict.fromkeys((focus.baseline, focus.method))
     drawn = []
@@ -55,7 +53,7 @@ def laps(panel: Panel) -> list[Lap]:
         first = {
             method: record["trial"]
             for method in shown
-            for record in reversed(panel.own(method))
+            for record in reversed(panel.records[method])
             if record["trial"]["trial"] == world
         }
         names = " and ".join(panel.labels[method] for method in first)
@@ -86,8 +84,8 @@ def trial_of(canonical: dict[str, Any]) -> Trial:
 def _focus(rows: Sequence[Comparison]) -> Comparison | None:
     """DEQ-MCL if it was run; else what differs most from its baseline; else the baseline."""
     named = [row for row in rows if row.method.localizer == "deq-mcl"]
-    others = [row for row in rows if row.method != row.baseline and not math.isnan(row.diff)]
-    ranked = sorted(others, key=lambda row: -abs(row.diff))
+    others = [row for row in rows if not math.isnan(row.diff.mean)]
+    ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
     candidates = [*named, *ranked, *rows]
     return candidates[0] if candidates else None
 

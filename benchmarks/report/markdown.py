@@ -5,27 +5,26 @@ import shlex
 
 from tabulate import tabulate
 
-from benchmarks.report import detection, words
+from benchmarks.report import tables, words
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
+from benchmarks.report.tables import Table
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
 
 
 def markdown(story: Story, folder: str) -> str:
     """Return results.md, with its images in ``folder``."""
-    results = story.results
+    results, panels = story.results, story.panels
     parts = [
         f"# {_plain(results.title)}",
-        _plain(words.overview(results, [section.panel for section in story.sections])),
+        _plain(words.overview(results, panels)),
         f"**{words.progress(results)}** How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
-    panels = [section.panel for section in story.sections]
     if len(panels) > 1:
-        parts += ["## At a glance", _table(words.glance_table(panels)), _plain(words.GLANCE)]
-        if detection.informative(panels):
-            parts += [_table(detection.detection_glance(panels)), _plain(detection.GLANCE)]
+        glances = (tables.glance_table(panels), tables.detection_glance(panels))
+        parts += ["## At a glance", *(_table("", glance) for glance in glances if glance)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
@@ -42,25 +41,18 @@ def markdown(story: Story, folder: str) -> str:
 
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
-    parts = [f"## {panel.number}. {_plain(panel.title)}", _table(words.verdict_table(panel))]
+    parts = [f"## {panel.number}. {_plain(panel.title)}"]
+    parts.append(_table("", tables.verdict_table(panel)))
     parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
-    if section.rivals:
-        parts += [f"**Against the paper's methods.** {words.RIVALS}", *map(_table, section.rivals)]
-    if section.gap[1]:
-        parts += [f"**Optimality gap.** {words.GAP}", _table(section.gap)]
+    parts += [_table("Against the paper's methods", table) for table in section.rivals]
+    if section.gap:
+        parts.append(_table("Optimality gap", section.gap))
     parts += [_image(chart, folder) for chart in section.charts]
-    if section.over_time:
-        parts.append(
-            "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time)
-        )
-    parts += [
-        f"**What the beliefs are worth.** {words.WORTH}",
-        _table(words.calibration_table(panel)),
-        "**Errors at every offset.**",
-        _table(words.offsets_table(panel)),
-    ]
-    if detection.informative([panel]):
-        parts += [f"**{detection.HEADING}**", _table(detection.detection_table(panel))]
+    parts.append("\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time))
+    parts.append(_table("What the beliefs are worth", tables.calibration_table(panel)))
+    if detection := tables.detection_table(panel):
+        parts.append(_table(tables.DETECTION, detection))
+    parts.append(_table("Errors at every offset", tables.offsets_table(panel)))
     for lap in section.laps:
         parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
     if section.no_laps:
@@ -73,15 +65,16 @@ def _image(picture: Picture, folder: str) -> str:
     return f"![{_plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
 
 
-def _table(table: tuple[list[str], list[list[str]]]) -> str:
-    header, lines = table
-    return tabulate(
-        [[_plain(cell) for cell in line] for line in lines],
-        header,
+def _table(heading: str, table: Table) -> str:
+    cells = tabulate(
+        [[_plain(cell) for cell in line] for line in table.lines],
+        table.header,
         tablefmt="github",
         disable_numparse=True,
-        colalign=("left", *["right"] * (len(header) - 1)),
+        colalign=("left", *["right"] * (len(table.header) - 1)),
     )
+    said = f"**{heading}.** {_plain(table.caption)}" if heading else _plain(table.caption)
+    return f"{said}\n\n{cells}"
 
 
 def _failures(story: Story) -> str:

@@ -3,8 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from benchmarks.tables.pairing import Method
-
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written
 
 
@@ -57,9 +55,9 @@ DARK = {
 }
 
 
-def looks(labels: Iterable[tuple[Method, str]]) -> dict[Method, Look]:
+def looks(labels: Iterable[str]) -> dict[str, Look]:
     """Give each label a look; those that we do not know take what is left, in order."""
-    listed = list(labels)
-    strangers = dict.fromkeys(label for _, label in listed if label not in _LOOKS)
+    listed = list(dict.fromkeys(labels))
+    strangers = [label for label in listed if label not in _LOOKS]
     taken = {label: _MORE[i % len(_MORE)] for i, label in enumerate(strangers)}
-    return {method: (_LOOKS | taken)[label] for method, label in listed}
+    return {label: (_LOOKS | taken)[label] for label in listed}

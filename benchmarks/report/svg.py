@@ -1,14 +1,16 @@
 """Matplotlib figures as SVG that takes its colours from the page it stands in."""
 
 import io
+import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape, quoteattr
 
-from benchmarks.report.style import FAINT, INK, LIGHT
+from benchmarks.report.style import FAINT, INK, LIGHT, Look
+from benchmarks.tables.stats import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,27 +85,71 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def canvas(width: float, height: float) -> tuple["Figure", "Axes"]:
-    """Return an empty figure, inches, and its axes."""
+def canvas(
+    width: float,
+    height: float,
+    *,
+    left: float = 0.62,
+    top: float = 0.12,
+    legend_of: Collection[str] = (),
+) -> tuple["Figure", "Axes"]:
+    """Return an empty figure and its axes.
+
+    Args:
+        width, height: of the figure, inches.
+        left, top: margins, inches.
+        legend_of: names that ``legend`` puts below the axes.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots()
+    figure = Figure(figsize=(width, height))
+    rows = math.ceil(len(legend_of) / _columns(legend_of))
+    bottom = 0.5 + 0.205 * rows
+    box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
+    return figure, figure.add_axes(box)
 
 
-def legend(figure: "Figure", axes: "Axes", order: Iterable[str]) -> None:
-    """Put the names of what is drawn below the axes, in this order."""
-    handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    labels = [label for label in order if label in handles]
+def estimates(
+    axes: "Axes",
+    places: Sequence[float],
+    values: Sequence[Estimate],
+    look: Look,
+    label: str,
+    size: float = 5,
+) -> None:
+    """Draw means with their intervals, joined by a line."""
+    bars = None
+    if not any(math.isnan(value.low) for value in values):
+        bars = [[v.mean - v.low for v in values], [v.high - v.mean for v in values]]
+    axes.errorbar(
+        places,
+        [value.mean for value in values],
+        yerr=bars,
+        fmt=f"-{look.mark}",
+        color=look.color,
+        markersize=size,
+        elinewidth=0.9,
+        label=label,
+    )
+
+
+def legend(figure: "Figure", axes: "Axes") -> None:
+    """Put the names of what is drawn below the axes."""
+    handles, labels = axes.get_legend_handles_labels()
     figure.legend(
-        [handles[label] for label in labels],
+        handles,
         labels,
-        loc="outside lower center",
-        ncols=2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3,
+        loc="lower center",
+        ncols=_columns(labels),
         handlelength=1.8,
         frameon=False,
         columnspacing=1.2,
+        borderpad=0.1,
     )
+
+
+def _columns(labels: Collection[str]) -> int:
+    return 2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3
 
 
 def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) -> Picture:

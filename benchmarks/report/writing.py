@@ -1,13 +1,19 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
+import json
+from contextlib import suppress
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from benchmarks.files import writable_folder, write_bytes
+from benchmarks.files import writable_folder, write_bytes, written
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import comparisons, results_csv
+from benchmarks.tables.comparison import results_csv
 from benchmarks.tables.gap import gaps, gaps_csv
+from benchmarks.tables.panels import panels
 from benchmarks.tables.table_1 import timings_csv, trials_csv
+from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
 IMAGES = "images"
@@ -39,13 +45,31 @@ def write_report(out: Path, results: Results) -> list[Path]:
 
     results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
     results.md also tell times and versions. Without the extra ``report`` there are the tables only.
+    Nothing is written if all is there and would come out the same.
 
     Raises:
         InputError: ``out`` cannot be written to.
     """
     writable_folder(out)
-    rows = comparisons(results.records, results.baseline)
-    held = gaps(results.records, results.limits)
+    return written(out / "written.json", _source(results), lambda: _write(out, results))
+
+
+def _source(results: Results) -> str:
+    """Name all that a report is made of: results, code and libraries."""
+    digest = sha256(f"{source_of('benchmarks')} {no_report()}".encode())
+    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
+        with suppress(PackageNotFoundError):
+            digest.update(f"{library} {version(library)}".encode())
+    for part in vars(results).items():
+        for chunk in json.JSONEncoder(default=vars).iterencode(part):
+            digest.update(chunk.encode())
+    return digest.hexdigest()
+
+
+def _write(out: Path, results: Results) -> list[Path]:
+    compared = panels(results.records, results.baseline)
+    held = [row for panel in compared for row in gaps(panel, results.limits)]
+    rows = (row for panel in compared for row in panel.rows)
     contents = {
         "results.csv": results_csv(rows).encode(),
         "trials.csv": trials_csv(results.finished).encode(),
@@ -61,7 +85,7 @@ def write_report(out: Path, results: Results) -> list[Path]:
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(rows, held, results)
+    story = story_of(compared, held, results)
     told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
     told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     for name, content in told.items():

@@ -11,7 +11,6 @@ from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.store import Store
-from benchmarks.sweeps.suites import paper_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials.provenance import environment
 from benchmarks.trials.spec import Trial, unworded
@@ -54,14 +53,14 @@ def of_sweep(sweep: Sweep, results: Results) -> Results:
 
 
 def results_in(folder: Path) -> Results:
-    """Return what the folder of a sweep or of ``deqmcl paper`` holds, whatever code has made it.
+    """Return what the folder of a sweep holds, whatever code has made it.
 
     Raises:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     content = manifest.read(folder)
     try:
-        sweep, title, trials = _planned(content)
+        sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
         command, environment = content["command"], content["environment"]
     except (KeyError, TypeError):
         raise InputError(
@@ -76,7 +75,7 @@ def results_in(folder: Path) -> Results:
             f"none of the {len(store.rejected)} trials in {folder} can be read ({name} {why}): "
             "run them anew, into a new --out."
         )
-    planned = [trial.canonical() for trial in trials]
+    planned = [trial.canonical() for trial in sweep.distinct()]
     records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
     failures = [
         Failure(trial=trial, reason=failed[name]["reason"])
@@ -84,7 +83,7 @@ def results_in(folder: Path) -> Results:
         if (name := _name(trial)) in failed and name not in finished
     ]
     results = Results(
-        title=title,
+        title=sweep.title,
         records=records,
         failures=failures,
         missing=len(planned) - len(records) - len(failures),
@@ -93,17 +92,6 @@ def results_in(folder: Path) -> Results:
         environment=environment,
     )
     return of_sweep(sweep, results)
-
-
-def _planned(content: Mapping[str, Any]) -> tuple[Sweep, str, Sequence[Trial]]:
-    """Return the sweep that a manifest speaks of, its title and its trials."""
-    if "identity" in content:
-        sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
-        return sweep, sweep.title, sweep.distinct()
-    configuration = content["configuration"]
-    title = f"The paper's experiment, scenario {configuration['scenario']}"
-    sweep = paper_sweep(**configuration)
-    return sweep, title, sweep.distinct()
 
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:

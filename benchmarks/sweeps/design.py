@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.factors import GROUPS, SCALARS, Axis, Limit, Method
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.plugins import takes
-from benchmarks.trials.presets import ASSUMED
 from benchmarks.trials.spec import Params, Trial, frozen, thawed
 from deqmcl_gym.validation import InputError, integer, one_of
 
@@ -22,7 +22,7 @@ class Sweep:
     Attributes:
         title: one line, for the report.
         localizers: the methods compared.
-        scenario: name of the world and of what the filters assume of it.
+        scenario: its name; one's own as room.toml or file.py:NAME, the path made absolute.
         lag: L; also a parameter of each localizer that has a use for it.
         world: changes to the world, by dotted name.
         assumed: changes to what the filters assume, by dotted name.
@@ -52,7 +52,8 @@ class Sweep:
     limit: Limit | None = None
 
     def __post_init__(self) -> None:
-        one_of("scenario", self.scenario, ASSUMED)
+        object.__setattr__(self, "scenario", absolute_scenario(self.scenario))
+        object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         integer("lag", self.lag)
         integer("seed", self.seed)
         integer("trials", self.trials, low=1, high=100_000)
@@ -64,8 +65,6 @@ class Sweep:
             if varied.count(name) > 1:
                 raise InputError(f"{name} is varied twice: name it in one [[vary]].")
         for axis in self.vary:
-            for value in axis.values.get("scenario", ()):
-                one_of("scenario", value, ASSUMED)
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
         for method in self.localizers:
@@ -177,6 +176,13 @@ class Sweep:
         shared = {"lag": base["lag"]} | base["params"]
         useful = {k: v for k, v in shared.items() if known is None or k in known}
         return frozen(useful | dict(method.params))
+
+
+def _absolute(axis: Axis) -> Axis:
+    names = axis.values.get("scenario", ())
+    if not names:
+        return axis
+    return Axis(values={**axis.values, "scenario": tuple(map(absolute_scenario, names))})
 
 
 def _jsonable_method(method: Method) -> dict[str, Any]:

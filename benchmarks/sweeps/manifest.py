@@ -1,4 +1,4 @@
-"""manifest.json: what a folder of results is of. A sweep goes on only in a folder of its own."""
+"""manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
 
 import json
 import platform
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.files import write_text
+from benchmarks.setup.names import scenario_digest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.plugins import source_digest
@@ -19,40 +20,48 @@ NAME = "manifest.json"
 def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
     """Write the manifest of a new folder; in one that has its manifest, compare.
 
+    A folder may grow: more worlds, runs and localizers are asked for than it was made for.
+
     Raises:
         InputError: the folder is of another sweep, other code or another plug-in; all differences
             are listed.
     """
     ours = identity(sweep)
     path = folder / NAME
-    if not path.exists():
-        content = {
-            "identity": ours,
-            "command": list(command),
-            "environment": environment(),
-            "cpu": cpu_model(),
-            "seeds": seeds(sweep.seed),
+    if path.exists():
+        theirs = read(folder).get("identity")
+        if theirs is None:
+            raise InputError(f"{path} is not of a sweep: give a new --out.")
+        if theirs == ours:
+            return
+        if differences := list(_differences(_less(theirs, ours), ours, "")):
+            raise InputError(
+                f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
+                "--out, or restore what was changed."
+            )
+    content = {
+        "identity": ours,
+        "command": list(command),
+        "environment": environment(),
+        "cpu": cpu_model(),
+        "seeds": seeds(sweep.seed),
+    }
+    write_text(path, json.dumps(content, indent=2) + "\n")
+
+
+def _less(theirs: Any, ours: dict[str, Any]) -> Any:
+    """Return an identity as if it were ours, as far as ours has more worlds or localizers."""
+    try:
+        held, asked = theirs["sweep"], ours["sweep"]
+        more = {
+            name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
         }
-        write_text(path, json.dumps(content, indent=2) + "\n")
-        return
-    theirs = read(folder).get("identity")
-    if theirs is None:
-        raise InputError(f"{path} is not of a sweep: give a new --out.")
-    if differences := list(_differences(theirs, ours, "")):
-        raise InputError(
-            f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
-            "--out, or restore what was changed."
-        )
-
-
-def refuse_sweep(folder: Path) -> None:
-    """Keep another command from replacing the manifest of a sweep, which then could not go on.
-
-    Raises:
-        InputError: the folder is a sweep's, or its manifest cannot be read.
-    """
-    if (folder / NAME).exists() and "identity" in read(folder):
-        raise InputError(f"{folder} is the folder of a sweep: give another --out.")
+        if all(method in asked["localizers"] for method in held["localizers"]):
+            more["localizers"] = asked["localizers"]
+            theirs = theirs | {"plug-ins": ours["plug-ins"] | theirs["plug-ins"]}
+        return theirs | {"sweep": held | more}
+    except (KeyError, TypeError):  # it is not as we write it
+        return theirs
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -74,7 +83,10 @@ def read(folder: Path) -> dict[str, Any]:
 
 def identity(sweep: Sweep) -> dict[str, Any]:
     """Return everything that the numbers of a sweep depend on, as JSON-able values."""
-    digests = {trial.localizer: source_digest(trial.localizer) for trial in sweep.cells()}
+    digests: dict[str, str] = {}
+    for trial in sweep.cells():
+        digests[trial.localizer] = source_digest(trial.localizer)
+        digests[trial.scenario] = scenario_digest(trial.scenario)
     return {
         "schema": SCHEMA,
         "sweep": sweep.canonical(),

@@ -2,25 +2,24 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
-from benchmarks.report import write_report
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import collected, failed_sentence, of_sweep
+from benchmarks.sweeps.collecting import collected, of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.lock import locked
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.episode import check_params, check_setting
-from benchmarks.trials.plugins import key_of, loads
+from benchmarks.trials.plugins import keyed, loads
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -50,25 +49,39 @@ class Options:
     progress: bool = True
 
 
-def run_sweep(
-    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
-) -> tuple[Results, list[Path]]:
-    """Run what ``out`` lacks of a sweep and report all that it has; return that and its files.
+@dataclass(frozen=True)
+class Running:
+    """A sweep in its folder, to which nobody else writes meanwhile."""
 
-    The caller has had ``check`` look at the sweep.
+    sweep: Sweep
+    store: Store
+    trials: Mapping[str, Trial]  # by key
+    options: Options
+    command: Sequence[str]
+
+    def results(self) -> Results:
+        """Run the trials that are missing; return what is there then."""
+        run_missing(_part(self.trials, self.options.shard), self.store, self.options)
+        found = collected(self.sweep.title, self.trials, self.store, self.command)
+        return of_sweep(self.sweep, found)
+
+
+@contextmanager
+def begun(
+    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
+) -> Iterator[Running]:
+    """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
     Raises:
         InputError: the folder is another sweep's, or in use.
     """
-    trials = {key_of(trial): trial for trial in sweep.distinct()}
     store = Store(out)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
     with locked(out, shard):
         manifest.begin(out, sweep, command)
+        trials = keyed(sweep.distinct())
         _say_strays(store, trials, remove=shard is None)
-        run_missing(_part(trials, options.shard), store, options)
-        results = of_sweep(sweep, collected(sweep.title, trials, store, command))
-        return results, write_report(out, results)
+        yield Running(sweep, store, trials, options, command)
 
 
 def check(sweep: Sweep) -> None:
@@ -89,54 +102,11 @@ def check(sweep: Sweep) -> None:
         methods.add(method)
 
 
-def run_trials(
-    trials: Sequence[Trial],
-    store: Store,
-    *,
-    jobs: int,
-    progress: bool = True,
-    errand: Callable[[], None] | None = None,
-) -> list[dict[str, Any]]:
-    """Return the record of every trial, in the given order; run those the store lacks.
-
-    A record depends on its trial alone: not on ``jobs``, nor on the order, nor on what was
-    resumed. A failing trial does not stop the others.
-
-    Args:
-        trials: what to run.
-        store: where the records are kept.
-        jobs: processes.
-        progress: show a bar, if someone watches.
-        errand: something else for one of the processes to do, picklable.
-
-    Raises:
-        TrialsFailedError: with each failed trial and its reason; the finished ones are kept.
-    """
-    named = {key_of(trial): trial for trial in trials}
-    options = Options(where=Where(jobs=jobs), retry_failed=True, progress=progress)
-    with locked(store.out):
-        run_missing(named, store, options, errand)
-    results = collected("", named, store, [])
-    if results.failures:
-        raise TrialsFailedError(failed_sentence(results))
-    if results.missing:
-        raise TrialsFailedError(
-            f"{results.missing} of {results.planned} finished trials have gone from "
-            f"{store.out}, or cannot be read: run the command again."
-        )
-    return results.records
-
-
-def run_missing(
-    trials: Mapping[str, Trial],
-    store: Store,
-    options: Options,
-    errand: Callable[[], None] | None = None,
-) -> None:
+def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
     All methods run on one world before any runs on the next, so that whenever this is stopped,
-    what is there can be compared. An errand is begun before any, for it may take the longest.
+    what is there can be compared.
     """
     missing = {
         key: trial
@@ -145,10 +115,10 @@ def run_missing(
     }
     _say_rejected(store)
     waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
-    if not waiting and errand is None:
+    if not waiting:
         return
     with (
-        options.where.engine(len(waiting) + (errand is not None)) as engine,
+        options.where.engine(len(waiting)) as engine,
         tqdm(
             total=len(trials),
             initial=len(trials) - len(waiting),
@@ -157,14 +127,11 @@ def run_missing(
         ) as bar,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
-        errands = [] if errand is None else [engine.executor.submit(errand)]
         for key, outcome in finished:
             reason = _keep(store, key, missing[key], outcome)
             bar.update()
             if options.fail_fast and reason is not None:
                 return
-        for done in errands:
-            done.result()
 
 
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:

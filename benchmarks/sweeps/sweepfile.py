@@ -1,11 +1,10 @@
 """From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
 
-import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.setup import documents
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
@@ -51,20 +50,11 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the sweep file {path} cannot be read ({error.strerror}): give a suite or a TOML file."
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"the sweep file {path} is no TOML: {error}.") from None
-    try:
+    given = documents.read(path, "sweep")
+    with documents.errors_name(path):
         sweep = with_localizers(sweep_of(given, title=path.stem), added)
         _refuse_idle(sweep)
         return sweep
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
@@ -73,17 +63,15 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
     Raises:
         InputError: unknown key, wrong type or bad value.
     """
-    for key in given:
-        one_of("key", key, _KEYS)
-    _refuse_nan(given, "")
+    documents.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     return Sweep(
-        title=_text("title", given.get("title", title)),
+        title=documents.text("title", given.get("title", title)),
         localizers=tuple(_method(entry) for entry in _list("localizers", given.get("localizers"))),
-        world=frozen(_dotted("world", given.get("world", {}))),
-        assumed=frozen(_dotted("assumed", given.get("assumed", {}))),
-        params=frozen(_dotted("params", given.get("params", {}))),
+        world=frozen(documents.dotted("world", given.get("world", {}))),
+        assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
+        params=frozen(documents.dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
         limit=_limit(given["limit"]) if "limit" in given else None,
@@ -105,14 +93,16 @@ def _refuse_idle(sweep: Sweep) -> None:
 def _method(entry: Any) -> Method:
     if isinstance(entry, str):
         return Method(name=entry)
-    table = _table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
+    table = documents.table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
     for key in table:
         one_of("key in localizers", key, ("name", "params"))
     return _named("an entry of localizers", table)
 
 
 def _limit(entry: Any) -> Limit:
-    table = _table("limit", entry, "a table [limit] with name, params, trials, filter_seeds")
+    table = documents.table(
+        "limit", entry, "a table [limit] with name, params, trials, filter_seeds"
+    )
     for key in table:
         one_of("key in limit", key, ("name", "params", "trials", "filter_seeds"))
     runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
@@ -122,12 +112,12 @@ def _limit(entry: Any) -> Limit:
 def _named(what: str, table: Mapping[str, Any]) -> Method:
     if "name" not in table:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-    params = _table("params of a localizer", table.get("params", {}), "a table")
-    return Method(name=_text("name of a localizer", table["name"]), params=frozen(params))
+    params = documents.table("params of a localizer", table.get("params", {}), "a table")
+    return Method(name=documents.text("name of a localizer", table["name"]), params=frozen(params))
 
 
 def _axis(table: Any) -> Axis:
-    values = _dotted("vary", _table("vary", table, "a [[vary]] table"))
+    values = documents.dotted("vary", documents.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
@@ -139,27 +129,13 @@ def _axis(table: Any) -> Axis:
 
 def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
     return tuple(
-        frozen(_table(f"an entry of {what}", wrapper, "a table like {kind = 'kidnap', step = 100}"))
+        frozen(
+            documents.table(
+                f"an entry of {what}", wrapper, "a table like {kind = 'kidnap', step = 100}"
+            )
+        )
         for wrapper in _list(what, value)
     )
-
-
-def _dotted(what: str, table: Any, prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one, with dotted names."""
-    flat: dict[str, Any] = {}
-    for key, value in _table(what, table, "a table").items():
-        nested = _dotted(what, value, f"{key}.") if isinstance(value, Mapping) else {key: value}
-        for name, leaf in nested.items():
-            if prefix + name in flat:
-                raise InputError(f"{what} names {prefix}{name} twice.")
-            flat[prefix + name] = leaf
-    return flat
-
-
-def _table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"{what} is {value!r}, but must be {wanted}.")
-    return value
 
 
 def _list(what: str, value: Any) -> Sequence[Any]:
@@ -171,25 +147,5 @@ def _list(what: str, value: Any) -> Sequence[Any]:
     return value
 
 
-def _text(what: str, value: Any) -> str:
-    if not isinstance(value, str) or not value.strip():
-        raise InputError(f"{what} is {value!r}, but must be text.")
-    return value
-
-
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
-
-
-def _refuse_nan(value: Any, at: str) -> None:
-    """Refuse what no result can be named by: NaN, and dates."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            _refuse_nan(inner, f"{at}.{key}" if at else key)
-    elif isinstance(value, list):
-        for inner in value:
-            _refuse_nan(inner, at)
-    elif not isinstance(value, str | bool | int | float):
-        raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
-    elif isinstance(value, float) and math.isnan(value):
-        raise InputError(f"{at} is nan, but must be a number.")

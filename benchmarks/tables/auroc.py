@@ -5,39 +5,36 @@ each other, so intervals come from resampled worlds.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from benchmarks.tables.stats import multiplicities
+from benchmarks.tables.pairing import Record
+from benchmarks.tables.stats import UNKNOWN, Estimate, multiplicities
+from benchmarks.tables.thresholds import thresholds_of
 from deqmcl_gym.numerics.types import Bools, Floats
 
 Steps = tuple[Floats, Bools]
 
-FAR = 50.0  # e above which a step counts as far off, px
-
 
 @dataclass(frozen=True, kw_only=True)
 class Auroc:
-    """AUROC of the quality at x_t against e > 50 px; NaN is not available.
+    """AUROC of the quality at x_t against whether e is far off; NaN is not available.
 
     Attributes:
-        auroc: P(q of a far step < q of another) + ½ P(equal), over all steps of all worlds.
-        auroc_low, auroc_high: 95 % percentile bootstrap over worlds; see ``auroc_interval``.
-        far_steps: share of steps with e > 50 px, of those that have a quality.
+        auroc: P(q of a far step < q of another) + ½ P(equal), over all steps of all worlds, with
+            its interval over worlds; see ``auroc_interval``.
+        far_steps: share of far steps, of those that have a quality.
         far_worlds: worlds with such a step; None if no step has a quality.
     """
 
-    auroc: float = math.nan
-    auroc_low: float = math.nan
-    auroc_high: float = math.nan
+    auroc: Estimate = UNKNOWN
     far_steps: float = math.nan
     far_worlds: int | None = None
 
 
-def auroc_of(records: Sequence[Mapping[str, Any]]) -> Auroc:
+def auroc_of(records: Sequence[Record]) -> Auroc:
     """Return how well the quality ranks the steps t ≥ 1 of one method's trials on one setting."""
     runs: dict[int, list[Steps]] = {}
     for record in records:
@@ -50,24 +47,23 @@ def auroc_of(records: Sequence[Mapping[str, Any]]) -> Auroc:
     if not every.size:
         return Auroc()
     wins = in_order(worlds)
-    low, high = auroc_interval(wins, worlds)
+    area = _share(wins.sum(), every.sum() * (~every).sum())
     return Auroc(
-        auroc=_share(wins.sum(), every.sum() * (~every).sum()),
-        auroc_low=low,
-        auroc_high=high,
+        auroc=Estimate(area, *auroc_interval(wins, worlds)),
         far_steps=float(every.mean()),
         far_worlds=sum(bool(far.any()) for _, far in worlds),
     )
 
 
-def rated_steps(record: Mapping[str, Any]) -> Steps:
-    """Return the qualities of a trial's steps t ≥ 1 that have one, and whether e > 50 px there."""
+def rated_steps(record: Record) -> Steps:
+    """Return the qualities of a trial's steps t ≥ 1 that have one, and which are far off."""
     if record["quality"] is None:
         return np.empty(0), np.empty(0, dtype=bool)
     present = record["curves"]["0"]
+    limit = thresholds_of(record).far
     errors = dict(enumerate(present["error"], present["first_state"]))
     rated = [
-        (quality, errors[step] > FAR)
+        (quality, errors[step] > limit)
         for step, quality in enumerate(record["quality"], 1)
         if quality is not None and step in errors
     ]

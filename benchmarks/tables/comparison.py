@@ -1,175 +1,174 @@
-"""results.csv: every method of a setting against the setting's baseline, over paired worlds."""
+"""results.csv: every method of a panel against the panel's baseline, over paired worlds."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields, replace
-
-import numpy as np
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any
 
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.pairing import (
-    BASELINE,
     METHOD_COLUMNS,
     SETTING_COLUMNS,
     Method,
     Record,
+    Runs,
     Setting,
-    method_of,
-    per_world,
-    setting_of,
+    agree,
+    as_json,
+    by_world,
+    differences,
+    over_worlds,
+    runs_of,
 )
-from benchmarks.tables.stats import holm, paired_bootstrap, sample_sd, wilcoxon, wilson, win_rate
+from benchmarks.tables.stats import (
+    UNKNOWN,
+    Estimate,
+    estimate,
+    holm,
+    sample_sd,
+    wilcoxon,
+    wilson,
+    win_rate,
+)
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.scoring import SCORE_NAMES
-from deqmcl_gym.numerics.types import Floats
+from benchmarks.trials.spec import Params, thawed
 
-Run = tuple[int, int]  # trial, filter seed
+Column = Callable[["Comparison"], Any]
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
+ALPHA = 0.05
+RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """One method of a setting at one offset; NaN is not available.
+    """One method of a panel at one offset; NaN is not available.
 
     Attributes:
-        setting, method, offset: of what.
+        setting, swept: the panel.
+        method, offset: of what.
         worlds, runs: on how much; the runs on a world are averaged first.
-        error, error_low, error_high, error_sd: mean over worlds of e, its 95 % bootstrap interval
-            and the SD over worlds.
-        means: of the other scores, by name.
-        lost_rate, lost_low, lost_high: share of lost runs, with Wilson's 95 % interval for as
-            many cases as worlds.
+        errors: e of each world.
+        error, error_sd: mean over worlds of e with its 95 % bootstrap interval, and its SD.
+        scores: the other scores by name; those of ``RANGED`` with an interval.
+        lost: share of lost runs, with Wilson's 95 % interval for as many cases as worlds.
         detection: how well its quality tells that it is far off; only at offset 0.
         baseline: what it is compared with, at offset 0.
         paired_worlds: worlds that both have run.
-        diff, diff_low, diff_high: mean over worlds of error - the baseline's, 95 % bootstrap.
+        diff: mean over worlds of error - the baseline's, 95 % bootstrap.
         win_rate: share of worlds where its error is the smaller one.
         p, p_holm: Wilcoxon's signed-rank test of the differences, alone and corrected for all
-            methods of the setting at this offset.
+            tests of the panel at this offset.
     """
 
     setting: Setting
+    swept: Params
     method: Method
     offset: int
     worlds: int
     runs: int
-    error: float
-    error_low: float
-    error_high: float
+    errors: dict[int, float]
+    error: Estimate
     error_sd: float
-    means: dict[str, float]
-    lost_rate: float
-    lost_low: float
-    lost_high: float
+    scores: dict[str, Estimate]
+    lost: Estimate
     detection: Auroc
     baseline: Method
-    paired_worlds: int
-    diff: float = math.nan
-    diff_low: float = math.nan
-    diff_high: float = math.nan
+    paired_worlds: int = 0
+    diff: Estimate = UNKNOWN
     win_rate: float = math.nan
     p: float = math.nan
     p_holm: float = math.nan
 
+    @property
+    def is_baseline(self) -> bool:
+        """Whether it is the baseline at x_t, which is compared with nothing."""
+        return self.method == self.baseline and self.offset == 0
 
-def comparisons(records: Sequence[Record], baseline: str = BASELINE) -> list[Comparison]:
-    """Compare what was run: settings, methods and offsets in the order in which they appear."""
-    settings: dict[Setting, dict[Method, list[Record]]] = {}
-    for record in records:
-        methods = settings.setdefault(setting_of(record["trial"]), {})
-        methods.setdefault(method_of(record["trial"]), []).append(record)
+    @property
+    def significant(self) -> bool:
+        """Whether the interval of the difference excludes 0, and ``p_holm`` is below 0.05."""
+        return not self.diff.low <= 0 <= self.diff.high and self.p_holm < ALPHA
+
+
+def compared(
+    setting: Setting, swept: Params, methods: dict[Method, list[Record]], baseline: str
+) -> list[Comparison]:
+    """Compare the methods of a panel: by method, then offset, in the order of their trials.
+
+    Holm's family is what the panel tests at one offset.
+    """
     rows = []
-    for setting, methods in settings.items():
-        rows += _corrected(_setting_rows(setting, methods, baseline))
-    return rows
+    for method, records in methods.items():
+        reference = baseline_of(method, methods, baseline)
+        present = runs_of(methods[reference], "error")
+        for offset in dict.fromkeys(s["offset"] for record in records for s in record["scores"]):
+            errors = runs_of(records, "error", offset)
+            lost = float(over_worlds(runs_of(records, "lost", offset)).mean())
+            worlds = by_world(errors)
+            row = Comparison(
+                setting=setting,
+                swept=swept,
+                method=method,
+                offset=offset,
+                worlds=len(worlds),
+                runs=len(errors),
+                errors=worlds,
+                error=estimate(over_worlds(errors)),
+                error_sd=sample_sd(over_worlds(errors)),
+                scores={name: _score(records, name, offset) for name in AVERAGED},
+                lost=Estimate(lost, *wilson(lost, len(worlds))),
+                detection=Auroc() if offset else auroc_of(records),
+                baseline=reference,
+            )
+            rows.append(row if row.is_baseline else _against(row, errors, present))
+    return _corrected(rows)
 
 
-def baseline_of(method: Method, methods: Iterable[Method], name: str = BASELINE) -> Method:
-    """The localizer of that name with the parameters it shares with the method; else the first."""
+def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
+    """Return the panel's baseline: the localizer of that name; else the first method.
+
+    Of several variants it is the one whose parameters agree with the method's, else the first.
+    """
     listed = list(methods)
-    candidates = [m for m in listed if m.localizer == name and m.agrees(method)]
-    return (candidates or [m for m in listed if m.localizer == name] or listed)[0]
+    variants = [other for other in listed if other.localizer == name] or listed[:1]
+    return next((one for one in variants if agree(one.params, method.params)), variants[0])
 
 
 def results_csv(rows: Iterable[Comparison]) -> str:
-    """Return results.csv: one line per setting, method and offset; nothing of the machine."""
-    nested = ("setting", "method", "means", "detection")
-    plain = [f.name for f in fields(Comparison) if f.name not in nested]
-    at = plain.index("error_sd") + 1
-    header = [*SETTING_COLUMNS, *METHOD_COLUMNS, *plain[:at], *AVERAGED, *plain[at:]]
-    header += [f.name for f in fields(Auroc)]
-    lines = []
-    for row in rows:
-        values = [getattr(row, name) for name in plain]
-        values[plain.index("baseline")] = row.baseline.localizer
-        lines.append(
-            [
-                *astuple(row.setting),
-                *astuple(row.method),
-                *values[:at],
-                *(row.means[name] for name in AVERAGED),
-                *values[at:],
-                *astuple(row.detection),
-            ]
-        )
+    """Return results.csv: a line per panel, method and offset; nothing of the machine."""
+    header = [*SETTING_COLUMNS, "swept", *METHOD_COLUMNS, *_COLUMNS]
+    lines = (
+        [
+            *row.setting.cells(),
+            as_json(thawed(row.swept)),
+            *row.method.cells(),
+            *(value(row) for value in _COLUMNS.values()),
+        ]
+        for row in rows
+    )
     return csv_text(header, lines)
 
 
-def _setting_rows(
-    setting: Setting, methods: dict[Method, list[Record]], name: str
-) -> list[Comparison]:
-    scores = {method: _by_offset(own) for method, own in methods.items()}
-    detections = {method: auroc_of(own) for method, own in methods.items()}
-    rows = []
-    for method, offsets in scores.items():
-        baseline = baseline_of(method, methods, name)
-        present = _column(scores[baseline].get(0, {}), "error")
-        for offset, runs in offsets.items():
-            errors = _column(runs, "error")
-            over_worlds = _world_means(errors)
-            low, high = paired_bootstrap(over_worlds)
-            lost = float(_world_means(_column(runs, "lost")).mean())
-            lost_low, lost_high = wilson(lost, over_worlds.size)
-            row = Comparison(
-                setting=setting,
-                method=method,
-                offset=offset,
-                worlds=over_worlds.size,
-                runs=len(runs),
-                error=float(over_worlds.mean()),
-                error_low=low,
-                error_high=high,
-                error_sd=sample_sd(over_worlds),
-                means={name: float(_world_means(_column(runs, name)).mean()) for name in AVERAGED},
-                lost_rate=lost,
-                lost_low=lost_low,
-                lost_high=lost_high,
-                detection=Auroc() if offset else detections[method],
-                baseline=baseline,
-                paired_worlds=0,
-            )
-            apart = {run: error - present[run] for run, error in errors.items() if run in present}
-            itself = method == baseline and offset == 0
-            rows.append(row if itself or not apart else _compared(row, _world_means(apart)))
-    return rows
+def _score(records: Sequence[Record], name: str, offset: int) -> Estimate:
+    values = over_worlds(runs_of(records, name, offset))
+    return estimate(values) if name in RANGED else Estimate(float(values.mean()))
 
 
-def _compared(row: Comparison, differences: Floats) -> Comparison:
-    low, high = paired_bootstrap(differences)
+def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
+    apart = differences(errors, baseline)
     return replace(
         row,
-        paired_worlds=differences.size,
-        diff=float(differences.mean()),
-        diff_low=low,
-        diff_high=high,
-        win_rate=win_rate(differences),
-        p=_six_digits(wilcoxon(differences)),
+        paired_worlds=apart.size,
+        diff=estimate(apart),
+        win_rate=win_rate(apart),
+        p=_six_digits(wilcoxon(apart)),
     )
 
 
 def _corrected(rows: list[Comparison]) -> list[Comparison]:
-    """Fill in p_holm: a family is what one setting tests at one offset."""
     adjusted: dict[int, float] = {}
     for offset in {row.offset for row in rows}:
         family = [i for i, row in enumerate(rows) if row.offset == offset]
@@ -177,26 +176,36 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
     return [replace(row, p_holm=_six_digits(adjusted[i])) for i, row in enumerate(rows)]
 
 
-def _by_offset(records: Sequence[Record]) -> dict[int, dict[Run, Record]]:
-    """Scores by offset and run."""
-    offsets: dict[int, dict[Run, Record]] = {}
-    for record in records:
-        run = record["trial"]["trial"], record["trial"]["filter_seed"]
-        for score in record["scores"]:
-            offsets.setdefault(score["offset"], {})[run] = score
-    return offsets
-
-
-def _column(runs: dict[Run, Record], name: str) -> dict[Run, float]:
-    values = {run: score.get(name) for run, score in runs.items()}
-    return {run: math.nan if value is None else value for run, value in values.items()}
-
-
-def _world_means(runs: dict[Run, float]) -> Floats:
-    """Means over the filter seeds of each world, in the order of the worlds."""
-    return np.array(list(per_world(runs).values()))
-
-
 def _six_digits(p: float) -> float:
     """As many as do not depend on how the system computes erfc."""
     return p if math.isnan(p) else float(f"{p:.6g}")
+
+
+def _plain(*names: str) -> dict[str, Column]:
+    return {name: attrgetter(name) for name in names}
+
+
+def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
+    ends = {mean or name: "mean", f"{name}_low": "low", f"{name}_high": "high"}
+    return {column: attrgetter(f"{path}.{end}") for column, end in ends.items()}
+
+
+def _of_score(name: str, end: str) -> Column:
+    return lambda row: getattr(row.scores[name], end)
+
+
+_COLUMNS: dict[str, Column] = {
+    **_plain("offset", "worlds", "runs"),
+    **_interval("error", "error"),
+    **_plain("error_sd"),
+    **{name: _of_score(name, "mean") for name in AVERAGED},
+    **_interval("lost", "lost", "lost_rate"),
+    "baseline": attrgetter("baseline.localizer"),
+    **_plain("paired_worlds"),
+    **_interval("diff", "diff"),
+    **_plain("win_rate", "p", "p_holm"),
+    **_interval("auroc", "detection.auroc"),
+    "far_steps": attrgetter("detection.far_steps"),
+    "far_worlds": attrgetter("detection.far_worlds"),
+    **{f"{name}_{end}": _of_score(name, end) for name in RANGED for end in ("low", "high")},
+}

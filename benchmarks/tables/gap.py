@@ -1,9 +1,8 @@
 """gaps.csv: how far every method is from the limit, over the worlds that both have run."""
 
-import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,63 +11,67 @@ from benchmarks.tables.pairing import (
     SETTING_COLUMNS,
     Method,
     Record,
+    Runs,
     Setting,
+    as_json,
+    by_world,
     method_of,
+    runs_of,
     setting_of,
-    world_scores,
 )
-from benchmarks.tables.stats import paired_bootstrap
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text
-
-Cells = dict[tuple[Setting, Method], list[Record]]
+from benchmarks.trials.spec import Params, thawed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """One method of a setting at one offset, against the limit at that offset; NaN: not known.
+    """One method of a panel at one offset, against the limit at that offset; NaN: not known.
 
     Attributes:
-        setting, method, offset: of what.
+        setting, swept: the panel.
+        method, offset: of what.
         limit: what it is held against.
         worlds: that both have run; all means are over these.
         error: mean of e.
         seed_sd: SD of e between runs of the method on the same world.
-        gap, gap_low, gap_high: mean of error - the limit's, 95 % bootstrap over worlds.
+        gap: mean of error - the limit's, 95 % bootstrap over worlds.
     """
 
     setting: Setting
+    swept: Params
     method: Method
     offset: int
     limit: Method
     worlds: int
     error: float
     seed_sd: float
-    gap: float
-    gap_low: float
-    gap_high: float
+    gap: Estimate
 
 
-def gaps(records: Sequence[Record], limits: Sequence[Record]) -> list[Gap]:
-    """Hold every method against the limit of its setting; the limit itself comes first."""
-    theirs, ours = _cells(limits), _cells(records)
+def gaps(panel: Panel, limits: Sequence[Record]) -> list[Gap]:
+    """Hold the methods of a panel against the limit; the limit itself comes first."""
+    theirs: dict[Method, list[Record]] = {}
+    for record in limits:
+        if setting_of(record) == panel.setting:
+            theirs.setdefault(method_of(record), []).append(record)
+    held = {method: limit_of(panel.swept, method, list(theirs)) for method in panel.records}
+    own = {limit: theirs[limit] for limit in held.values() if limit is not None}
     rows = []
-    for (setting, method), own in ({**theirs, **ours} | theirs).items():
-        limit = limit_of(method, [one for other, one in theirs if other == setting])
-        if limit is None:
-            continue
-        reference = theirs[setting, limit]
-        offsets = dict.fromkeys(score["offset"] for record in own for score in record["scores"])
-        found = (_gap(setting, method, offset, own, limit, reference) for offset in offsets)
-        rows += [row for row in found if row is not None]
+    for method, records in ({**own, **panel.records} | own).items():
+        limit = method if method in own else held[method]
+        if limit is not None:
+            rows += _gaps(panel, method, records, limit, theirs[limit])
     return rows
 
 
-def limit_of(method: Method, limits: Sequence[Method]) -> Method | None:
-    """Return the limit with the method's value of every parameter in which the limits differ."""
-    told = [json.loads(limit.params) for limit in limits]
+def limit_of(swept: Params, method: Method, limits: Sequence[Method]) -> Method | None:
+    """Return the limit with the panel's and the method's value of all in which limits differ."""
+    told = [dict(limit.params) for limit in limits]
     names = {name for params in told for name in params}
-    differing = {n for n in names if len({json.dumps(params.get(n)) for params in told}) > 1}
-    own = json.loads(method.params)
+    differing = {name for name in names if len({params.get(name) for params in told}) > 1}
+    own = dict(swept) | dict(method.params)
     for limit, params in zip(limits, told, strict=True):
         if all(own[name] == params.get(name) for name in differing & own.keys()):
             return limit
@@ -76,69 +79,58 @@ def limit_of(method: Method, limits: Sequence[Method]) -> Method | None:
 
 
 def gaps_csv(rows: Iterable[Gap]) -> str:
-    """Return gaps.csv: one line per setting, method and offset."""
-    plain = [f.name for f in fields(Gap) if f.name not in ("setting", "method", "limit")]
-    header = [*SETTING_COLUMNS, *METHOD_COLUMNS, "limit", "limit_params", *plain]
+    """Return gaps.csv: one line per panel, method and offset."""
+    plain = ("offset", "worlds", "error", "seed_sd")
+    header = [*SETTING_COLUMNS, "swept", *METHOD_COLUMNS, "limit", "limit_params", *plain]
     lines = (
         [
-            *(*astuple(row.setting), *astuple(row.method), *astuple(row.limit)),
+            *row.setting.cells(),
+            as_json(thawed(row.swept)),
+            *row.method.cells(),
+            *row.limit.cells(),
             *(getattr(row, name) for name in plain),
+            *row.gap,
         ]
         for row in rows
     )
-    return csv_text(header, lines)
+    return csv_text([*header, "gap", "gap_low", "gap_high"], lines)
 
 
-def apart(ours: Mapping[int, float], theirs: Mapping[int, float]) -> tuple[float, float, float]:
-    """Mean of ours - theirs over the worlds in both, and its 95 % bootstrap interval."""
-    differences = np.array([ours[world] - theirs[world] for world in ours if world in theirs])
-    if not differences.size:
-        return math.nan, math.nan, math.nan
-    return (float(differences.mean()), *paired_bootstrap(differences))
-
-
-def _gap(
-    setting: Setting,
+def _gaps(
+    panel: Panel,
     method: Method,
-    offset: int,
-    own: Sequence[Record],
+    records: Sequence[Record],
     limit: Method,
     reference: Sequence[Record],
-) -> Gap | None:
-    ours = world_scores(own, "error", offset)
-    theirs = world_scores(reference, "error", offset)
-    shared = [world for world in ours if world in theirs]
-    if not shared:
-        return None
-    gap, low, high = apart(ours, theirs)
-    return Gap(
-        setting=setting,
-        method=method,
-        offset=offset,
-        limit=limit,
-        worlds=len(shared),
-        error=sum(ours[world] for world in shared) / len(shared),
-        seed_sd=_seed_sd([r for r in own if r["trial"]["trial"] in shared], offset),
-        gap=gap,
-        gap_low=low,
-        gap_high=high,
-    )
+) -> list[Gap]:
+    """Rows of a method at every offset; runs differ in number, so each world's are averaged."""
+    rows = []
+    for offset in dict.fromkeys(s["offset"] for record in records for s in record["scores"]):
+        errors = runs_of(records, "error", offset)
+        ours, theirs = by_world(errors), by_world(runs_of(reference, "error", offset))
+        shared = [world for world in ours if world in theirs]
+        if not shared:
+            continue
+        rows.append(
+            Gap(
+                setting=panel.setting,
+                swept=panel.swept,
+                method=method,
+                offset=offset,
+                limit=limit,
+                worlds=len(shared),
+                error=sum(ours[world] for world in shared) / len(shared),
+                seed_sd=_seed_sd({run: e for run, e in errors.items() if run[0] in shared}),
+                gap=estimate(np.array([ours[world] - theirs[world] for world in shared])),
+            )
+        )
+    return rows
 
 
-def _seed_sd(records: Sequence[Record], offset: int) -> float:
+def _seed_sd(errors: Runs) -> float:
     """Root of the mean over worlds of the variance between runs (ddof 1)."""
     worlds: dict[int, list[float]] = {}
-    for record in records:
-        for score in record["scores"]:
-            if score["offset"] == offset and score["error"] is not None:
-                worlds.setdefault(record["trial"]["trial"], []).append(score["error"])
+    for (world, _), error in errors.items():
+        worlds.setdefault(world, []).extend([] if math.isnan(error) else [error])
     variances = [float(np.var(runs, ddof=1)) for runs in worlds.values() if len(runs) > 1]
     return math.sqrt(sum(variances) / len(variances)) if variances else math.nan
-
-
-def _cells(records: Sequence[Record]) -> Cells:
-    cells: Cells = {}
-    for record in records:
-        key = setting_of(record["trial"]), method_of(record["trial"])
-        cells.setdefault(key, []).append(record)
-    return cells

@@ -1,94 +1,127 @@
-"""Which trials belong together: the setting they share, the method they differ in."""
+"""Which trials belong together: the setting they share, the method they differ in, the worlds."""
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+
+from benchmarks.trials.spec import Params, frozen, thawed, unworded
+from deqmcl_gym.numerics.types import Floats
+
 Record = dict[str, Any]
+Run = tuple[int, int]  # world, filter seed
+Runs = dict[Run, float]
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
+METHOD_COLUMNS = ("method", "params")
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What trials share that may be compared; nested values as JSON, so that it can be a key.
+    """What trials share that may be compared.
 
     Attributes:
         scenario: name of the world and of what the filters assume.
         world, assumed: changes to both, by dotted name.
-        disturbance: wrappers around the world.
+        disturbance: wrappers around the world, innermost first.
         lag: L.
         seed: root of all randomness.
     """
 
     scenario: str
-    world: str
-    assumed: str
-    disturbance: str
+    world: Params
+    assumed: Params
+    disturbance: tuple[Params, ...]
     lag: int
     seed: int
+
+    def cells(self) -> list[Any]:
+        """Return the values of ``SETTING_COLUMNS`` in a CSV: parts as JSON."""
+        wrappers = [thawed(wrapper) for wrapper in self.disturbance]
+        changes = (as_json(thawed(self.world)), as_json(thawed(self.assumed)), as_json(wrappers))
+        return [self.scenario, *changes, self.lag, self.seed]
 
 
 @dataclass(frozen=True)
 class Method:
-    """A localizer with its parameters, as JSON."""
+    """A localizer with its parameters."""
 
     localizer: str
-    params: str
+    params: Params = ()
 
-    def agrees(self, other: "Method") -> bool:
-        """Whether the parameters that both have are the same."""
-        ours, theirs = json.loads(self.params), json.loads(other.params)
-        return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
-
-
-SETTING_COLUMNS = tuple(Setting.__annotations__)
-METHOD_COLUMNS = ("method", "params")
+    def cells(self) -> list[str]:
+        """Return the values of ``METHOD_COLUMNS`` in a CSV: the parameters as JSON."""
+        return [self.localizer, as_json(thawed(self.params))]
 
 
-def setting_of(trial: dict[str, Any]) -> Setting:
-    """Return the setting of a canonical trial."""
+SETTING_COLUMNS = tuple(field.name for field in fields(Setting))
+
+
+def setting_of(record: Record) -> Setting:
+    """Return the setting of a finished trial."""
+    trial = unworded(record["trial"])
     return Setting(
-        trial.get("scenario", ""),
-        _json(trial.get("world") or {}),
-        _json(trial.get("assumed") or {}),
-        _json(trial.get("disturbance") or []),
-        trial.get("lag", 0),
-        trial.get("seed", 0),
+        scenario=trial["scenario"],
+        world=frozen(trial["world"]),
+        assumed=frozen(trial["assumed"]),
+        disturbance=tuple(frozen(wrapper) for wrapper in trial["disturbance"]),
+        lag=trial["lag"],
+        seed=trial["seed"],
     )
 
 
-def method_of(trial: dict[str, Any]) -> Method:
-    """Return the method of a canonical trial."""
-    return Method(trial["localizer"], _json(trial.get("params") or {}))
+def method_of(record: Record) -> Method:
+    """Return the method of a finished trial."""
+    trial = record["trial"]
+    return Method(trial["localizer"], frozen(unworded(trial["params"])))
 
 
-def per_world(values: Mapping[tuple[int, int], float | None]) -> dict[int, float]:
-    """Means over the filter seeds of each world; NaN where one is not available."""
+def run_of(record: Record) -> Run:
+    """Return the world and the filter seed of a finished trial."""
+    return record["trial"]["trial"], record["trial"]["filter_seed"]
+
+
+def agree(some: Params, others: Params) -> bool:
+    """Whether the parameters that both have are the same."""
+    ours, theirs = dict(some), dict(others)
+    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
+
+
+def runs_of(records: Iterable[Record], name: str, offset: int = 0) -> Runs:
+    """Return a score at an offset by run; NaN where it is not available."""
+    return {
+        run_of(record): _number(score.get(name))
+        for record in records
+        for score in record["scores"]
+        if score["offset"] == offset
+    }
+
+
+def by_world(runs: Mapping[Run, float | None]) -> dict[int, float]:
+    """Return means over the filter seeds of each world, in the order of the worlds."""
     worlds: dict[int, list[float]] = {}
-    for (world, _), value in sorted(values.items()):
-        worlds.setdefault(world, []).append(math.nan if value is None else value)
+    for (world, _), value in sorted(runs.items()):
+        worlds.setdefault(world, []).append(_number(value))
     return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
 
 
-def world_scores(records: Sequence[Record], name: str, offset: int = 0) -> dict[int, float]:
-    """A score at an offset by world."""
-    return per_world(
-        {
-            (record["trial"]["trial"], record["trial"]["filter_seed"]): score.get(name)
-            for record in records
-            for score in record["scores"]
-            if score["offset"] == offset
-        }
-    )
+def over_worlds(runs: Mapping[Run, float | None]) -> Floats:
+    """Return one value per world, (W,)."""
+    return np.array(list(by_world(runs).values()))
 
 
-def identity(trial: dict[str, Any]) -> tuple[Any, ...]:
-    """Values of ``SETTING_COLUMNS`` and ``METHOD_COLUMNS``."""
-    return (*astuple(setting_of(trial)), *astuple(method_of(trial)))
+def differences(ours: Runs, theirs: Runs) -> Floats:
+    """Return ours - theirs over the runs in both, one value per world, (W,)."""
+    return over_worlds({run: ours[run] - theirs[run] for run in ours if run in theirs})
 
 
-def _json(value: Any) -> str:
+def as_json(value: Any) -> str:
+    """Return a cell of a CSV that holds names or several values."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,22 @@ from deqmcl_gym.numerics.types import Floats
 _RESAMPLES = 10_000
 _BLOCK = 1_000  # resamples held at once
 _EXACT = 50  # signed ranks whose distribution is counted rather than approximated
+
+
+class Estimate(NamedTuple):
+    """A mean over worlds with its 95 % interval; NaN is not available."""
+
+    mean: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+
+
+UNKNOWN = Estimate()
+
+
+def estimate(values: Floats) -> Estimate:
+    """Return the mean of one value per world with its bootstrap interval."""
+    return Estimate(float(values.mean()), *paired_bootstrap(values)) if values.size else UNKNOWN
 
 
 def sample_sd(values: Floats) -> float:

@@ -1,19 +1,27 @@
-"""From the records of trials to table.csv, trials.csv, timings.csv and a readable Table 1."""
+"""The paper's Table 1 beside ours, and trials.csv, timings.csv."""
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
 
-import numpy as np
 from tabulate import tabulate
 
-from benchmarks.tables.pairing import BASELINE, METHOD_COLUMNS, SETTING_COLUMNS, Record, identity
-from benchmarks.tables.published import TABLE_1
-from benchmarks.tables.stats import paired_bootstrap, sample_sd
-from benchmarks.tables.text import csv_text, fixed
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import (
+    METHOD_COLUMNS,
+    SETTING_COLUMNS,
+    Record,
+    method_of,
+    run_of,
+    setting_of,
+)
+from benchmarks.tables.panels import short_name
+from benchmarks.tables.published import TABLE_1, Published
+from benchmarks.tables.stats import Estimate
+from benchmarks.tables.text import csv_text, fixed, percent
 from benchmarks.trials.scoring import SCORE_NAMES
 
 _IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
+_VARIANCES = {"var_x": 1, "var_y": 1, "var_cos": 3, "var_sin": 3}  # digits
 
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-map-smoother": "map-based MCL with smoother",
@@ -24,61 +32,13 @@ TITLES = {name: row.title for name, row in TABLE_1.items()} | {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One method at one offset, averaged over trials; NaN is not available."""
-
-    method: str
-    offset: int
-    error: float
-    error_sd: float
-    error_window: float
-    entropy: float
-    var_x: float
-    var_y: float
-    var_cos: float
-    var_sin: float
-    position_rmse: float
-    heading_rmse: float
-    wall_share: float
-    diff_vs_mcl: float
-    diff_low: float
-    diff_high: float
-    trials: int
-
-
-def table_rows(records: Sequence[Record]) -> list[Row]:
-    """Average the records over trials, in the order in which methods first appear."""
-    methods = list(dict.fromkeys(record["trial"]["localizer"] for record in records))
-    baseline = {
-        _world(record): score["error"]
-        for record in records
-        if record["trial"]["localizer"] == BASELINE
-        for score in record["scores"]
-        if score["offset"] == 0
-    }
-    rows = []
-    for method in methods:
-        own = [record for record in records if record["trial"]["localizer"] == method]
-        offsets = dict.fromkeys(score["offset"] for record in own for score in record["scores"])
-        rows += [_row(method, offset, own, baseline) for offset in offsets]
-    return rows
-
-
-def table_csv(rows: Iterable[Row]) -> str:
-    """Return table.csv."""
-    return csv_text([field.name for field in fields(Row)], map(astuple, rows))
-
-
 def trials_csv(records: Iterable[Record]) -> str:
     """Return trials.csv: one line per trial, method and offset."""
     counts = ("weight_collapses", "replanned_steps", "skipped_beams", "blind_scans")
-    header = [*_IDENTITY, "offset", *SCORE_NAMES, "steps_done", "scans_used"]
-    lines = [
+    header = [*_IDENTITY, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts]
+    lines = (
         [
-            *identity(record["trial"]),
-            record["trial"]["trial"],
-            record["trial"]["filter_seed"],
+            *_identity(record),
             score["offset"],
             *(score.get(name) for name in SCORE_NAMES),
             record["steps_done"],
@@ -87,53 +47,51 @@ def trials_csv(records: Iterable[Record]) -> str:
         ]
         for record in records
         for score in record["scores"]
-    ]
-    return csv_text([*header, *counts], lines)
+    )
+    return csv_text(header, lines)
 
 
 def timings_csv(records: Iterable[Record]) -> str:
     """Return timings.csv: the localizer's own time, reset left out."""
-    lines = [
+    lines = (
         [
-            *identity(record["trial"]),
-            record["trial"]["trial"],
-            record["trial"]["filter_seed"],
+            *_identity(record),
             record["seconds"],
             1000 * record["seconds"] / record["steps_done"] if record["seconds"] else None,
         ]
         for record in records
-    ]
+    )
     return csv_text([*_IDENTITY, "seconds", "ms_per_step"], lines)
 
 
-def table_1(rows: Sequence[Row], style: str) -> str:
+def table_1(rows: Sequence[Comparison], style: str) -> str:
     """Return our Table 1 with the paper's printed values beside ours.
 
     Args:
-        rows: of ``table_rows``.
-        style: a format of tabulate: "simple" for a terminal, "github" for Markdown.
+        rows: of one panel.
+        style: a format of tabulate: "simple" for a terminal, at most 120 columns; "github" for
+            Markdown, with the methods' full names and the variances.
     """
-    header = ["method", "belief about", "error (SD)", "paper", "entropy", "paper"]
-    for name in ("x", "y", "cos θ", "sin θ"):
-        header += [f"var {name}", "paper"]
-    header += ["error - MCL's, 95 % interval", "in walls"]
+    named, variances = (full_name, _VARIANCES) if style == "github" else (short_name, {})
+    baseline = named(rows[0].baseline.localizer) if rows else ""
+    header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
+    header += ["entropy", "paper", "in walls"]
+    header += [word for name in variances for word in (name.replace("_", " "), "paper")]
     lines = []
     for row in rows:
-        printed = TABLE_1.get(row.method) if row.offset <= 0 else None
+        printed = TABLE_1.get(row.method.localizer) if row.offset <= 0 else None
         line = [
-            TITLES.get(row.method, row.method),
+            named(row.method.localizer),
             state_name(row.offset),
-            f"{fixed(row.error)} ({fixed(row.error_sd)})",
+            "baseline" if row.is_baseline else _difference(row.diff),
+            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
             f"{printed.error:.2f} ({printed.error_sd:.2f})" if printed else "",
-            fixed(row.entropy),
+            fixed(row.scores["entropy"].mean),
             f"{printed.entropy:.2f}" if printed else "",
+            percent(row.scores["wall_share"].mean, 1),
         ]
-        for name, digits in (("var_x", 1), ("var_y", 1), ("var_cos", 3), ("var_sin", 3)):
-            line += [
-                fixed(getattr(row, name), digits),
-                f"{getattr(printed, name):g}" if printed else "",
-            ]
-        line += [_interval(row), _percent(row.wall_share)]
+        for name, digits in variances.items():
+            line += [fixed(row.scores[name].mean, digits), _printed(printed, name)]
         lines.append(line)
     return tabulate(
         lines,
@@ -150,67 +108,48 @@ def state_name(offset: int) -> str:
     return f"x[t{offset:+d}]" if offset else "x[t]"
 
 
-def reading(rows: Sequence[Row]) -> str:
-    """Return one honest sentence on what the dead-reckoning row means for the others."""
-    present = {row.method: row.error for row in rows if row.offset == 0}
-    filters = {name: error for name, error in present.items() if name != "dead-reckoning"}
-    if "dead-reckoning" not in present or not filters:
+def full_name(localizer: str) -> str:
+    """The method's name in words, if it has one."""
+    return TITLES.get(localizer, short_name(localizer))
+
+
+def reading(rows: Iterable[Comparison]) -> str:
+    """Return one sentence on what the error of dead reckoning means for the others'.
+
+    Args:
+        rows: of one panel.
+    """
+    present = [row for row in rows if row.offset == 0]
+    filters = [row for row in present if row.method.localizer != "dead-reckoning"]
+    blind = next((row for row in present if row not in filters), None)
+    if blind is None or not filters:
         return ""
-    best = min(filters, key=lambda name: filters[name])
-    blind = present["dead-reckoning"]
-    ours = f"the best filter at x[t] ({TITLES.get(best, best)}: {filters[best]:.2f})"
-    if blind < filters[best]:
+    best = min(filters, key=lambda row: row.error.mean)
+    theirs = f"{full_name(best.method.localizer)}: {fixed(best.error.mean)}"
+    if blind.error.mean < best.error.mean:
         return (
-            f"Dead reckoning on the plan (error {blind:.2f}) beats {ours}: the world's motion is "
-            "far less noisy than the filters assume, so this table compares how filters bear "
-            "with wrong assumptions, not whether localization is needed here."
+            f"Dead reckoning on the plan, which uses no scan, has a smaller error at x[t] than "
+            f"every filter ({fixed(blind.error.mean)}; the best filter is {theirs}): here the plan "
+            "alone predicts the path better than the filters do, so the table shows how well "
+            "filters tolerate wrong assumptions, not whether localization is needed."
         )
-    return f"Dead reckoning on the plan (error {blind:.2f}) is beaten by {ours}."
-
-
-def _row(
-    method: str, offset: int, records: Sequence[Record], baseline: dict[tuple[int, int], float]
-) -> Row:
-    scored = {
-        _world(record): score
-        for record in records
-        for score in record["scores"]
-        if score["offset"] == offset
-    }
-    columns = {
-        name: np.array(
-            [math.nan if score[name] is None else score[name] for score in scored.values()]
-        )
-        for name in SCORE_NAMES
-        if name in Row.__annotations__
-    }
-    shared = [world for world in scored if world in baseline]
-    errors = dict(zip(scored, columns["error"], strict=True))  # NaN where a score is None
-    differences = np.array([errors[world] - baseline[world] for world in shared])
-    low, high = paired_bootstrap(differences)
-    return Row(
-        method=method,
-        offset=offset,
-        **{name: float(values.mean()) for name, values in columns.items()},
-        error_sd=sample_sd(columns["error"]),
-        diff_vs_mcl=float(differences.mean()) if shared else math.nan,
-        diff_low=low,
-        diff_high=high,
-        trials=len(scored),
+    return (
+        f"Dead reckoning on the plan (error {fixed(blind.error.mean)} at x[t]) is worse than the "
+        f"best filter ({theirs})."
     )
 
 
-def _world(record: Record) -> tuple[int, int]:
-    return record["trial"]["trial"], record["trial"]["filter_seed"]
+def _identity(record: Record) -> list[object]:
+    return [*setting_of(record).cells(), *method_of(record).cells(), *run_of(record)]
 
 
-def _percent(share: float) -> str:
-    return "n/a" if math.isnan(share) else f"{100 * share:.1f} %"
+def _printed(published: Published | None, name: str) -> str:
+    return f"{getattr(published, name):g}" if published else ""
 
 
-def _interval(row: Row) -> str:
-    if math.isnan(row.diff_vs_mcl):
+def _difference(diff: Estimate) -> str:
+    if math.isnan(diff.mean):
         return "n/a"
-    if math.isnan(row.diff_low):
-        return f"{row.diff_vs_mcl:+.2f}"
-    return f"{row.diff_vs_mcl:+.2f} [{row.diff_low:+.2f}, {row.diff_high:+.2f}]"
+    if math.isnan(diff.low):
+        return f"{diff.mean:+.2f}"
+    return f"{diff.mean:+.2f} [{diff.low:+.2f}, {diff.high:+.2f}]"

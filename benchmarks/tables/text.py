@@ -22,5 +22,10 @@ def fixed(value: float, digits: int = 2) -> str:
     return "n/a" if math.isnan(value) else f"{value:.{digits}f}"
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """A share in per cent, or n/a."""
+    return "n/a" if math.isnan(share) else f"{100 * share:.{digits}f} %"
+
+
 def _missing(value: Any) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))

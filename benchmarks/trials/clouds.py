@@ -68,8 +68,9 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     """
     try:
         poses, weights = map(np.asarray, points)
-        kept = np.float32 if poses.dtype == np.float32 else np.float64
-        rows, shares = np.array(poses, kept, order="F").T, np.array(weights, np.float64)
+        kept: type[np.floating[Any]] = np.float32 if poses.dtype == np.float32 else np.float64
+        rows = np.array(poses, kept, order="F").T
+        shares = np.array(weights, np.float64)
     except (TypeError, ValueError):
         seen = f"is of type {type(points).__name__}"
     else:
@@ -82,15 +83,15 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     )
 
 
-def joined(clouds: Sequence[Cloud], truth: Floats) -> Clouds:
-    """Put clouds together; ``truth``: the true pose of the state of each, (k, 3)."""
+def joined(clouds: Sequence[Cloud], truth: Sequence[Reals]) -> Clouds:
+    """Put clouds together; ``truth``: the true pose of the state of each, (3,)."""
     weights = [cloud.weights for cloud in clouds]
     return Clouds(
         each=clouds,
         poses=np.concatenate([cloud.poses for cloud in clouds], axis=1),
         weights=np.concatenate(weights),
         ends=np.cumsum([own.size for own in weights]),
-        truth=truth,
+        truth=np.array(truth, np.float64),
     )
 
 

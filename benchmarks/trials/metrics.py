@@ -7,11 +7,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.clouds import Clouds, Task
-from benchmarks.trials.thresholds import Thresholds
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
@@ -42,7 +43,7 @@ class Estimates:
 
     @cached_property
     def error(self) -> Floats:
-        """e of each state, (k,)."""
+        """E of each state, (k,)."""
         return state_error(self.means, self.truth)
 
     @cached_property
@@ -117,8 +118,7 @@ def wall_share(clouds: Clouds, task: Task) -> Floats:
     """Weight on poses where the robot does not fit, (k,)."""
     outside = np.flatnonzero(~task.floor_plan.free(clouds.poses.T, task.radius))
     cuts = [0, *np.searchsorted(outside, clouds.ends).tolist()]
-    spans = zip(cuts, cuts[1:], strict=False)
-    return np.array([clouds.weights[outside[a:b]].sum() if a < b else 0.0 for a, b in spans])
+    return np.array([clouds.weights[outside[a:b]].sum() for a, b in pairwise(cuts)])
 
 
 def rms(values: Floats) -> float:

@@ -1,6 +1,10 @@
 """What a sweep asks about a localizer by name; one that cannot be loaded is no reason to stop."""
 
+from collections.abc import Iterable
+from functools import cache
+
 import localizers
+from benchmarks.setup.names import scenario_digest
 from benchmarks.trials.provenance import provenance
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -9,7 +13,17 @@ from localizers import names, parameters
 
 def key_of(trial: Trial) -> str:
     """Return the name under which a trial's result is kept."""
-    return trial.key(provenance() + source_digest(trial.localizer))
+    (key,) = keyed([trial])
+    return key
+
+
+def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
+    """Return trials by the names under which their results are kept."""
+    localizer, setup = cache(source_digest), cache(scenario_digest)  # a file is read once
+    return {
+        trial.key(provenance() + localizer(trial.localizer) + setup(trial.scenario)): trial
+        for trial in trials
+    }
 
 
 def takes(name: str) -> tuple[str, ...] | None:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
-from benchmarks.trials.thresholds import Thresholds
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
 from deqmcl_gym.numerics.types import Floats
 

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import METRICS
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from localizers import Belief, quality_of
 from localizers.models.scan_kernels import count_usable
 
@@ -83,7 +83,7 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> T
             collector.see(moment)
     return Trace(
         unit=task.floor_plan.unit,
-        truth=np.array(lap.truth),
+        truth=np.array(lap.truth, np.float64),
         offsets={k: _offset_trace(*table) for k, table in scored.tables().items()},
         scans_used=lap.scans_used,
         seconds=lap.seconds,
@@ -98,19 +98,20 @@ class _Lap:
 
     def __init__(self, max_range: float) -> None:
         self._max_range = max_range
-        self.truth: list[Floats] = []
+        self.truth: list[Reals] = []
         self.quality: list[float] = []
         self.scans_used, self.seconds = 0, 0.0
         self.belief: Belief | None = None
 
     def see(self, moment: Moment) -> None:
         self.belief = moment.belief
-        self.truth.append(np.array(moment.truth, np.float64))
+        self.truth.append(moment.truth)
         quality = quality_of(moment.belief)
         self.quality.append(np.nan if quality is None else quality)
         if moment.step > 0:
             self.seconds += moment.seconds
-            self.scans_used += count_usable(moment.ranges, self._max_range) > 0
+            ranges = np.asarray(moment.ranges, np.float64)
+            self.scans_used += count_usable(ranges, self._max_range) > 0
 
 
 class _Beliefs:
@@ -123,7 +124,7 @@ class _Beliefs:
     def __init__(
         self,
         offsets: Iterable[int],
-        truth: Sequence[Floats],
+        truth: Sequence[Reals],
         measure: Callable[[Clouds], Table],
         stride: int = 1,
     ) -> None:
@@ -158,7 +159,7 @@ class _Beliefs:
 
     def _measure_due(self) -> None:
         if self._due:
-            truth = np.array([self._truth[cloud.state] for cloud in self._due])
+            truth = [self._truth[cloud.state] for cloud in self._due]
             self._tables.append(self._measure(joined(self._due, truth)))
             self._labels += [(cloud.state, cloud.offset) for cloud in self._due]
             self._due = []

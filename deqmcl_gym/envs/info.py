@@ -10,12 +10,12 @@ class RoomInfo(TypedDict):
 
     Attributes:
         planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
-            distance px, turn rad.
+            distance, turn.
         planned_count: how many rows of ``planned_actions`` are actions.
         action: the command carried out in this step, before motion noise and contact, (2,)
             float32; zeros at reset.
         collided: whether the step was stopped by a wall.
-        truth: the true pose (x px, y px, θ rad), (3,) float64. For scoring: an estimator that
+        truth: the true pose (x, y, θ), (3,) float64. For scoring: an estimator that
             reads it has been told the answer.
     """
 

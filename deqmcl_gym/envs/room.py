@@ -17,7 +17,7 @@ from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.physics import Walls
 from deqmcl_gym.world.plan import FixedPlan, Plan
-from deqmcl_gym.world.setting import COLLISION_PENALTY, Setting
+from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream
 
 
@@ -45,7 +45,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         noise: MotionNoise | dict[str, Any] | None = None,
         start: Start | dict[str, Any] | None = None,
         lap: Lap | dict[str, Any] | None = None,
-        driver: Driver | dict[str, Any] | None = None,
+        driver: Driver | dict[str, Any] | str | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         render_mode: str | None = None,
@@ -54,13 +54,14 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
         Args:
             preset: name of the world to start from.
-            floor_plan: the map: ``outer`` corners and ``obstacles``, px.
+            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m".
             lidar: beams, field of view, range and noise.
             robot: radius and largest action.
             noise: motion noise of the world.
             start: pose at reset and its spread.
             lap: step lengths, or waypoints of the planned path.
-            driver: who follows that path from the true pose, and plans anew at every step.
+            driver: who follows that path from the true pose, and plans anew at every
+                step; "none" takes the preset's away.
             horizon: how many planned actions ``info`` shows; None shows the whole rest.
             ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
             render_mode: None or "rgb_array".
@@ -98,7 +99,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
     @property
     def pose(self) -> Pose:
-        """The true pose (x px, y px, θ rad)."""
+        """The true pose (x, y, θ)."""
         return self._episode.pose
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
@@ -130,7 +131,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
             raise RuntimeError(f"the episode {state}: call reset() before step().")
         command = self._setting.commands.checked(action)
         progress, collided = episode.advance(*command.tolist())
-        reward = progress - COLLISION_PENALTY * collided
+        reward = progress - self._setting.penalty * collided
         info = _info(episode, command, collided)
         used_up = info["planned_count"] == 0
         episode.ended = used_up or (self._setting.ends_at_goal and episode.lap_done)

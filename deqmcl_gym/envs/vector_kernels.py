@@ -17,7 +17,7 @@ def sides(walls: Floats) -> Floats:
     """Return walls (x₀, y₀, x₁, y₁) as :func:`drive` takes them.
 
     Returns:
-        (x₀, y₀, unit x, unit y, length), (S, 5) px.
+        (x₀, y₀, unit x, unit y, length), (S, 5).
     """
     along = walls[:, 2:] - walls[:, :2]
     length = np.hypot(*along.T)[:, None]
@@ -42,17 +42,17 @@ def drive(
     """Turn and drive the robots that are not ``resting``, in place: one step.
 
     Args:
-        poses: x px, y px, θ rad in [-π, π), (n, 3).
-        gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,)
-            px; 0 if nobody knows.
-        commands: distance px, turn rad, (n, 2).
+        poses: x, y, θ in [-π, π), (n, 3).
+        gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,);
+            0 if nobody knows.
+        commands: distance, turn, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
         at: the row of these that each robot takes, (n,); goes on to the next one.
         resting: which robots stay, (n,).
         noise: σ_dd, σ_φφ, σ_φd.
         walls: as :func:`sides` returns them; free space to their left.
-        radius: of the robots, px.
-        skin: how far before the contact they stop, px.
+        radius: of the robots.
+        skin: how far before the contact they stop.
         steps: carried out, (n,); one more.
         collided: filled in: whether a wall stopped the robot, (n,).
     """
@@ -148,18 +148,18 @@ def judge(
     """What a step is worth, and whether the episode ends with it.
 
     Args:
-        poses, starts: where the robots are and where they began, (n, 2+) px.
-        arcs: arc length of the path's point nearest to where they were, (n,) px; to where they are.
-        sums: progress along the path since reset, (n,) px; this step's is added.
+        poses, starts: where the robots are and where they began, (n, 2+).
+        arcs: arc length of the path's point nearest to where they were, (n,); to where they are.
+        sums: progress along the path since reset, (n,); this step's is added.
         steps: carried out, (n,).
         collided: whether a wall stopped the robot, (n,).
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
-        length: of the path, px.
-        penalty: for a contact, px.
-        near: how near to the start a lap ends, px; negative if episodes do not end with it.
+        length: of the path.
+        penalty: for a contact.
+        near: how near to the start a lap ends; negative if episodes do not end with it.
         most: steps of a plan.
         limit: steps of an episode.
-        rewards: filled in, (n,) px.
+        rewards: filled in, (n,).
         terminated: filled in: whether the plan is used up or the lap is done, (n,).
         truncated: filled in: whether the episode has reached its limit, (n,).
     """

@@ -7,7 +7,7 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
-from deqmcl_gym.world.setting import COLLISION_PENALTY, SKIN, Setting
+from deqmcl_gym.world.setting import SKIN, Setting
 from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
@@ -15,7 +15,7 @@ class Moved(NamedTuple):
     """What came of a step.
 
     Attributes:
-        rewards: progress along the path less the penalty, (n,) px.
+        rewards: progress along the path less the penalty, (n,).
         collided: whether a wall stopped the robot, (n,).
         terminated: whether the plan is used up or, where that counts, the lap is done, (n,).
         truncated: whether the episode is as long as it may be, (n,).
@@ -31,7 +31,7 @@ class Rooms:
     """What :class:`deqmcl_gym.world.episode.Episode` is for one room, for n of them.
 
     Attributes:
-        poses: the true poses (x px, y px, θ rad), (n, 3).
+        poses: the true poses (x, y, θ), (n, 3).
         steps: carried out, (n,).
     """
 
@@ -45,9 +45,9 @@ class Rooms:
         near = radius if setting.ends_at_goal else -1.0
         walls = kernels.sides(world.floor_plan.walls)
         # as the two kernels of a step take them
-        self._driving = ((noise.drive, noise.turn, noise.drift), walls, radius, SKIN)
+        self._driving = ((noise.drive, noise.turn, noise.drift), walls, radius, SKIN * world.pixel)
         self._judging = (
-            self._path.edges, self._path.length, COLLISION_PENALTY, near, most, limit,
+            self._path.edges, self._path.length, setting.penalty, near, most, limit,
         )  # fmt: skip
         self._motion = NormalTable(number, 2, most)
         self._lidars = LidarSensors(world.floor_plan, lidar, number, most + 1)
@@ -99,5 +99,5 @@ class Rooms:
 
     @property
     def scans(self) -> Singles:
-        """The last ones, (n, B) px."""
+        """The last ones, (n, B)."""
         return self._lidars.scans

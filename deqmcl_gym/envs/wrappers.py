@@ -24,7 +24,7 @@ class Kidnap(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordCons
     Args:
         env: a RoomEnv, or wrappers around one.
         step: before which step, from 1.
-        pose: where to (x px, y px, θ rad); None draws a free pose anew in each episode.
+        pose: where to (x, y, θ); None draws a free pose anew in each episode.
     """
 
     def __init__(self, env: gym.Env[Singles, Action], step: int, pose: Pose | None = None) -> None:
@@ -95,7 +95,7 @@ class PlanChange(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Record
     Args:
         env: a RoomEnv, or wrappers around one.
         step: after which step the new plan is shown and begins, from 1.
-        actions: (distance px, turn rad), (k, 2); may be empty, which ends the episode there.
+        actions: (distance, turn), (k, 2); may be empty, which ends the episode there.
     """
 
     def __init__(self, env: gym.Env[Singles, Action], step: int, actions: ArrayLike) -> None:

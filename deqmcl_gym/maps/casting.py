@@ -12,8 +12,10 @@ from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
 from deqmcl_gym.numerics.types import Floats, Singles
 
-# Walls are cast this much longer at both ends (px), so that no ray slips between two at a corner.
+# px: walls are cast this much longer at both ends, so that no ray slips between two at a corner
 OVERLAP = 5e-4
+# px: a wall this close to a cell counts as in it, well over rounding errors
+MARGIN = 0.05
 # From here on, walking through cells is faster than trying all walls (each box counts as one).
 # `deqmcl speed` measures both sides of it: rays against segments.
 MANY_WALLS = 64
@@ -61,13 +63,13 @@ class CellByCell(NamedTuple):
         ray_kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
 
 
-def caster_of(outer: Polygon, obstacles: Sequence[Polygon]) -> Caster:
-    """Return the faster caster for these walls."""
-    brute = all_walls(outer, obstacles)
-    return brute if brute.tries < MANY_WALLS else cell_by_cell(outer, obstacles)
+def caster_of(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> Caster:
+    """Return the faster caster for these walls; ``px`` is a pixel in their unit."""
+    brute = all_walls(outer, obstacles, px)
+    return brute if brute.tries < MANY_WALLS else cell_by_cell(outer, obstacles, px)
 
 
-def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
+def all_walls(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllWalls:
     """Sort walls by what is known of their direction, which saves arithmetic."""
     room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
     polygons = zip((outer, *obstacles), (room, *found), strict=True)
@@ -75,8 +77,9 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
     boxes = np.array([box for box in found if box is not None] or [NOWHERE], np.float32)
     x0, y0, x1, y1 = walls.T
     upright, level = x0 == x1, y0 == y1
-    low_x, high_x = np.minimum(x0, x1) - OVERLAP, np.maximum(x0, x1) + OVERLAP
-    low_y, high_y = np.minimum(y0, y1) - OVERLAP, np.maximum(y0, y1) + OVERLAP
+    overlap = OVERLAP * px
+    low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
+    low_y, high_y = np.minimum(y0, y1) - overlap, np.maximum(y0, y1) + overlap
     return AllWalls(
         outer=_outer(outer),
         room=np.array(EVERYWHERE if room is None else room, np.float32),
@@ -84,14 +87,15 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon]) -> AllWalls:
         boxes=boxes[1:],
         upright=_singles([x0, low_y, high_y])[upright],
         level=_singles([y0, low_x, high_x])[level],
-        oblique=_directed(walls[~(upright | level)]),
+        oblique=_directed(walls[~(upright | level)], overlap),
     )
 
 
-def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon]) -> CellByCell:
+def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> CellByCell:
     """Sort walls into cells."""
     walls = _edges([outer, *obstacles])
-    return CellByCell(outer=_outer(outer), walls=_directed(walls), cells=cells_of(walls))
+    directed, cells = _directed(walls, OVERLAP * px), cells_of(walls, MARGIN * px)
+    return CellByCell(outer=_outer(outer), walls=directed, cells=cells)
 
 
 def _outer(polygon: Polygon) -> Singles:
@@ -103,12 +107,12 @@ def _edges(polygons: Sequence[Polygon]) -> Floats:
     return np.vstack([np.empty((0, 4)), *edges])
 
 
-def _directed(walls: Floats) -> Singles:
+def _directed(walls: Floats, overlap: float) -> Singles:
     """(x₀, y₀, unit x, unit y, low, high) of walls (S, 4), (S, 6)."""
     x0, y0, x1, y1 = walls.T
     length = np.hypot(x1 - x0, y1 - y0)
-    start = np.full_like(length, -OVERLAP)
-    return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + OVERLAP])
+    start = np.full_like(length, -overlap)
+    return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + overlap])
 
 
 def _singles(columns: list[Floats]) -> Singles:

@@ -7,15 +7,13 @@ import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 
-_MARGIN = 0.05  # px: a wall this close to a cell counts as in it, well over rounding errors
-
 
 class Cells(NamedTuple):
     """A grid of square cells over some walls, as ``ray_kernels.cast_through`` takes it.
 
     Attributes:
-        corner: lower left corner of the grid (x, y), px.
-        side: of a cell, px.
+        corner: lower left corner of the grid (x, y).
+        side: of a cell.
         columns: how many cells there are along x; the index of a cell is row · columns + column.
         first: where each cell's walls begin in ``walls``, and one more for their end, (cells + 1,).
         walls: indices of walls, cell by cell.
@@ -28,17 +26,20 @@ class Cells(NamedTuple):
     walls: Ints
 
 
-def cells_of(walls: Floats) -> Cells:
-    """Sort walls (x₀, y₀, x₁, y₁), (S, 4) px, into about as many square cells."""
+def cells_of(walls: Floats, margin: float) -> Cells:
+    """Sort walls (x₀, y₀, x₁, y₁), (S, 4), into about as many square cells.
+
+    A wall closer to a cell than ``margin`` counts as in it.
+    """
     x0, y0, x1, y1 = walls.T
-    low = np.array([min(x0.min(), x1.min()), min(y0.min(), y1.min())]) - 2 * _MARGIN
-    width, height = np.array([max(x0.max(), x1.max()), max(y0.max(), y1.max())]) + 2 * _MARGIN - low
+    low = np.array([min(x0.min(), x1.min()), min(y0.min(), y1.min())]) - 2 * margin
+    width, height = np.array([max(x0.max(), x1.max()), max(y0.max(), y1.max())]) + 2 * margin - low
     side = math.sqrt(width * height / len(walls))
     columns, rows = math.ceil(width / side), math.ceil(height / side)
     centre_x = low[0] + (np.arange(columns) + 0.5) * side
     centre_y = low[1] + (np.arange(rows) + 0.5) * side
     touched = [
-        np.flatnonzero(_touches(wall, centre_x, centre_y[:, None], side / 2 + _MARGIN))
+        np.flatnonzero(_touches(wall, centre_x, centre_y[:, None], side / 2 + margin))
         for wall in walls
     ]
     cell = np.concatenate(touched)

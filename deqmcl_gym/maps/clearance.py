@@ -18,10 +18,10 @@ class Clearance(NamedTuple):
     """A grid of squares around a map, as ``kernels.feasible`` takes it.
 
     Attributes:
-        corner: lower left corner of the grid (x, y), px.
-        per_side: squares per px.
+        corner: lower left corner of the grid (x, y).
+        per_side: squares per length.
         bounds: no point of the square is nearer to a wall than this, negative where it is not free
-            space; 0 where there may be a wall; (rows, columns) px.
+            space; 0 where there may be a wall; (rows, columns).
     """
 
     corner: Singles
@@ -30,7 +30,7 @@ class Clearance(NamedTuple):
 
 
 def clearance_of(walls: Singles) -> Clearance:
-    """Measure a map by its walls (x₀, y₀, x₁, y₁), (S, 4) px; a ring of squares is outside it."""
+    """Measure a map by its walls (x₀, y₀, x₁, y₁), (S, 4); a ring of squares is outside it."""
     x, y = walls[:, [0, 2]].astype(np.float64), walls[:, [1, 3]].astype(np.float64)
     width, height = float(np.ptp(x)), float(np.ptp(y))
     side = math.sqrt(width * height / _SQUARES)

@@ -30,8 +30,8 @@ def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> N
     """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + distance (cos θ', sin θ').
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        distances, turns: (n,) px, rad.
+        poses: rows x, y, θ, (3, n).
+        distances, turns: (n,).
         out: (3, n), other memory than the poses.
     """
     x, y, heading = poses[0], poses[1], poses[2]
@@ -52,8 +52,8 @@ def wind(poses: Singles, walls: Singles, out: Ints) -> None:
     """Fill in how often the walls wind counterclockwise around each point.
 
     Args:
-        poses: rows x px and y px (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
+        poses: rows x and y (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4).
         out: (n,).
     """
     x, y = poses[0], poses[1]
@@ -73,9 +73,9 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
     """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
 
     Args:
-        starts, ends: rows x px and y px of the paths' ends (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4) px.
-        out: (n,) px².
+        starts, ends: rows x and y of the paths' ends (further rows are ignored), (2+, n).
+        walls: (x₀, y₀, x₁, y₁), (S, 4).
+        out: (n,).
     """
     n = starts.shape[1]
     ax = np.zeros(LANES, np.float32)
@@ -170,7 +170,7 @@ def feasible(
 
     Args:
         starts, ends, walls: as ``sweep``.
-        radius: px.
+        radius: of the disc.
         corner, per_side, bounds: ``deqmcl_gym.maps.clearance.Clearance``.
         out: (n,).
     """
@@ -221,8 +221,8 @@ def roll_out(
     A block of poses at a time goes all the way, so that it stays in the processor's cache.
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        moves: distances and turns, (F, 2, n) px, rad; as ``drive``.
+        poses: rows x, y, θ, (3, n).
+        moves: distances and turns, (F, 2, n); as ``drive``.
         walls, radius, corner, per_side, bounds: as ``feasible``.
         collisions: how many steps of each collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).

@@ -1,30 +1,33 @@
 """The geometry of a lidar: a forward fan of beams."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from deqmcl_gym.maps.units import LENGTH
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import integer, number
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lidar:
-    """A fan of range beams, centred on the robot's heading; the defaults are the paper preset's.
+    """A fan of range beams, centred on the robot's heading. Lengths are in the map's unit.
+
+    The defaults are the paper preset's, in px.
 
     Attributes:
         beams: number of beams, 1 or more. One beam looks straight ahead.
         field_of_view: angle between the outermost beams, in (0, 2π] rad. At 2π the beams are
             spread evenly, without a twin at the back.
-        max_range: largest range reported, px.
-        sigma: standard deviation of the range noise, px; added before clipping to [0, max_range].
+        max_range: largest range reported.
+        sigma: standard deviation of the range noise; added before clipping to [0, max_range].
     """
 
     beams: int = 1
     field_of_view: float = math.pi / 2
-    max_range: float = 400.0
-    sigma: float = 100.0
+    max_range: float = field(default=400.0, metadata=LENGTH)
+    sigma: float = field(default=100.0, metadata=LENGTH)
 
     def __post_init__(self) -> None:
         integer("lidar.beams", self.beams, low=1, high=100_000)

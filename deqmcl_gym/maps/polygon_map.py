@@ -10,21 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.clearance import Clearance, clearance_of
-from deqmcl_gym.maps.map import Caster
+from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError
+
+_ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
 
 
 @final
 @dataclass(frozen=True)
 class PolygonMap:
-    """Polygonal walls around a free interior, with solid obstacles inside; px, y up.
-
-    Estimators use four calls only: :meth:`ranges`, :meth:`collides`, :meth:`free`, :attr:`bounds`.
-    All take many items at once and compute in float32 by compiled kernels; the plain NumPy form of
-    each stands in ``deqmcl_gym.maps.reference``. Kernels that cast rays themselves ask for the
-    :attr:`caster`.
+    """Polygonal walls around a free interior, with solid obstacles inside: a form of ``Map``.
 
     Attributes:
         outer: corners of the outer wall, in order, closed by itself.
@@ -33,7 +31,7 @@ class PolygonMap:
 
     Raises:
         InputError: a polygon with fewer than 3 corners, NaN, a zero-length edge or crossing edges;
-            no free space.
+            no free space; an unknown unit.
     """
 
     outer: Polygon
@@ -41,14 +39,15 @@ class PolygonMap:
     unit: str = "px"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer))
+        shortest = _ZERO_LENGTH * self._pixel
+        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, shortest))
         try:
             given = enumerate(self.obstacles)
         except TypeError:
             raise InputError(
                 f"obstacles is {self.obstacles!r}, but must be a list of polygons; () for none."
             ) from None
-        solid = tuple(parse_polygon(f"obstacle {i}", o) for i, o in given)
+        solid = tuple(parse_polygon(f"obstacle {i}", o, shortest) for i, o in given)
         object.__setattr__(self, "obstacles", solid)
         x0, y0, x1, y1 = self.bounds
         grid = np.meshgrid(*(np.linspace(a, b, 130)[1:-1] for a, b in ((x0, x1), (y0, y1))))
@@ -59,14 +58,14 @@ class PolygonMap:
             )
 
     @cached_property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """Smallest box around the outer wall: (x_min, y_min, x_max, y_max) px."""
+    def bounds(self) -> Box:
+        """See ``Map.bounds``."""
         corners = np.array(self.outer)
         return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
 
     @cached_property
     def walls(self) -> Floats:
-        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4) px.
+        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
 
         For physics and drawing; estimators have no use for it.
         """
@@ -74,18 +73,7 @@ class PolygonMap:
         return np.vstack([oriented_edges(self.outer, solid=False), *solid])
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """Exact distance along each beam to the nearest wall.
-
-        Walls are seen as segments, also from inside an obstacle. NaN for a pose outside the outer
-        wall: nothing can be measured there.
-
-        Args:
-            poses: (n, 3) px, px, rad.
-            bearings: angles of the beams against the heading, (B,) rad.
-
-        Returns:
-            (n, B) px.
-        """
+        """See ``Map.ranges``."""
         origins = _rows(poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
@@ -93,15 +81,7 @@ class PolygonMap:
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
-        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in solid space.
-
-        Args:
-            starts, ends: centres of the disc, (n, 2) px; further columns are ignored.
-            radius: of the disc, px.
-
-        Returns:
-            (n,) bool.
-        """
+        """See ``Map.collides``."""
         before, after = _rows(starts, 2), _rows(ends, 2)
         clear = np.empty(after.shape[1], np.bool_)
         kernels.feasible(before, after, self._walls32, np.float32(radius), *self._clearance, clear)
@@ -113,9 +93,9 @@ class PolygonMap:
         """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
 
         Args:
-            poses: rows x px, y px, θ rad, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) px, rad, float32.
-            radius: of the disc, px.
+            poses: rows x, y, θ, (3, n) float32.
+            moves: distances and turns of each step, (F, 2, n) float32.
+            radius: of the disc.
             kept: F to return the poses after each step, 1 for those after the last alone.
 
         Returns:
@@ -128,15 +108,7 @@ class PolygonMap:
         return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
-        """Whether a disc at each point lies in free space, clear of the walls.
-
-        Args:
-            points: centres, (n, 2) px; further columns are ignored.
-            radius: of the disc, px.
-
-        Returns:
-            (n,) bool.
-        """
+        """See ``Map.free``."""
         centres = _rows(points, 2)
         free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
@@ -150,7 +122,7 @@ class PolygonMap:
         return free
 
     def distance(self, points: ArrayLike) -> Singles:
-        """Distance of points (n, 2+) to the nearest wall, whichever side they are on, (n,)."""
+        """See ``Map.distance``."""
         centres = _rows(points, 2)
         square = np.empty(centres.shape[1], np.float32)
         kernels.sweep(centres, centres, self._walls32, square)
@@ -166,17 +138,20 @@ class PolygonMap:
 
     @cached_property
     def caster(self) -> Caster:
-        """How rays find the nearest wall; for kernels that cast rays themselves."""
-        return caster_of(self.outer, self.obstacles)
+        """See ``Map.caster``."""
+        return caster_of(self.outer, self.obstacles, self._pixel)
+
+    @cached_property
+    def _pixel(self) -> float:
+        return pixel(self.unit)
 
 
 def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
     """Turn, then drive: θ' = θ + turn; (x', y') = (x, y) + distance (cos θ', sin θ').
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n) float32.
-        distances: (n,) px, float32.
-        turns: (n,) rad, float32.
+        poses: rows x, y, θ, (3, n) float32.
+        distances, turns: (n,) float32.
 
     Returns:
         (3, n), θ' in [-π, π].

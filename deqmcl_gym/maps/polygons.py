@@ -12,8 +12,8 @@ from deqmcl_gym.validation import InputError, array
 Polygon = Sequence[tuple[float, float]]
 
 
-def parse_polygon(name: str, polygon: Any) -> tuple[tuple[float, float], ...]:
-    """Return the corners of a simple polygon, px.
+def parse_polygon(name: str, polygon: Any, shortest: float) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a simple polygon with edges of length ``shortest`` or more.
 
     Raises:
         InputError: fewer than three corners, NaN, an edge of zero length, or edges that cross.
@@ -26,7 +26,7 @@ def parse_polygon(name: str, polygon: Any) -> tuple[tuple[float, float], ...]:
         raise InputError(f"{name} has {len(corners)} corners, but a wall needs 3 or more.")
     edges = _edges(corners)
     lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
-    if (short := np.flatnonzero(lengths < 1e-3)).size:
+    if (short := np.flatnonzero(lengths < shortest)).size:
         x, y = corners[short[0]]
         raise InputError(
             f"{name} has an edge of zero length at ({x:g}, {y:g}): name each corner once; "
@@ -55,7 +55,7 @@ def as_box(polygon: Polygon) -> Box | None:
 
 
 def signed_area(points: Floats) -> float:
-    """½ Σ (x_i y_{i+1} - x_{i+1} y_i), positive if counterclockwise, px²."""
+    """½ Σ (x_i y_{i+1} - x_{i+1} y_i), positive if counterclockwise."""
     x, y = points.T
     return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
 

@@ -15,7 +15,7 @@ from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 Single = Any  # a float32
-Rectangle = Singles  # (x_low, y_low, x_high, y_high) px
+Rectangle = Singles  # (x_low, y_low, x_high, y_high)
 _RAYS = 512  # of one beam cast in one go: what they need fits the fastest cache
 
 _ZERO = np.float32(0.0)
@@ -151,7 +151,7 @@ def _meet(
 
 @compiled
 def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
-    """Fill in how far the sides of a rectangle are from points (n,), in x or y, (4, n) px."""
+    """Fill in how far the sides of a rectangle are from points (n,), in x or y, (4, n)."""
     for side in range(4):
         start = x if side % 2 == 0 else y
         for i in range(start.size):
@@ -174,18 +174,18 @@ def cast(
     """Fill in the distance along each beam to the nearest wall; NaN outside the outer wall.
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
+        poses: rows x, y, θ, (3, n).
         bearings: of the beams against the heading, (B,) rad.
-        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4) px.
-        room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in, px;
+        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4).
+        room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in;
             infinite if the outer wall is none.
         box: a rectangle seen from outside and from inside; four times inf if there is none.
-        boxes: further ones, (S₀, 4) px; four walls each.
-        upright: other walls x = c as (c, y_low, y_high), (S₁, 3) px.
-        level: other walls y = c as (c, x_low, x_high), (S₂, 3) px.
+        boxes: further ones, (S₀, 4); four walls each.
+        upright: other walls x = c as (c, y_low, y_high), (S₁, 3).
+        level: other walls y = c as (c, x_low, x_high), (S₂, 3).
         oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
             the stretch of it that is wall.
-        out: (B, n) px.
+        out: (B, n).
     """
     sine, cosine = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
     dx, dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
@@ -318,12 +318,12 @@ def cast_through(
     walls. NaN outside the outer wall.
 
     Args:
-        poses: rows x px, y px, θ rad, (3, n).
+        poses: rows x, y, θ, (3, n).
         bearings: of the beams against the heading, (B,) rad.
         outer: as for ``cast``.
         walls: (x₀, y₀, unit x, unit y, low, high), (S, 6), as ``oblique`` of ``cast``.
         corner, side, columns, first, members: ``deqmcl_gym.maps.cells.Cells``.
-        out: (B, n) px.
+        out: (B, n).
     """
     rows = (first.size - 1) // columns
     per_side = _ONE / side

@@ -17,8 +17,9 @@ T = TypeVar("T")
 PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
 
 # metadata of the fields of a part that are lengths, or numbers per length
-LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})
+LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})  # also of all numbers of a tuple
 PER_LENGTH: Mapping[str, int] = MappingProxyType({"length": -1})
+POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
 
 
 def pixel(unit: str) -> float:
@@ -38,5 +39,12 @@ def scaled(part: T, factor: float) -> T:
         if dataclasses.is_dataclass(value):
             changes[field.name] = scaled(value, factor)
         elif value is not None and (power := field.metadata.get("length")):
-            changes[field.name] = value * factor if power == 1 else value / factor
+            changes[field.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]
+
+
+def _times(value: Any, power: Any, factor: float) -> Any:
+    if isinstance(value, tuple):
+        powers = power if isinstance(power, tuple) else (power,) * len(value)
+        return tuple(_times(one, p, factor) for one, p in zip(value, powers, strict=True))
+    return value * factor if power > 0 else value / factor if power < 0 else value

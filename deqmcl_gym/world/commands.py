@@ -17,14 +17,15 @@ _FLOAT32 = np.dtype(np.float32)
 
 
 class Commands:
-    """The actions (distance px, turn rad) that a robot can carry out.
+    """The actions (distance, turn) that a robot can carry out.
 
     Attributes:
         space: all of them, a Box of float32.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, unit: str) -> None:
         """Allow distances in [0, max_distance] and turns in [-max_turn, max_turn]."""
+        self._unit = unit
         self.space = gym.spaces.Box(
             np.array([0.0, -robot.max_turn], np.float32),
             np.array([robot.max_distance, robot.max_turn], np.float32),
@@ -47,7 +48,8 @@ class Commands:
                 return command
         raise InputError(
             f"the action is {action!r}, but must be two numbers: a distance from {self._least:g} "
-            f"to {self._most:g} px and a turn from {self._right:.4g} to {self._left:.4g} rad."
+            f"to {self._most:g} {self._unit} and a turn from {self._right:.4g} to {self._left:.4g} "
+            "rad."
         )
 
     def checked_each(self, actions: Any, resting: Bools) -> Actions:

@@ -1,12 +1,18 @@
-"""The parts of a world that can be configured, as frozen dataclasses; units px and rad."""
+"""The parts of a world that can be configured, as frozen dataclasses.
+
+Lengths are in the map's unit, angles in rad. The defaults are those of the paper's room, in px.
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
 
 
@@ -15,13 +21,13 @@ class Robot:
     """A disc that turns on the spot, then drives straight ahead.
 
     Attributes:
-        radius: of the disc, px.
-        max_distance: longest drive in one step, px.
+        radius: of the disc.
+        max_distance: longest drive in one step.
         max_turn: largest turn in one step to either side, rad.
     """
 
-    radius: float = 8.0
-    max_distance: float = 10.0
+    radius: float = field(default=8.0, metadata=LENGTH)
+    max_distance: float = field(default=10.0, metadata=LENGTH)
     max_turn: float = math.pi / 4
 
     def __post_init__(self) -> None:
@@ -35,14 +41,14 @@ class MotionNoise:
     """ε_d ~ N(0, (drive |d|)²), ε_φ ~ N(0, (turn |φ| + drift |d|)²) on a command (d, φ).
 
     Attributes:
-        drive: σ_dd, px per px.
+        drive: σ_dd, length per length.
         turn: σ_φφ, rad per rad.
-        drift: σ_φd, rad per px.
+        drift: σ_φd, rad per length.
     """
 
     drive: float = 0.02
     turn: float = 0.02
-    drift: float = 0.0005
+    drift: float = field(default=0.0005, metadata=PER_LENGTH)
 
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):
@@ -54,13 +60,13 @@ class Start:
     """Where an episode begins: N(pose, diag(sd_position², sd_position², sd_heading²)), if free.
 
     Attributes:
-        pose: (x px, y px, θ rad); None is the bottom centre of the lap, along it.
-        sd_position: in x and in y, px; 0 starts exactly there.
+        pose: (x, y, θ); None is the bottom centre of the lap, along it.
+        sd_position: in x and in y; 0 starts exactly there.
         sd_heading: rad.
     """
 
-    pose: tuple[float, float, float] | None = None
-    sd_position: float = 0.0
+    pose: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=0.0, metadata=LENGTH)
     sd_heading: float = 0.0
 
     def __post_init__(self) -> None:
@@ -75,15 +81,15 @@ class Lap:
     """How the planned lap is driven.
 
     Attributes:
-        step: distance of a driving step, px.
+        step: distance of a driving step.
         turn: angle of a turning step, rad.
         waypoints: corners of the closed path, in order; None computes a counterclockwise path in
             the middle of the corridor around the obstacles.
     """
 
-    step: float = 5.0
+    step: float = field(default=5.0, metadata=LENGTH)
     turn: float = math.pi / 12
-    waypoints: tuple[tuple[float, float], ...] | None = None
+    waypoints: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
 
     def __post_init__(self) -> None:
         number("lap.step", self.step, low=0, above=True)
@@ -108,11 +114,11 @@ class Driver:
     """Someone who knows the true pose and follows the lap's path from there, step by step.
 
     Attributes:
-        look_ahead: way along the path to the point it heads for, px.
+        look_ahead: way along the path to the point it heads for.
         on_the_spot: heading error beyond which it turns without driving, rad.
     """
 
-    look_ahead: float = 25.0
+    look_ahead: float = field(default=25.0, metadata=LENGTH)
     on_the_spot: float = 0.5
 
     def __post_init__(self) -> None:
@@ -135,31 +141,61 @@ class World:
     lap: Lap = field(default_factory=Lap)
     driver: Driver | None = None
 
+    @cached_property
+    def pixel(self) -> float:
+        """What a pixel of the paper's room is in the map's unit."""
+        return pixel(self.floor_plan.unit)
+
     def changed(self, **parts: Any) -> "World":
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.
 
-        Changes to a driver that the world does not have are changes to ``Driver()``.
-
-        A floor plan is always given whole: ``{"outer": [...], "obstacles": [...]}``.
+        A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``.
+        If its unit is another one, the parts of this world are converted to it, then changed.
+        Changes to a driver that the world does not have are changes to ``Driver()``, and
+        ``driver="none"`` takes it away.
 
         Raises:
             InputError: unknown part or key, or a bad value.
         """
-        known = {own.name: getattr(self, own.name) for own in fields(self)}
-        for name in parts:
-            one_of("part of the world", name, known)
-        parts = {name: value for name, value in parts.items() if value is not None}
-        if self.driver is None:
-            known["driver"] = Driver()
-        floor_plan = parts.get("floor_plan")
-        if isinstance(floor_plan, dict):
-            for key in floor_plan:
-                one_of("key in floor_plan", key, ("outer", "obstacles"))
-            parts["floor_plan"] = PolygonMap(**{"outer": None, **floor_plan})
-        return replace(
-            self,
-            **{
-                name: part(name, type(known[name]), value, known[name])
-                for name, value in parts.items()
-            },
+        names = [own.name for own in fields(self)]
+        given = {one_of("part of the world", name, names): parts[name] for name in parts}
+        given = {name: value for name, value in given.items() if value is not None}
+        world = self._moved_to(_floor_plan(given.pop("floor_plan", self.floor_plan)))
+        changes: dict[str, Any] = {}
+        if "driver" in given:
+            default = world.driver or scaled(Driver(), world.pixel)
+            changes["driver"] = _driver(given.pop("driver"), default)
+        for name, value in given.items():
+            old = getattr(world, name)
+            changes[name] = part(name, type(old), value, old)
+        return replace(world, **changes)
+
+    def _moved_to(self, floor_plan: PolygonMap) -> "World":
+        factor = pixel(floor_plan.unit) / self.pixel
+        world = self if factor == 1 else scaled(self, factor)
+        return replace(world, floor_plan=floor_plan)
+
+
+def _floor_plan(given: Any) -> PolygonMap:
+    if isinstance(given, PolygonMap):
+        return given
+    names = ("outer", "obstacles", "unit")
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"floor_plan is {given!r}, but must be a PolygonMap or a mapping of {', '.join(names)}."
         )
+    for key in given:
+        one_of("key in floor_plan", key, names)
+    return PolygonMap(**{"outer": None, **given})
+
+
+def _driver(given: Any, default: Driver) -> Driver | None:
+    if isinstance(given, str):
+        if given == "none":
+            return None
+        raise InputError(
+            f'driver is {given!r}, but must be a Driver, a mapping of changes to it, or "none" to '
+            "take it away."
+        )
+    changed: Driver = part("driver", Driver, given, default)
+    return changed

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Lap, Robot, World
+from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Path, Pose, wrapped
 
 MAX_STEPS = 100_000  # of a plan: 0.8 MB in every info
@@ -21,8 +22,8 @@ class Course:
 
     Attributes:
         path: closed, counterclockwise unless waypoints say otherwise.
-        start: expected pose at reset (x px, y px, θ rad).
-        actions: (distance px, turn rad), (T, 2) float32.
+        start: expected pose at reset (x, y, θ).
+        actions: (distance, turn), (T, 2) float32.
     """
 
     path: Path
@@ -47,7 +48,7 @@ class Course:
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
                 "lap.waypoints."
             )
-        return cls(path, start, plan_actions(path, start, world.lap, world.robot))
+        return cls(path, start, plan_actions(path, start, world))
 
 
 def check_free(what: str, at: Pose, world: World) -> None:
@@ -55,10 +56,13 @@ def check_free(what: str, at: Pose, world: World) -> None:
     if not world.floor_plan.free([at], world.robot.radius)[0]:
         x, y, heading = at
         raise InputError(
-            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of radius "
-            f"{world.robot.radius:g} px touches a wall or stands outside: give a pose in free "
-            "space."
+            f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of {_radius(world)} touches a "
+            "wall or stands outside: give a pose in free space."
         )
+
+
+def _radius(world: World) -> str:
+    return f"radius {world.robot.radius:g} {world.floor_plan.unit}"
 
 
 def path_of(world: World) -> Path:
@@ -76,7 +80,7 @@ def path_of(world: World) -> Path:
         (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
         raise InputError(
             f"the lap touches a wall between ({x0:g}, {y0:g}) and ({x1:g}, {y1:g}) for a robot of "
-            f"radius {world.robot.radius:g} px: give a smaller robot or other lap.waypoints."
+            f"{_radius(world)}: give a smaller robot or other lap.waypoints."
         )
     return path
 
@@ -88,7 +92,7 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     plan without obstacles the hull is a point in the middle and the bisectors lead to the outer
     wall's corners.
     """
-    outer = np.array(floor_plan.outer)
+    outer, px = np.array(floor_plan.outer), pixel(floor_plan.unit)
     if not floor_plan.obstacles:
         middle = (outer.min(axis=0) + outer.max(axis=0)) / 2
         return _counterclockwise((outer + middle) / 2)
@@ -99,7 +103,7 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     out_of /= np.hypot(*out_of.T)[:, None]
     bisectors = into - out_of
     headings = np.arctan2(bisectors[:, 1], bisectors[:, 0])
-    outside = hull + 1e-3 * bisectors  # past the obstacle's own walls
+    outside = hull + 1e-3 * px * bisectors  # past the obstacle's own walls
     gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
     if (lost := ~np.isfinite(gaps)).any():
         x, y = hull[lost.argmax()]
@@ -108,18 +112,19 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
             "around it: give lap.waypoints."
         )
     steps = gaps[:, None] / 2 * np.column_stack([np.cos(headings), np.sin(headings)])
-    corners: Floats = np.round(hull + steps, 2)
+    corners: Floats = np.round((hull + steps) / px, 2) * px
     return corners
 
 
-def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> Singles:
-    """Return the actions (distance px, turn rad) that drive once around from ``start``, (T, 2).
+def plan_actions(path: Path, start: Pose, world: World) -> Singles:
+    """Return the actions (distance, turn) that drive once around from ``start``, (T, 2).
 
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 
     Raises:
         InputError: a step is larger than the robot can do, or there are too many.
     """
+    lap, robot = world.lap, world.robot
     for name, step, most in (
         ("lap.step", lap.step, robot.max_distance),
         ("lap.turn", lap.turn, robot.max_turn),
@@ -128,7 +133,7 @@ def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> Singles:
             raise InputError(
                 f"{name} is {step:g}, but the robot can do at most {most:g} in a step."
             )
-    legs = list(_legs(path, start))
+    legs = list(_legs(path, start, 1e-6 * world.pixel))
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
@@ -142,12 +147,12 @@ def plan_actions(path: Path, start: Pose, lap: Lap, robot: Robot) -> Singles:
     return np.array(actions, dtype=np.float32).reshape(-1, 2)
 
 
-def _legs(path: Path, start: Pose) -> Iterator[tuple[float, float]]:
-    """Turn and distance to each point to drive to, rad and px."""
+def _legs(path: Path, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
+    """Turn and distance to each point to drive to, if ``shortest`` or farther off."""
     x, y, heading = start
     for corner_x, corner_y in path.corners_from((x, y)).tolist():
         distance = math.hypot(corner_x - x, corner_y - y)
-        if distance < 1e-6:
+        if distance < shortest:
             continue
         bearing = math.atan2(corner_y - y, corner_x - x)
         yield wrapped(bearing - heading), distance
@@ -175,7 +180,9 @@ def _convex_hull(points: Floats) -> Floats:
         for x, y in candidates:
             while len(chain) > 1:
                 (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                left = (bx - ax) * (y - by) - (by - ay) * (x - bx)
+                # no corner of the hull if it bends by rounding errors only
+                if left > 1e-9 * math.dist((ax, ay), (bx, by)) * math.dist((bx, by), (x, y)):
                     break
                 chain.pop()
             chain.append((x, y))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 
@@ -29,11 +30,11 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True)
 class View:
-    """From the floor plan's px (y up) to image pixels (y down).
+    """From the floor plan (y up) to image pixels (y down).
 
     Attributes:
         floor_plan: what is looked at.
-        scale: image pixels per px.
+        scale: image pixels per px; per 0.02 m of a floor plan in metres.
         margin: around the outer wall, image pixels.
     """
 
@@ -53,16 +54,20 @@ class View:
     def size(self) -> tuple[int, int]:
         """Width and height of the image, both even (video codecs want that)."""
         x0, y0, x1, y1 = self.floor_plan.bounds
-        width, height = (
-            2 * math.ceil((side * self.scale + 2 * self.margin) / 2) for side in (x1 - x0, y1 - y0)
-        )
+        sides = (x1 - x0) * self.per_length, (y1 - y0) * self.per_length
+        width, height = (2 * math.ceil((side + 2 * self.margin) / 2) for side in sides)
         return width, height
+
+    @property
+    def per_length(self) -> float:
+        """Image pixels per length of the floor plan's unit."""
+        return self.scale / pixel(self.floor_plan.unit)
 
     def pixels(self, points: ArrayLike) -> Floats:
         """Image coordinates (column, row) of points, (n, 2); further columns are ignored."""
         xy = np.asarray(points, dtype=np.float64)[:, :2]
         x0, _, _, y1 = self.floor_plan.bounds
-        pixels: Floats = (xy - (x0, y1)) * (self.scale, -self.scale) + self.margin
+        pixels: Floats = (xy - (x0, y1)) * (self.per_length, -self.per_length) + self.margin
         return pixels
 
 
@@ -113,7 +118,7 @@ class Drawing:
         x, y, heading = np.asarray(pose, dtype=np.float64)
         nose = (x + radius * math.cos(heading), y + radius * math.sin(heading))
         centre, tip = self._fixed([(x, y), nose]).tolist()
-        disc = round(radius * self.view.scale * 2**_SHIFT)
+        disc = round(radius * self.view.per_length * 2**_SHIFT)
         cv2.circle(self.image, centre, disc, color, -1, cv2.LINE_AA, _SHIFT)
         cv2.circle(self.image, centre, disc, BLACK, 1, cv2.LINE_AA, _SHIFT)
         cv2.line(self.image, centre, tip, BLACK, 2, cv2.LINE_AA, _SHIFT)

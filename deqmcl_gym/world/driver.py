@@ -20,7 +20,7 @@ _LAPS = 2  # what the driver may take, in steps of the lap as planned
 class GuidedPlan:
     """What a driver would do from the true pose if there were no noise and no walls.
 
-    The driver heads for the point of the path ``look_ahead`` px beyond the one nearest to it. It is
+    The driver heads for the point of the path ``look_ahead`` beyond the one nearest to it. It is
     done when it is, along the path, once round but for the robot's radius. Noise can bring it off
     the path, not past that end. Where walls hold it up it gives up, after ``limit`` steps.
 

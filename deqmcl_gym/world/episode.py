@@ -18,11 +18,11 @@ class Episode:
     Attributes:
         plan: says what is to be done next.
         step: steps carried out.
-        pose: the true one (x px, y px, θ rad).
-        arc: arc length of the path's point nearest to the robot, px.
-        way: from the arc length at reset to there, jumps included, px.
+        pose: the true one (x, y, θ).
+        arc: arc length of the path's point nearest to the robot.
+        way: from the arc length at reset to there, jumps included.
         ended: whether there is no further one.
-        scan: the last one, (B,) px.
+        scan: the last one, (B,).
     """
 
     def __init__(self, setting: Setting, walls: Walls, *, seed: int, number: int) -> None:
@@ -67,7 +67,7 @@ class Episode:
         """Turn, drive, take a scan: one step of noisy motion.
 
         Returns:
-            The progress made along the path, px; whether a wall stopped the robot.
+            The progress made along the path; whether a wall stopped the robot.
         """
         collided = self._move(distance, turn)
         self.step += 1

@@ -27,18 +27,18 @@ class Path:
     """A closed polygonal path, driven in the order of its corners.
 
     Attributes:
-        corners: (k, 2) px.
+        corners: (k, 2).
     """
 
     corners: Floats
 
     @cached_property
     def length(self) -> float:
-        """Once around, px."""
+        """Once around."""
         return float(self._lengths.sum())
 
     def arc(self, point: tuple[float, float]) -> float:
-        """Arc length from corner 0 to the path's point nearest to ``point``, px."""
+        """Arc length from corner 0 to the path's point nearest to ``point``."""
         x, y = point
         return path_kernels.nearest_arc(x, y, self.edges)
 
@@ -52,11 +52,11 @@ class Path:
         return float(x), float(y), math.atan2(dy, dx)
 
     def advance(self, before: float, after: float) -> float:
-        """Signed way along the path between two arc lengths, the shorter way round, px."""
+        """Signed way along the path between two arc lengths, the shorter way round."""
         return centred(after - before, self.length)
 
     def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
-        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``, px."""
+        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``."""
         x, y = point
         return path_kernels.follow(x, y, before, self.edges, self.length)
 

@@ -1,4 +1,4 @@
-"""The compiled geometry of a closed path, and of driving along it. Units px and rad, float64.
+"""The compiled geometry of a closed path, and of driving along it. In float64.
 
 A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6).
 """

@@ -8,6 +8,7 @@ from pymunk.autogeometry import convex_decomposition
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.setting import SKIN
 
@@ -17,7 +18,7 @@ Point = tuple[float, float]
 
 
 class Walls:
-    """The walls of a floor plan in a pymunk space, as a disc meets them. Units px.
+    """The walls of a floor plan in a pymunk space, as a disc meets them.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
     disc touches the wall (the configuration space of Lozano-Pérez, 1983). pymunk could also sweep
@@ -25,11 +26,12 @@ class Walls:
 
     Attributes:
         space: outer walls as segments, obstacles as solid convex pieces; all static.
+        skin: how far before a contact a disc stops.
     """
 
     def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
         """Build the space; it never changes."""
-        self.space = pymunk.Space()
+        self.space, self.skin = pymunk.Space(), SKIN * pixel(floor_plan.unit)
         body = self.space.static_body
         edges = oriented_edges(floor_plan.outer, solid=False)
         for x0, y0, x1, y1 in edges.tolist():
@@ -59,7 +61,7 @@ class Physics:
 
     Attributes:
         walls: of the room.
-        position: of the disc's centre, px; :meth:`place` sets it.
+        position: of the disc's centre; :meth:`place` sets it.
     """
 
     def __init__(self, walls: Walls, position: Point) -> None:
@@ -76,20 +78,20 @@ class Physics:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
         The contact is asked for only if the nearest wall can be reached, and how far that is only
-        if it may be: a gap of 40 px is good for 40 px of driving, in whatever direction. A robot
+        if it may be: a gap of 40 is good for 40 of driving, in whatever direction. A robot
         that overlaps a wall stays there.
         """
         way = abs(distance)
         if way == 0.0:
             return False
-        if way >= self._gap - SKIN:
+        if way >= self._gap - self.walls.skin:
             self._gap = self.walls.gap(self.position)
             if self._gap < 0.0:
                 return True
         x, y = start = self.position
         dx, dy = distance * math.cos(heading), distance * math.sin(heading)
         end = (x + dx, y + dy)
-        if way < self._gap - SKIN:
+        if way < self._gap - self.walls.skin:
             self.position = end
             self._gap -= way
             return False
@@ -97,7 +99,7 @@ class Physics:
         if first is None:
             self.place(end)
             return False
-        share = max(first - SKIN / way, 0.0)
+        share = max(first - self.walls.skin / way, 0.0)
         self.place((x + share * dx, y + share * dy))
         return True
 

@@ -22,17 +22,17 @@ class Underway(Protocol):
 
     @property
     def pose(self) -> Pose:
-        """The true pose (x px, y px, θ rad)."""
+        """The true pose (x, y, θ)."""
         ...
 
     @property
     def arc(self) -> float:
-        """Arc length of the path's point nearest to the robot, px."""
+        """Arc length of the path's point nearest to the robot."""
         ...
 
     @property
     def way(self) -> float:
-        """From the arc length at reset to there, the shorter way round if it was carried, px."""
+        """From the arc length at reset to there, the shorter way round if it was carried."""
         ...
 
 
@@ -41,7 +41,7 @@ class Plan(Protocol):
 
     @property
     def actions(self) -> Actions:
-        """The whole lap from the expected start, (T, 2) float32: distance px, turn rad."""
+        """The whole lap from the expected start, (T, 2) float32: distance, turn."""
         ...
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
@@ -57,7 +57,7 @@ class FixedPlan:
     """A lap planned beforehand: what is to be done at each step, whatever happens.
 
     Attributes:
-        actions: (distance px, turn rad), (T, 2) float32; action t is that of step t + 1.
+        actions: (distance, turn), (T, 2) float32; action t is that of step t + 1.
         horizon: h, actions shown ahead.
     """
 

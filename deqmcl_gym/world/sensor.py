@@ -1,11 +1,8 @@
 """The world's lidar: exact ranges, plus noise, clipped to what the instrument reports."""
 
-from typing import NamedTuple
-
 import numpy as np
 
-from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.map import Caster
+from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.world.path import Pose
@@ -15,16 +12,16 @@ from deqmcl_gym.world.streams import NormalRows, NormalTable
 class LidarSensor:
     """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
 
-    def __init__(self, floor_plan: PolygonMap, lidar: Lidar, rng: np.random.Generator) -> None:
+    def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._caster, self._bearings = _caster(floor_plan), _bearings(lidar)
+        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
         self._max_range = lidar.max_range
         self._noise = NormalRows(rng, lidar.beams, lidar.sigma)
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
 
     def scan(self, pose: Pose) -> Singles:
-        """Return the ranges seen from a pose as a fresh array, (B,) px, in [0, max_range]."""
+        """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range]."""
         origin, exact = self._origin, self._exact
         origin[0, 0], origin[1, 0], origin[2, 0] = pose
         self._caster.cast(origin, self._bearings, exact)
@@ -37,12 +34,12 @@ class LidarSensors:
     """The same lidar in each of many rooms.
 
     Attributes:
-        scans: the last ones, (n, B) px float32.
+        scans: the last ones, (n, B) float32.
     """
 
-    def __init__(self, floor_plan: PolygonMap, lidar: Lidar, rooms: int, most: int) -> None:
+    def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
         """Mount ``lidar`` in n ``rooms``, for at ``most`` so many scans in an episode."""
-        self._caster, self._bearings = _caster(floor_plan), _bearings(lidar)
+        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
         self._noise = NormalTable(rooms, lidar.beams, most)
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
@@ -59,23 +56,6 @@ class LidarSensors:
         noise = self._noise
         noise.fill()
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
-
-
-class _Asking(NamedTuple):
-    """A caster that asks a floor plan which measures in its own way."""
-
-    floor_plan: PolygonMap
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``Caster``."""
-        out[:] = self.floor_plan.ranges(poses.T, bearings).T
-
-
-def _caster(floor_plan: PolygonMap) -> Caster:
-    """Return what casts a floor plan's rays; a subclass may do that in its own way."""
-    if type(floor_plan).ranges is PolygonMap.ranges:
-        return floor_plan.caster
-    return _Asking(floor_plan)
 
 
 def _bearings(lidar: Lidar) -> Singles:
@@ -103,7 +83,7 @@ def _report_rooms(
 ) -> None:
     """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers.
 
-    ``exact`` is (B, k) px.
+    ``exact`` is (B, k).
     """
     for i in range(rooms.size):
         room = rooms[i]

@@ -67,7 +67,12 @@ class Setting:
     @cached_property
     def commands(self) -> Commands:
         """What the robot can be told."""
-        return Commands(self.world.robot)
+        return Commands(self.world.robot, self.world.floor_plan.unit)
+
+    @cached_property
+    def penalty(self) -> float:
+        """What a contact costs, in progress along the path."""
+        return COLLISION_PENALTY * self.world.pixel
 
     @cached_property
     def observation_space(self) -> gym.Space[Singles]:

@@ -50,24 +50,26 @@ def installed() -> dict[str, str]:
     return {name: " and ".join(sorted(references)) for name, references in sorted(found.items())}
 
 
-def load(reference: str, name: str) -> Any:
+def load(reference: str, name: str, kind: str = "localizer") -> Any:
     """Return what a reference leads to.
 
     Args:
         reference: ``package.module:NAME`` or ``path/to/file.py:NAME``.
         name: what the user asked for, for the error.
+        kind: what it is, for the error.
 
     Raises:
         InputError: there is no such module, file or attribute, or its code fails while importing.
     """
-    module = _module(reference, name)
+    named = f"the {kind} {name!r}"
+    module = _module(reference, named)
     found: Any = module
     attribute = reference.rpartition(":")[2]
     for part in attribute.split("."):
-        if not _has(found, part, name):
+        if not _has(found, part, named):
             own = _offered(module)
             raise InputError(
-                f"the localizer {name!r} is not there: {reference.rpartition(':')[0]} has no "
+                f"{named} is not there: {reference.rpartition(':')[0]} has no "
                 f"{attribute!r}{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
             )
         found = getattr(found, part)
@@ -110,29 +112,29 @@ def raised(error: BaseException, file: str | None = None) -> str:
     return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
 
 
-def _module(reference: str, name: str) -> ModuleType:
+def _module(reference: str, named: str) -> ModuleType:
     """Import what stands before the colon."""
     place, _, attribute = reference.rpartition(":")
     if not place or not all(part.isidentifier() for part in attribute.split(".")):
         raise InputError(
-            f"the localizer {name!r} leads to {reference!r}, but must be package.module:NAME or "
+            f"{named} leads to {reference!r}, but must be package.module:NAME or "
             "path/to/file.py:NAME."
         )
     path = Path(absolute_name(reference).rpartition(":")[0]) if _is_path(place) else None
-    source = b"" if path is None else _source(path, name)
+    source = b"" if path is None else _source(path, named)
     try:
         return importlib.import_module(place) if path is None else _run(path, source)
     except SyntaxError as error:
         raise InputError(
-            f"the localizer {name!r} has a syntax error in {error.filename}, line {error.lineno}: "
+            f"{named} has a syntax error in {error.filename}, line {error.lineno}: "
             f"{error.msg}."
         ) from error
     except (Exception, SystemExit) as error:  # whatever a plug-in raises while importing
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
-            raise _no_module(name, missing) from None
+            raise _no_module(named, missing) from None
         raise InputError(
-            f"the localizer {name!r} cannot be imported, its own code raised "
+            f"{named} cannot be imported, its own code raised "
             f"{raised(error, str(path))}."
         ) from error
 
@@ -153,23 +155,23 @@ def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
     return digest.hexdigest()
 
 
-def _has(thing: Any, attribute: str, name: str) -> bool:
+def _has(thing: Any, attribute: str, named: str) -> bool:
     """Whether there is such an attribute; a module may run code of its own to find out."""
     try:
         return hasattr(thing, attribute)
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"the localizer {name!r} cannot be imported, its own code raised {raised(error)}."
+            f"{named} cannot be imported, its own code raised {raised(error)}."
         ) from error
 
 
-def _source(path: Path, name: str) -> bytes:
+def _source(path: Path, named: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
         beside = sorted(file.name for file in path.parent.glob("*.py"))
         raise InputError(
-            f"the localizer {name!r} cannot be read: {path}: {error.strerror}"
+            f"{named} cannot be read: {path}: {error.strerror}"
             f"{_nearest(path.name, beside)}."
         ) from None
 
@@ -191,12 +193,12 @@ def _run(path: Path, source: bytes) -> ModuleType:
     return sys.modules[name]
 
 
-def _no_module(name: str, missing: str) -> InputError:
+def _no_module(named: str, missing: str) -> InputError:
     parent, _, last = missing.rpartition(".")
     folders = getattr(sys.modules.get(parent), "__path__", None) if parent else None
     beside = [found.name for found in pkgutil.iter_modules(folders)]
     return InputError(
-        f"the localizer {name!r} is not there: no module is named {missing!r}"
+        f"{named} is not there: no module is named {missing!r}"
         f"{_nearest(last, beside)}; install it, put its folder on PYTHONPATH, or give the path of "
         "its file as path/to/file.py:NAME."
     )

@@ -24,7 +24,7 @@ def cloud(n, seed):
 
 
 def together(*beliefs, truth=TRUTH):
-    return joined([cloud_of(0, 0, points) for points in beliefs], np.tile(truth, (len(beliefs), 1)))
+    return joined([cloud_of(0, 0, points) for points in beliefs], [truth] * len(beliefs))
 
 
 def spread(poses, weights):

@@ -4,14 +4,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.episode import moments, room_of, trial_moments
-from benchmarks.trials.presets import ASSUMED
 from deqmcl_gym.envs.wrappers import PlanChange
-from localizers import CensoredGaussianUniform, make, names, parameters
+from localizers import PoseBelief, make, names, parameters
 
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
+RNG = np.random.default_rng(0)
 
 
 class Liar(gym.Wrapper):
@@ -38,13 +39,14 @@ def trials(localizers, scenario="paper", count=1):
 
 def beliefs(env, name):
     """What is believed at each step and offset, as bytes; and the truth told."""
-    room, assumed = env.unwrapped, ASSUMED["paper"]
+    room, ours = env.unwrapped, scenario("paper")
     given = {"particles": PARTICLES, "lag": LAG}
     params = {k: v for k, v in given.items() if k in parameters(name)}
-    localizer = make(name, assumed.robot_model(room), **params)
+    robot = ours.robot_model(room)
+    localizer, agent = make(name, robot, **params), make_agent(ours.agent, robot)
     rng = np.random.default_rng(3)
     believed, truth = [], []
-    for moment in moments(env, localizer, assumed.prior(room), rng, seed=SEED):
+    for moment in moments(env, agent, localizer, ours.prior_in(room), rng, seed=SEED):
         points = {k: moment.belief.points(k) for k in OFFSETS}
         believed.append(
             {k: None if p is None else (p[0].tobytes(), p[1].tobytes()) for k, p in points.items()}
@@ -73,13 +75,13 @@ def test_garbage_in_place_of_the_truth_changes_no_belief_where_the_plan_changes(
     assert honest[:19] != beliefs(room_of("paper"), "deq-mcl")[0][:19]  # the new plan did matter
 
 
-@pytest.mark.parametrize("scenario", list(ASSUMED))
-def test_all_methods_of_a_trial_see_the_same_world(scenario):
+@pytest.mark.parametrize("name", scenario_names())
+def test_all_methods_of_a_trial_see_the_same_world(name):
     worlds = {
         trial.localizer: [
             (moment.truth.tobytes(), moment.ranges.tobytes()) for moment in trial_moments(trial)
         ]
-        for trial in trials(PAPER_METHODS, scenario)
+        for trial in trials(PAPER_METHODS, name)
     }
     assert all(world == worlds["mcl"] for world in worlds.values())
 
@@ -109,11 +111,11 @@ def test_deq_mcl_starts_from_the_same_draws_resampled():
     assert weights.sum() == pytest.approx(1, abs=1e-12)
 
 
-@pytest.mark.parametrize("scenario", list(ASSUMED))
-def test_an_episode_runs_every_planned_step_once(scenario):
-    (trial,) = trials(["dead-reckoning"], scenario)
+@pytest.mark.parametrize("name", scenario_names())
+def test_an_episode_runs_every_planned_step_once(name):
+    (trial,) = trials(["dead-reckoning"], name)
     steps = [moment.step for moment in trial_moments(trial)]
-    room = room_of(scenario)
+    room = room_of(name)
     if room.world.driver is None:
         assert steps == list(range(len(room.plan) + 1))
     else:  # until the driver is round, which the noise decides
@@ -135,23 +137,48 @@ def test_guided_worlds_differ_in_their_number_of_steps():
     assert len(counts) > 1
 
 
-@pytest.mark.parametrize("scenario", ["matched", "guided"])
-def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(scenario):
-    world, assumed = room_of(scenario).world, ASSUMED[scenario]
-    start = world.start
-    assert vars(assumed.motion) == vars(world.noise)
-    assert isinstance(assumed.scan, CensoredGaussianUniform)
-    assert assumed.scan.sigma == world.lidar.sigma
-    assert assumed.start_sd_position == start.sd_position
-    assert assumed.start_sd_heading == start.sd_heading
+class Planner:
+    """Turns on the spot, and plans to go on so."""
+
+    def __init__(self):
+        self.told = []
+
+    def act(self, belief, info):
+        self.told.append(sorted(info))
+        step = len(self.told)
+        return np.array([0.0, 0.1], np.float32), np.full((step, 2), [0.0, 0.1])
 
 
-@pytest.mark.parametrize("scenario", list(ASSUMED))
-def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(scenario):
-    room = room_of(scenario)
-    assert ASSUMED[scenario].prior(room).mean == room.course.start
-    truths = {tuple(room.reset(seed=seed)[1]["truth"]) for seed in range(3)}
-    assert ASSUMED[scenario].prior(room).mean == room.course.start
-    assert len(truths) == (
-        3 if scenario in ("matched", "guided") else 1
-    )  # drawn from the prior, or the start
+class Listener:
+    """A localizer that notes what it is told."""
+
+    def reset(self, prior, plan, rng):
+        self.plans = [plan]
+        return PoseBelief(prior.mean)
+
+    def update(self, ranges, action, plan):
+        self.plans.append(plan)
+        return PoseBelief((0.0, 0.0, 0.0))
+
+
+def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_truth():
+    ours = scenario("paper")
+    room, agent, localizer = ours.room(), Planner(), Listener()
+    seen = list(moments(room, agent, localizer, ours.prior_in(room), RNG, seed=SEED))
+    steps = len(room.plan)
+    assert len(seen) == len(localizer.plans) == steps + 1
+    assert np.array_equal(localizer.plans[0], room.plan)  # nobody has believed anything yet
+    for step, plan in enumerate(localizer.plans[1:], 1):
+        assert np.array_equal(plan, np.full((step, 2), [0.0, 0.1]))
+    assert agent.told == [["action", "collided", "planned_actions", "planned_count"]] * steps
+    turned = np.unwrap([moment.truth[2] for moment in seen])
+    assert turned[-1] - turned[0] == pytest.approx(0.1 * steps, rel=0.01)  # noise: 2 % of a step
+
+
+def test_in_open_loop_the_plan_of_the_env_is_carried_out_and_told():
+    ours = scenario("paper")
+    room, localizer = ours.room(), Listener()
+    agent = make_agent("open-loop", ours.robot_model(room))
+    list(moments(room, agent, localizer, ours.prior_in(room), RNG, seed=SEED))
+    for step, plan in enumerate(localizer.plans):
+        assert np.array_equal(plan, room.plan[step:])

@@ -3,15 +3,18 @@
 import numpy as np
 
 import localizers
-from benchmarks.trials.episode import moments, room_of
-from benchmarks.trials.presets import ASSUMED
+from benchmarks.setup.names import scenario
+from benchmarks.trials.episode import moments
 from deqmcl_gym.envs.wrappers import Kidnap
 
 STEP, CARRIED_TO = 40, (300.0, 260.0, 2.5)
 
 
-def turn_about(belief, plan) -> np.ndarray:
-    return np.array([0.0, 0.1], np.float32)
+class TurnAbout:
+    """Turns on the spot, whatever is planned."""
+
+    def act(self, belief, info):
+        return np.array([0.0, 0.1], np.float32), None
 
 
 def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
@@ -19,13 +22,13 @@ def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
 
     The room looks the same after half a turn: the error is that to the nearer of the two poses.
     """
-    room = room_of("sharp")
-    assumed = ASSUMED["sharp"]
-    localizer = localizers.make("amcl", assumed.robot_model(room), **params)
+    sharp = scenario("sharp")
+    room = sharp.room()
+    localizer = localizers.make("amcl", sharp.robot_model(room), **params)
     env = Kidnap(room, STEP, CARRIED_TO)
     errors, qualities = [], []
     rng = np.random.default_rng(seed)
-    for moment in moments(env, localizer, assumed.prior(room), rng, seed=1, driver=turn_about):
+    for moment in moments(env, TurnAbout(), localizer, sharp.prior_in(room), rng, seed=1):
         x, y, _ = localizers.mean_pose(*moment.belief.points())
         twin = np.array([350.0, 300.0]) - moment.truth[:2]
         errors.append(min(np.hypot(*(p - [x, y])) for p in (moment.truth[:2], twin)))

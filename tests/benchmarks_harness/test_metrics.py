@@ -112,13 +112,13 @@ metrics.METRICS += (
         each=lambda clouds, task: [cloud.poses[0].max() for cloud in clouds.each],
     ),
 )
-import fake_records
 import numpy as np
 from fake_episode import traced
+from report_cases import finished
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.table_1 import trials_csv
 from benchmarks.trials.scoring import record
-from benchmarks.trials.thresholds import Thresholds
 
 
 def growing(state, offset):
@@ -126,7 +126,7 @@ def growing(state, offset):
 
 
 made = record(traced(4, (0,), points=growing), 0, Thresholds())
-print(trials_csv([fake_records.record("mcl", 0, {}) | made]))
+print(trials_csv([finished("mcl", 0, 1.0) | made]))
 """
 
 

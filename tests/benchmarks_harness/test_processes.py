@@ -1,6 +1,7 @@
 """Worker processes: what they answer, and what becomes of a call whose process is lost."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -137,4 +138,5 @@ with Processes(1) as pool:
 
 def test_a_worker_that_cannot_start_is_told_from_one_that_died(tmp_path):
     said, _ = script(tmp_path, CANNOT_START).communicate(timeout=60)
-    assert said == f"{CannotStartError.__name__} a worker process could not start (exit code 3)\n"
+    words = rf"{CannotStartError.__name__} a worker process could not start \(exit code \d\)\n"
+    assert re.fullmatch(words, said)

@@ -10,7 +10,9 @@ from benchmarks.execution.engines import Where
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing, run_trials
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
-from benchmarks.tables.table_1 import table_csv, table_rows, trials_csv
+from benchmarks.tables.comparison import results_csv
+from benchmarks.tables.panels import comparisons
+from benchmarks.tables.table_1 import trials_csv
 from benchmarks.trials import attempt, plugins
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
@@ -41,9 +43,9 @@ def runs(monkeypatch):
     """The trials that were run rather than found."""
     ran = []
 
-    def noted(trial: Trial):
+    def noted(trial: Trial, room):
         ran.append(trial)
-        return trial_moments(trial)
+        return trial_moments(trial, room)
 
     monkeypatch.setattr(attempt, "trial_moments", noted)
     return ran
@@ -58,7 +60,7 @@ def test_a_finished_sweep_is_not_run_again_and_gives_the_same_tables(tmp_path, r
     assert runs == []
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == written
     assert again == first
-    assert table_csv(table_rows(again)) == table_csv(table_rows(first))
+    assert results_csv(comparisons(again)) == results_csv(comparisons(first))
     assert trials_csv(again) == trials_csv(first)
 
 
@@ -235,7 +237,7 @@ def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
         trial=0,
     )
     first = list(trial_moments(trial))[:1]
-    monkeypatch.setattr(attempt, "trial_moments", lambda _: first)
+    monkeypatch.setattr(attempt, "trial_moments", lambda *_: first)
     with pytest.raises(TrialsFailedError, match="it processed 0 steps"):
         run([trial], tmp_path)
 
@@ -280,16 +282,14 @@ def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_
 
 
 def test_what_a_method_has_no_use_for_does_not_reach_it(tmp_path):
-    rows = {lag: table_rows(run(suite(["mcl"], lag=lag), tmp_path)) for lag in (0, 5, 20, 300)}
+    rows = {lag: comparisons(run(suite(["mcl"], lag=lag), tmp_path)) for lag in (0, 5, 20, 300)}
+    assert all(row.offset == 0 for own in rows.values() for row in own)
     kept = [
-        {k: v for k, v in vars(row).items() if k != "error_window"}
-        for own in rows.values()
-        for row in own
+        {k: v for k, v in row.scores.items() if k != "error_window"} for (row,) in rows.values()
     ]
-    assert len(kept) == 4  # offset 0 each, no other
     assert all(row == kept[0] for row in kept)
-    window = [own[0].error_window for own in rows.values()]
-    assert window[0] == kept[0]["error"]
+    window = [row.scores["error_window"].mean for (row,) in rows.values()]
+    assert window[0] == rows[0][0].error.mean
     assert len({*window[:3]}) == 3
     assert math.isnan(window[3])
 

@@ -17,24 +17,24 @@ from fake_episode import (
     truth_of,
 )
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
-from benchmarks.trials.thresholds import Thresholds
 from benchmarks.trials.trace import trace_of
-from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 
 T, L = 10, 3
 OFFSETS = (0, -L, L)
+USUAL = Thresholds()
 # sums of up to ten terms around 10² … 10⁴ with the roundings of x = 100 + s + error
 CLOSE = {"rel": 1e-12}
 
 
-def scored(trace, lag=L, thresholds=Thresholds()):
+def scored(trace, lag=L, thresholds=USUAL):
     return {row["offset"]: row for row in scores(trace, lag, thresholds)}
 
 
-def recorded(trace, lag=L, thresholds=Thresholds()):
+def recorded(trace, lag=L, thresholds=USUAL):
     return json.loads(json.dumps(record(trace, lag, thresholds), allow_nan=False))
 
 
@@ -137,8 +137,8 @@ def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
 @pytest.mark.parametrize(
     ("astray", "thresholds", "lost"),
     [
-        (13, Thresholds(), 1.0),  # 80 px in the last states: 13 · 80 / 20 = 52
-        (12, Thresholds(), 0.0),  # 12 · 80 / 20 = 48
+        (13, USUAL, 1.0),  # 80 px in the last states: 13 · 80 / 20 = 52
+        (12, USUAL, 0.0),  # 12 · 80 / 20 = 48
         (12, Thresholds(lost=47.0), 1.0),
         (12, Thresholds(lost_steps=19), 1.0),  # 12 · 80 / 19 = 50.5
     ],
@@ -189,7 +189,7 @@ def test_a_belief_is_scored_as_it_was_when_it_was_given():
 
     def moments():
         for t in range(T + 1):
-            Reused.poses[:] = truth_of(t) + [t, 0, 0]
+            Reused.poses[:] = np.add(truth_of(t), (t, 0, 0))
             yield Moment(t, truth_of(t), USABLE, Reused(), 0.0)
 
     error = recorded(trace_of(moments(), OFFSETS, TASK))["curves"]
@@ -270,15 +270,3 @@ def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error()
     assert {k: v["first_state"] for k, v in curves.items()} == {"0": 0, "-3": 0, "3": L}
     # written with six digits: relative rounding at most 5e-6
     assert curves["3"]["error"] == pytest.approx([5 * 2.0**s for s in range(L, T + 1)], rel=5e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("far", -1.0), ("lost", "50"), ("lost_steps", 0), ("lost_steps", 1.5)]
-)
-def test_a_threshold_that_is_none_is_refused_by_name(name, value):
-    with pytest.raises(InputError, match=f"thresholds.{name}"):
-        Thresholds(**{name: value})
-
-
-def test_thresholds_of_a_room_in_metres_are_lengths_times_0_02():
-    assert scaled(Thresholds(), 0.02) == Thresholds(far=1.0, lost=1.0)

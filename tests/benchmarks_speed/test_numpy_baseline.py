@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+import reference
 
 from benchmarks.speed import numpy_baseline
 from benchmarks.speed.lap import fan, free_poses, recorded_lap
 from benchmarks.speed.numpy_baseline import NumpyMCL, NumpyModels, boxes_of
-from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 from localizers import GaussianPrior, make, mean_pose

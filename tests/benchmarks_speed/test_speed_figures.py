@@ -3,13 +3,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+import reference
 
 from benchmarks.speed import rays, scaling, worlds
 from benchmarks.speed.command import FIGURES
 from benchmarks.speed.figure import MICROSECONDS, Figure, Measured, UnavailableError, in_unit
 from benchmarks.speed.lap import free_poses
 from benchmarks.speed.timing import Job
-from deqmcl_gym.maps import reference
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 PROMISED = {  # and their targets

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+import reference
 
 from benchmarks.speed.lap import fan, free_poses, recorded_lap
 from benchmarks.speed.steps import peer_mcl
-from deqmcl_gym.maps import reference
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 from localizers import make
 

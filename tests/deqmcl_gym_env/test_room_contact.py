@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pymunk
 import pytest
+import reference
 from room_cases import PAPER, SEVERAL, SPIKE, STILL, calm, drive, poses_of, wrapped
 
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.physics import SKIN, Physics, Walls
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.

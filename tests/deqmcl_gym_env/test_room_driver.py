@@ -1,5 +1,6 @@
 """The driver: plans anew at every step, from the true pose, until its lap is done."""
 
+import dataclasses
 import itertools
 import math
 import pickle
@@ -211,6 +212,15 @@ def test_a_pickled_room_drives_on_alike():
     np.testing.assert_equal(plan.after(env._episode), env._setting.plan.after(env._episode))
 
 
+def test_a_driver_can_be_taken_away_and_the_rest_of_the_world_stays():
+    world = guided().world
+    env = guided(driver="none")
+    assert env.world == dataclasses.replace(world, driver=None)
+    np.testing.assert_array_equal(env.plan, RoomEnv().plan)
+    assert guided(driver=None).world == world
+    assert RoomEnv(driver="none").world == RoomEnv().world
+
+
 def test_any_world_can_have_a_driver_and_its_keys_change_alone():
     assert RoomEnv().world.driver is None
     assert RoomEnv(driver={}).world.driver == guided().world.driver
@@ -226,6 +236,7 @@ def test_any_world_can_have_a_driver_and_its_keys_change_alone():
         ({"on_the_spot": 0}, r"driver\.on_the_spot is 0"),
         ({"speed": 3}, "key in driver"),
         (5, "driver is 5, but must be a Driver"),
+        ("nobody", r'driver is \'nobody\', but must be .* or "none" to take it away'),
         ({"look_ahead": 300}, r"meets a wall near .*: give another driver\.look_ahead"),
         ({"look_ahead": 0.3}, "does not come round in 408 steps"),  # it overshoots, to and fro
     ],

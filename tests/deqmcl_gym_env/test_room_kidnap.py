@@ -5,11 +5,11 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+import reference
 from room_cases import SEVERAL, calm, drive, poses_of
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import Kidnap
-from deqmcl_gym.maps import reference
 from deqmcl_gym.validation import InputError
 
 ELSEWHERE = (60.0, 200.0, 1.0)

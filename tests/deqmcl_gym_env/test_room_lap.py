@@ -5,10 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import reference
 from room_cases import FLOOR_PLANS, SEVERAL, TRIANGLE, calm, closing_error, poses_of
 
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 
 # The corridors are 100 px wide, so the mid-corridor path has the corners (50, 50), (300, 50),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from room_cases import FLOOR_PLANS, calm, closing_error, drive
 
-from deqmcl_gym.envs.room import COLLISION_PENALTY, RoomEnv
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.world.setting import COLLISION_PENALTY
 
 FULL = 900.0  # px: the paper's lap, 2 · (250 + 200)
 EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000

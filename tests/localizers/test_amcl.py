@@ -5,9 +5,10 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+import reference
 
 import localizers
-from deqmcl_gym.maps import Lidar, PolygonMap, reference
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.models.likelihood_field import LikelihoodField

@@ -146,7 +146,7 @@ def test_the_defaults_are_those_of_the_paper(monkeypatch, tmp_path):
     assert jobs >= 1
 
 
-def test_the_list_shows_suites_localizers_and_presets_even_if_one_cannot_be_loaded(
+def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_cannot_be_loaded(
     monkeypatch, capsys
 ):
     really = localizers.parameters

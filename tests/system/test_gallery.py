@@ -101,7 +101,7 @@ def test_a_run_with_another_lag_removes_the_figures_that_it_does_not_draw(tmp_pa
 
 
 def test_a_figure_that_was_lost_is_drawn_as_it_was_and_no_trial_is_run(tmp_path, monkeypatch):
-    def fail(trial):
+    def fail(trial, room):
         raise AssertionError(f"{trial} was run again")
 
     assert exit_code(*FEW, "--localizers", "mcl", "--out", tmp_path) == 0

@@ -61,7 +61,7 @@ def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
             assert set(mass) <= {0, 1}
 
 
-def test_fields_methods_preset_and_lag_are_those_asked_for(tmp_path):
+def test_fields_methods_scenario_and_lag_are_those_asked_for(tmp_path):
     arguments = ("--localizers", "dead-reckoning", "--scenario", "sharp", "--lag", "30")
     assert exit_code("phase", *arguments, "--fields", "7", "--out", tmp_path) == 0
     assert [line["field"] for line in rows(tmp_path / "fields.csv")] == [*map(str, range(1, 8))]

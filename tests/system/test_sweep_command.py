@@ -114,7 +114,7 @@ def test_a_trial_is_stored_with_the_quality_at_every_step_if_its_localizer_gives
 
 
 def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
-    more = '\n[[vary]]\npreset = ["paper", "guided"]\n'
+    more = '\n[[vary]]\nscenario = ["paper", "guided"]\n'
     out = tmp_path / "out"
     assert sweep(write_small(tmp_path, more=more), out) == 0
     assert exit_code("report", out) == 0

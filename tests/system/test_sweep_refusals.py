@@ -11,7 +11,7 @@ from benchmarks.sweeps import dry_run
 
 def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    file = write_small(tmp_path, trials=50, more="\n[[vary]]\npreset = ['paper', 'sharp']\n")
+    file = write_small(tmp_path, trials=50, more="\n[[vary]]\nscenario = ['paper', 'sharp']\n")
     assert sweep(file, tmp_path / "out", "--dry-run") == 0
     said = capsys.readouterr().out
     assert "small: 200 trials in 4 cells" in said

@@ -1,4 +1,4 @@
-"""Output files: a folder that can be written to, a file written whole or not at all."""
+"""A folder that can be written to; a file written whole or not at all."""
 
 import os
 import tempfile

@@ -14,9 +14,10 @@ are resolved to 3e-5 px, and a clearance is a handful of operations on them.
 import numpy as np
 import pymunk
 import pytest
+import reference
 from sample_plans import PLANS, anywhere, corners, space_of
 
-from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.maps import PolygonMap
 
 BAND = 1e-3  # px
 EVERYTHING = pymunk.ShapeFilter()

@@ -1,11 +1,10 @@
-"""``deqmcl run``: one lap of one localizer, its animation and its error curve."""
+"""One lap of one localizer: its animation, its error curve, its trace."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.experiment import Experiment
 from benchmarks.files import writable_folder, write_bytes, write_text
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
@@ -13,22 +12,21 @@ from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import check_params, room_of, task_of, trial_moments
+from benchmarks.trials.episode import scenario_of, task_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
-from benchmarks.trials.thresholds import Thresholds
+from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 
 
-def run_lap(experiment: Experiment, out: Path) -> str:
+def run_lap(trial: Trial, out: Path) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print."""
     require_plots()
-    (trial,) = experiment.sweep.distinct()
-    check_params(trial)
     writable_folder(out)
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
-    trace = trace_of(episode, trial.offsets, task_of(room_of(trial.scenario)))
+    setup = scenario_of(trial)
+    trace = trace_of(episode, trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
@@ -47,7 +45,7 @@ def run_lap(experiment: Experiment, out: Path) -> str:
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
         f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
-        for row in scores(trace, trial.lag, Thresholds())
+        for row in scores(trace, trial.lag, setup.thresholds)
     ]
     return "\n".join(
         [

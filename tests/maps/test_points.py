@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+import reference
 from sample_plans import PLANS, anywhere, awkward_poses
 
-from deqmcl_gym.maps import PolygonMap, reference
+from deqmcl_gym.maps import PolygonMap
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -66,7 +67,7 @@ def test_ranges_are_nan_outside_the_outer_wall_and_nowhere_else():
 
 def test_from_inside_an_obstacle_the_obstacles_walls_are_seen():
     poses = [(175, 150, 0), (175, 150, np.pi / 2), (175, 150, np.pi), (175, 150, -np.pi / 2)]
-    # 1e-3 px: the law of test_floorplan_ranges, perpendicular to the wall
+    # 1e-3 px: the law of test_ranges, perpendicular to the wall
     assert PLANS["room"].ranges(poses, [0.0]).ravel() == pytest.approx([75, 50, 75, 50], abs=1e-3)
 
 

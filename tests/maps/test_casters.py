@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sample_plans import PLANS, anywhere, awkward_poses
-from test_floorplan_ranges import inside_the_outer_wall
+from test_ranges import inside_the_outer_wall
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.casting import (
@@ -18,9 +18,9 @@ from deqmcl_gym.maps.cells import cells_of
 
 
 def test_few_walls_are_all_tried_and_many_are_sorted_into_cells():
-    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles), AllWalls)
-    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles), AllWalls)
-    assert isinstance(caster_of(PLANS["forest"].outer, PLANS["forest"].obstacles), CellByCell)
+    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles, 1.0), AllWalls)
+    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles, 1.0), AllWalls)
+    assert isinstance(caster_of(PLANS["forest"].outer, PLANS["forest"].obstacles, 1.0), CellByCell)
 
 
 def test_a_rectangle_counts_as_one_however_many_walls_it_has():
@@ -31,16 +31,16 @@ def test_a_rectangle_counts_as_one_however_many_walls_it_has():
     ]
     room = [(0, 0), (100, 0), (100, 100), (0, 100)]
     assert 4 * len(boxes) > MANY_WALLS > len(boxes) + 1
-    assert isinstance(caster_of(room, boxes), AllWalls)
-    assert all_walls(room, boxes).tries == len(boxes) + 1
+    assert isinstance(caster_of(room, boxes, 1.0), AllWalls)
+    assert all_walls(room, boxes, 1.0).tries == len(boxes) + 1
 
 
 @pytest.mark.parametrize(("walls", "kind"), [(63, AllWalls), (64, CellByCell)])
 def test_walls_that_make_no_rectangle_count_one_each(walls, kind):
     angles = np.arange(walls) * 2 * np.pi / walls + 0.1
     ring = [(100 * x, 100 * y) for x, y in zip(np.cos(angles), np.sin(angles), strict=True)]
-    assert all_walls(ring, ()).tries == walls
-    assert isinstance(caster_of(ring, ()), kind)
+    assert all_walls(ring, (), 1.0).tries == walls
+    assert isinstance(caster_of(ring, (), 1.0), kind)
 
 
 def cast(caster, poses: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
     poses = np.column_stack([anywhere(plan, 20_000, rng), rng.uniform(-np.pi, np.pi, 20_000)])
     poses = inside_the_outer_wall(plan, poses)
     one, other = (
-        cast(maker(plan.outer, plan.obstacles), poses) for maker in (all_walls, cell_by_cell)
+        cast(maker(plan.outer, plan.obstacles, 1.0), poses) for maker in (all_walls, cell_by_cell)
     )
     assert (np.abs(one - other) > 1e-3).mean() < 3e-3
 
@@ -71,13 +71,13 @@ def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
 def test_cell_by_cell_no_beam_from_inside_the_outer_wall_escapes(name):
     plan = PLANS[name]
     poses = inside_the_outer_wall(plan, awkward_poses(plan, 50_000, np.random.default_rng(7)))
-    assert np.isfinite(cast(cell_by_cell(plan.outer, plan.obstacles), poses)).all()
+    assert np.isfinite(cast(cell_by_cell(plan.outer, plan.obstacles, 1.0), poses)).all()
 
 
 @pytest.mark.parametrize("name", PLANS)
 def test_each_point_of_a_wall_lies_in_a_cell_that_lists_the_wall(name):
     walls = PLANS[name].walls
-    cells = cells_of(walls)
+    cells = cells_of(walls, 0.05)
     share = np.random.default_rng(8).random((200, 1, 1))
     points = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])  # (200, S, 2)
     column, row = np.floor((points - cells.corner) / cells.side).astype(int).transpose(2, 0, 1)

@@ -1,4 +1,4 @@
-"""The plain NumPy form of the geometry, in float64: the oracle of the tests and the speed baseline.
+"""The plain NumPy form of the geometry, in float64: the oracle of the tests.
 
 Same definitions as ``PolygonMap``'s methods, none of their code: whole arrays, all walls against
 all items, nothing clever.
@@ -11,7 +11,7 @@ from deqmcl_gym.numerics.types import Floats
 
 
 def ranges(walls: ArrayLike, poses: ArrayLike, bearings: ArrayLike) -> Floats:
-    """Distance along each beam to the nearest wall segment; inf where there is none, (n, B) px."""
+    """Distance along each beam to the nearest wall segment; inf where there is none, (n, B)."""
     poses, walls = np.asarray(poses, dtype=np.float64), np.asarray(walls, dtype=np.float64)
     angles = poses[:, 2, None] + np.asarray(bearings, dtype=np.float64)  # (n, B)
     dx, dy = np.cos(angles)[..., None], np.sin(angles)[..., None]  # (n, B, 1)
@@ -27,7 +27,7 @@ def ranges(walls: ArrayLike, poses: ArrayLike, bearings: ArrayLike) -> Floats:
 
 
 def clearance(walls: ArrayLike, starts: ArrayLike, ends: ArrayLike) -> Floats:
-    """Distance between each path and the nearest wall; 0 where they cross, (n,) px."""
+    """Distance between each path and the nearest wall; 0 where they cross, (n,)."""
     walls = np.asarray(walls, dtype=np.float64)
     a, b = np.asarray(starts, float)[:, None, :2], np.asarray(ends, float)[:, None, :2]  # (n, 1, 2)
     c, d = walls[None, :, :2], walls[None, :, 2:]  # (1, S, 2)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import reference
 from sample_plans import PLANS, anywhere, corners
 
-from deqmcl_gym.maps import kernels, reference
+from deqmcl_gym.maps import kernels
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])

@@ -13,9 +13,10 @@ from itertools import product
 import numpy as np
 import pymunk
 import pytest
+import reference
 from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
-from deqmcl_gym.maps import Lidar, PolygonMap, reference
+from deqmcl_gym.maps import Lidar, PolygonMap
 
 HALF_PX, HALF_RAD = 5e-4, 5e-6
 EVERYTHING = pymunk.ShapeFilter()

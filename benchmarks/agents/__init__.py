@@ -1,0 +1,1 @@
+"""Who drives, one file each: ``AGENT`` is called with a ``RobotModel`` and gives an ``Agent``."""

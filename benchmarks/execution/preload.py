@@ -1,0 +1,14 @@
+"""What all workers share: loaded, and its kernels compiled, once, before they are forked."""
+
+import contextlib
+
+from benchmarks.execution.worker import load
+from benchmarks.trials.attempt import trial_trace
+from benchmarks.trials.spec import Trial
+
+load()
+_SMALL = Trial(
+    scenario="paper", localizer="deq-mcl", params=(("particles", 2),), lag=1, seed=0, trial=0
+)
+with contextlib.suppress(Exception):  # whatever it is, the trials will say so
+    trial_trace(_SMALL)

@@ -1,0 +1,49 @@
+"""What the filters are told of x_0, before there is a room: the prior as a part of a scenario."""
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps.units import LENGTH, POSE
+from deqmcl_gym.validation import number, pose
+from localizers import GaussianPrior, Prior
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian:
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+
+    Attributes:
+        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one.
+        sd_position: in x and in y, px.
+        sd_heading: rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.mean is not None:
+            object.__setattr__(self, "mean", pose("prior.mean", self.mean))
+        number("prior.sd_position", self.sd_position, low=0)
+        number("prior.sd_heading", self.sd_heading, low=0)
+
+    def of(self, room: RoomEnv) -> Prior:
+        """Return p(x_0) in a room."""
+        mean = room.course.start if self.mean is None else self.mean
+        return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """x_0 is anywhere in free space, in any heading: global localization."""
+
+    def of(self, room: RoomEnv) -> Prior:
+        """Return p(x_0) in a room."""
+        from localizers import UniformPrior
+
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.world.robot.radius)
+
+
+PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform})

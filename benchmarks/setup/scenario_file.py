@@ -1,0 +1,42 @@
+"""From a TOML file to a ``Scenario``; docs/scenarios.md has the table of its keys."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+from benchmarks.setup import documents
+from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.thresholds import Thresholds
+from deqmcl_gym.validation import part
+
+_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
+
+
+def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenario:
+    """Read a scenario file.
+
+    Args:
+        path: of the file.
+        named: the scenario of a name that stands in a file.
+
+    Raises:
+        InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
+    """
+    given = documents.read(path, "scenario")
+    with documents.errors_name(path):
+        documents.check(given, _KEYS)
+        base = named(documents.text("base", given.get("base", "paper")), path)
+        prior = documents.dotted("prior", given.get("prior", {}))
+        assumed = documents.dotted("assumed", given.get("assumed", {}))
+        changed = base.changed(
+            world=documents.dotted("env", given.get("env", {})),
+            assumed=assumed | {f"prior.{key}": value for key, value in prior.items()},
+        )
+        return replace(
+            changed,
+            words=documents.text("words", given.get("words", path.stem)),
+            agent=documents.text("agent", given.get("agent", base.agent)),
+            thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
+            source=sha256(base.source.encode() + path.read_bytes()).hexdigest(),
+        )

@@ -1,0 +1,155 @@
+"""What is compared: the methods of a setting, at one value of each swept parameter."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.tables.comparison import Comparison, compared
+from benchmarks.tables.pairing import (
+    BASELINE,
+    Method,
+    Record,
+    Setting,
+    agree,
+    method_of,
+    setting_of,
+)
+from benchmarks.tables.thresholds import Thresholds, thresholds_of
+from benchmarks.trials.spec import Params
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """Methods that are compared with one another.
+
+    Attributes:
+        number: from 1, in the order of the results.
+        title: what sets it apart from the other panels.
+        setting: of the panel.
+        swept: value of each parameter that is swept in the setting.
+        labels: what each method is called, in the order of the results.
+        rows: every method against the baseline, at all offsets.
+        records: finished trials by method.
+        thresholds: far and lost, and the unit of length.
+    """
+
+    number: int
+    title: str
+    setting: Setting
+    swept: Params
+    labels: dict[Method, str]
+    rows: list[Comparison]
+    records: dict[Method, list[Record]]
+    thresholds: Thresholds
+
+    @property
+    def present(self) -> list[Comparison]:
+        """The rows about x_t."""
+        return [row for row in self.rows if row.offset == 0]
+
+
+def panels(records: Iterable[Record], baseline: str = BASELINE) -> list[Panel]:
+    """Split finished trials into panels, in their order, and compare the methods of each.
+
+    A setting has a panel for every value of the numbers of which one localizer has several; a
+    method without such a parameter is in each of them.
+    """
+    settings: dict[Setting, dict[Method, list[Record]]] = {}
+    for record in records:
+        methods = settings.setdefault(setting_of(record), {})
+        methods.setdefault(method_of(record), []).append(record)
+    titles = _titles(list(settings))
+    found: list[Panel] = []
+    for setting, methods in settings.items():
+        for swept in _swept(list(methods)):
+            members = {m: own for m, own in methods.items() if agree(m.params, swept)}
+            found.append(
+                Panel(
+                    number=len(found) + 1,
+                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept)]),
+                    setting=setting,
+                    swept=swept,
+                    labels=_labels(list(members)),
+                    rows=compared(setting, swept, members, baseline),
+                    records=members,
+                    thresholds=thresholds_of(next(iter(members.values()))[0]),
+                )
+            )
+    return found
+
+
+def comparisons(records: Iterable[Record], baseline: str = BASELINE) -> list[Comparison]:
+    """Return the rows of all panels."""
+    return [row for panel in panels(records, baseline) for row in panel.rows]
+
+
+def short_name(localizer: str) -> str:
+    """A name for pictures: a plug-in's class or file without the way to it."""
+    return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value can stand on an axis."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def disturbance_words(wrapper: Params) -> str:
+    """Its kind, and what it was given."""
+    given = dict(wrapper)
+    kind = given.pop("kind", "disturbance")
+    return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
+
+
+def _swept(methods: Sequence[Method]) -> list[Params]:
+    """Values of the numbers of which one localizer has several; [()] if there are none.
+
+    A word makes variants of a localizer, which appear side by side.
+    """
+    seen: dict[tuple[str, str], set[Any]] = {}
+    for method in methods:
+        for name, value in method.params:
+            if is_number(value):
+                seen.setdefault((method.localizer, name), set()).add(value)
+    names = {name for (_, name), values in seen.items() if len(values) > 1}
+    taken = dict.fromkeys(
+        tuple((name, value) for name, value in method.params if name in names) for method in methods
+    )
+    # what says less than another one, and nothing else, is no panel of its own
+    return [
+        swept
+        for swept in taken
+        if not any(len(more) > len(swept) and agree(swept, more) for more in taken)
+    ]
+
+
+def _labels(methods: Sequence[Method]) -> dict[Method, str]:
+    names = {method: short_name(method.localizer) for method in methods}
+    if len(set(names.values())) < len({method.localizer for method in methods}):
+        names = {method: method.localizer for method in methods}
+    return {method: " ".join([name, *_variant(method, methods)]) for method, name in names.items()}
+
+
+def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
+    """Its parameters that tell it from the methods of the same localizer."""
+    same = [dict(other.params) for other in methods if other.localizer == method.localizer]
+    return [
+        f"{name}={value}"
+        for name, value in method.params
+        if any(other.get(name) != value for other in same)
+    ]
+
+
+def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
+    """The scenario and what differs from it; lag and seed where settings differ in them."""
+    several_lags = len({setting.lag for setting in settings}) > 1
+    several_seeds = len({setting.seed for setting in settings}) > 1
+    titles = {}
+    for setting in settings:
+        words = [f"scenario {setting.scenario}"]
+        words += [f"{name} {value}" for name, value in setting.world]
+        words += [f"assumed {name} {value}" for name, value in setting.assumed]
+        words += map(disturbance_words, setting.disturbance)
+        words += [f"L {setting.lag}"] if several_lags else []
+        words += [f"seed {setting.seed}"] if several_seeds else []
+        titles[setting] = ", ".join(words)
+    return titles

@@ -1,0 +1,33 @@
+"""From when on an estimate is far off, and a trial lost: said by the trials' own records."""
+
+from dataclasses import dataclass
+
+from benchmarks.tables.pairing import Record
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thresholds:
+    """What the words of a table say.
+
+    Attributes:
+        far: e above which a step is far off.
+        lost: position error above which a trial is lost, on average over its last states.
+        lost_steps: how many states these are.
+        unit: of lengths.
+    """
+
+    far: float = 50.0
+    lost: float = 50.0
+    lost_steps: int = 20
+    unit: str = "px"
+
+    @property
+    def far_words(self) -> str:
+        """In words: e > 50 px."""
+        return f"e > {self.far:g} {self.unit}"
+
+
+def thresholds_of(record: Record) -> Thresholds:
+    """Return the thresholds that a finished trial was scored with."""
+    # TODO(merge): records say both; then no defaults above, and record["thresholds"]
+    return Thresholds(unit=record.get("unit", "px"), **record.get("thresholds", {}))

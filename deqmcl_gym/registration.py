@@ -1,0 +1,62 @@
+"""Registers ``deqmcl_gym/Room-v0`` with Gymnasium, as soon as that is imported.
+
+Nothing here imports it: localizers need the maps of this package, not the environment.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+
+ENV_ID = "deqmcl_gym/Room-v0"
+_REGISTRY = "gymnasium.envs.registration"
+
+
+def register() -> None:
+    """Register the environment, at once or when Gymnasium is imported."""
+    if _REGISTRY in sys.modules:
+        _register(sys.modules[_REGISTRY])
+    else:
+        sys.meta_path.insert(0, _Finder())
+
+
+def _register(registry: ModuleType) -> None:
+    registry.register(
+        id=ENV_ID,
+        entry_point="deqmcl_gym.envs.room:RoomEnv",
+        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
+        # Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
+        max_episode_steps=408,
+    )
+
+
+class _Finder(MetaPathFinder):
+    """Finds Gymnasium's registry, once, and has the environment registered when it is loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != _REGISTRY:
+            return None
+        sys.meta_path.remove(self)
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _ThenRegister(spec.loader)
+        return spec
+
+
+class _ThenRegister(Loader):
+    """Loads a module as its own loader does, and registers the environment with it."""
+
+    def __init__(self, loader: Loader) -> None:
+        self._loader = loader
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        assert module.__spec__ is not None
+        module.__spec__.loader = module.__loader__ = self._loader
+        self._loader.exec_module(module)
+        _register(module)

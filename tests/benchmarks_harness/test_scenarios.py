@@ -1,0 +1,298 @@
+"""Scenarios: ours and users', what a trial changes of them, and how they are refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.validation import InputError
+from localizers import BeamModel, CensoredGaussianUniform
+
+
+def trial(**changes):
+    base = {
+        "scenario": "sharp",
+        "localizer": "dead-reckoning",
+        "params": (),
+        "lag": 0,
+        "seed": 0,
+        "trial": 0,
+    }
+    return Trial(**base | changes)
+
+
+def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_alone():
+    room = room_of("paper", (("lidar.beams", 9), ("lidar.sigma", 1.0), ("noise.drive", 0.5)))
+    assert (room.lidar.beams, room.lidar.sigma, room.world.noise.drive) == (9, 1.0, 0.5)
+    assert room.world.noise.turn == room_of("paper").world.noise.turn
+    ours = [m.truth for m in trial_moments(trial())]
+    theirs = [m.truth for m in trial_moments(trial(world=(("lidar.sigma", 50.0),)))]
+    assert np.array_equal(ours, theirs)  # another sensor, the same motion
+
+
+def test_an_assumption_reaches_the_filters_and_no_other_is_changed():
+    sharp = scenario("sharp")
+    assumed = {"scan.sigma": 7.0, "motion.drive": 0.3, "prior.sd_heading": 0.5}
+    changed = sharp.changed(assumed=assumed)
+    assert changed.scan == replace(sharp.scan, sigma=7.0)
+    assert changed.motion == replace(sharp.motion, drive=0.3)
+    assert changed.prior == replace(sharp.prior, sd_heading=0.5)
+    assert sharp.scan.sigma == 5.0
+
+
+def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
+    changed = scenario("sharp").changed(assumed={"scan.decay": 0.5, "scan.kind": "beam-model"})
+    assert changed.scan == BeamModel(sigma=5.0, decay=0.5)
+    same = scenario("sharp").changed(assumed={"scan.kind": "censored-gaussian-uniform"})
+    assert same.scan == scenario("sharp").scan
+
+
+def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
+    changed = scenario("paper").changed(assumed={"prior.kind": "uniform"})
+    room = changed.room()
+    prior = changed.prior_in(room)
+    poses = prior.sample(500, np.random.default_rng(0))
+    assert room.floor_plan.free(poses, room.world.robot.radius).all()
+    assert np.ptp(poses[:, 0]) > 0.8 * np.ptp(np.array(room.floor_plan.outer)[:, 0])
+    assert prior.mean is None
+
+
+def test_a_driver_can_be_taken_away():
+    assert scenario("guided").world.driver is not None
+    changed = scenario("guided").changed({"driver": "none"})
+    assert changed.world.driver is None
+    assert changed.room().world.driver is None
+
+
+def test_an_assumption_changes_the_filter_and_not_the_world():
+    sharp = trial(localizer="mcl", params=(("particles", 20),))
+    ours, theirs = (
+        list(trial_moments(t)) for t in (sharp, trial(**vars(sharp) | {"assumed": SIGMA}))
+    )
+    assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
+    assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
+
+
+SIGMA = (("scan.sigma", 50.0),)
+
+
+def test_a_kidnapped_robot_is_elsewhere_from_its_step_on():
+    kidnap = ((("kind", "kidnap"), ("step", 100)),)
+    ours = [m.truth for m in trial_moments(trial())]
+    theirs = [m.truth for m in trial_moments(trial(disturbance=kidnap))]
+    assert np.array_equal(ours[:100], theirs[:100])
+    assert not np.array_equal(ours[100], theirs[100])
+
+
+def test_lost_beams_read_infinity_and_do_not_move_the_robot():
+    dropout = ((("kind", "dropout"), ("probability", 0.5)),)
+    ours, theirs = list(trial_moments(trial())), list(trial_moments(trial(disturbance=dropout)))
+    assert np.array_equal([m.truth for m in ours], [m.truth for m in theirs])
+    lost = np.isinf([m.ranges for m in theirs])
+    assert 0.4 < lost.mean() < 0.6  # 205 x 9 beams: 0.5 within 8 standard deviations
+
+
+def test_disturbances_are_stacked():
+    both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
+    moments = list(trial_moments(trial(disturbance=both)))
+    assert np.isinf([m.ranges for m in moments]).all()
+    assert np.hypot(*(moments[5].truth - moments[4].truth)[:2]) > 20  # no step is so long
+
+
+BAD = [
+    ({"world": (("lidr.beams", 9),)}, ["'lidr'", "did you mean 'lidar'?"]),
+    ({"world": (("lidar.beans", 9),)}, ["'beans'", "did you mean 'beams'?"]),
+    ({"world": (("lidar.beams", 0),)}, ["lidar.beams", "0"]),
+    ({"world": (("lidar", 9),)}, ["lidar", "9", "mapping"]),
+    ({"world": (("driver", "nobody"),)}, ["driver", "'nobody'", "none"]),
+    ({"world": (("driver", "none"), ("driver.look_ahead", 9.0))}, ["driver", "whole and by key"]),
+    ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
+    ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
+    ({"assumed": (("scan.sigma", 0),)}, ["scan.sigma", "0"]),
+    ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
+    ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
+    ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
+    ({"assumed": (("prior.kind", "gauss"),)}, ["'gauss'", "did you mean 'gaussian'?"]),
+    ({"assumed": (("prior.kind", "uniform"), ("prior.mean", 3))}, ["'prior.mean'", "prior.kind"]),
+    ({"assumed": (("prior.sd_position", -1),)}, ["prior.sd_position", "-1"]),
+    ({"disturbance": ((("step", 3),),)}, ["no kind", "kidnap"]),
+    ({"disturbance": ((("kind", "kidnapp"),),)}, ["did you mean 'kidnap'?"]),
+    ({"disturbance": ((("kind", "kidnap"),),)}, ["'kidnap'", "step"]),
+    ({"disturbance": ((("kind", "kidnap"), ("step", 0)),)}, ["step", "0"]),
+    ({"disturbance": ((("kind", "kidnap"), ("stop", 3)),)}, ["did you mean 'step'?"]),
+    ({"disturbance": ((("kind", "dropout"), ("probability", 2)),)}, ["probability", "2"]),
+]
+
+
+@pytest.mark.parametrize(("changes", "named"), BAD)
+def test_a_setting_that_cannot_be_is_refused(changes, named):
+    with pytest.raises(InputError) as caught:
+        list(trial_moments(trial(**changes)))
+    for words in named:
+        assert words in str(caught.value)
+
+
+ROOM = """
+words = "an L of 8 by 6 m"
+base = "guided"
+agent = "agent.py:Turner"
+[env.floor_plan]
+unit = "m"
+outer = [[0, 0], [8, 0], [8, 6], [0, 6]]
+obstacles = [[[3, 2], [5, 2], [5, 4], [3, 4]]]
+[env.lidar]
+beams = 5
+[assumed.motion]
+turn = 0.4
+[prior]
+sd_position = 0.3
+[thresholds]
+lost = 2.0
+"""
+AGENT = """
+import numpy as np
+class Turner:
+    def __init__(self, robot):
+        self.robot = robot
+    def act(self, belief, info):
+        return np.array([0.0, 0.1], np.float32), None
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    (tmp_path / "agent.py").write_text(AGENT)
+    path = tmp_path / "room.toml"
+    path.write_text(ROOM)
+    return path
+
+
+def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map(room):
+    ours, base = scenario(str(room)), scenario("guided")
+    assert (ours.words, ours.world.floor_plan.unit) == ("an L of 8 by 6 m", "m")
+    assert ours.world.lidar == replace(scaled(base.world.lidar, 0.02), beams=5)
+    assert ours.motion == replace(base.motion, turn=0.4, drift=base.motion.drift / 0.02)
+    assert ours.scan == replace(base.scan, sigma=0.02 * base.scan.sigma)
+    assert ours.prior == replace(base.prior, sd_position=0.3)
+    assert ours.thresholds == Thresholds(far=0.02 * 50, lost=2.0)
+    assert ours.room().world.robot.radius == 0.02 * base.world.robot.radius
+    assert make_agent(ours.agent, ours.robot_model(ours.room())).robot.lidar.beams == 5
+
+
+def test_another_kind_is_told_in_the_unit_of_the_map(room):
+    kind = scenario(str(room)).changed(assumed={"scan.kind": "beam-model"}).scan
+    assert kind == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
+
+
+def test_a_scenario_can_be_the_base_of_another_and_one_of_python_too(room):
+    (room.parent / "more.toml").write_text('base = "room.toml"\nenv.driver = "none"')
+    more = scenario(str(room.parent / "more.toml"))
+    assert (more.words, more.world.driver, more.world.lidar.beams) == ("more", None, 5)
+    assert more.agent == scenario(str(room)).agent
+    code = "from benchmarks.setup.names import scenario\nMINE = scenario('sharp').changed()\n"
+    (room.parent / "mine.py").write_text(code)
+    (room.parent / "more.toml").write_text('base = "mine.py:MINE"')
+    assert scenario(str(room.parent / "more.toml")).scan == scenario("sharp").scan
+
+
+@pytest.mark.parametrize("edited", ["room.toml", "agent.py", "base.toml"])
+def test_a_file_that_is_edited_makes_results_of_another_key(room, edited):
+    (room.parent / "base.toml").write_text('base = "sharp"')
+    room.write_text(ROOM.replace("guided", "base.toml"))
+    before = key_of(trial(scenario=str(room)))
+    assert key_of(trial(scenario=str(room))) == before
+    (room.parent / edited).write_text((room.parent / edited).read_text() + "\n# edited")
+    assert key_of(trial(scenario=str(room))) != before
+
+
+def test_a_relative_name_is_made_absolute_and_others_stay(room, monkeypatch):
+    monkeypatch.chdir(room.parent)
+    assert absolute_scenario("room.toml") == absolute_scenario("./room.toml") == str(room)
+    assert absolute_scenario("my.py:ROOM") == f"{room.parent}/my.py:ROOM"
+    assert absolute_scenario("package.module:ROOM") == "package.module:ROOM"
+    assert [absolute_scenario(name) for name in scenario_names()] == list(scenario_names())
+
+
+BAD_FILES = [
+    ("wrods = 'x'", ["'wrods'", "did you mean 'words'?"]),
+    ("words = ''", ["words", "text"]),
+    ("base = 'papr'", ["did you mean 'paper'?"]),
+    ("base = 'room.toml'", ["its own base"]),
+    ("env = 3", ["env", "3", "table"]),
+    ("[env.lidr]\nbeams = 3", ["'lidr'", "did you mean 'lidar'?"]),
+    ("[env.lidar]\nbeans = 3", ["'beans'", "did you mean 'beams'?"]),
+    ("[env.floor_plan]\nouter = [[0, 0], [1, 0]]", ["outer", "3"]),
+    ("[assumed.scan]\nsigm = 3", ["did you mean 'scan.sigma'?"]),
+    ("[prior]\nkind = 'unifrom'", ["did you mean 'uniform'?"]),
+    ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
+    ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
+    ("agent = 3", ["agent", "3", "text"]),
+    ("words = 'x", ["no TOML"]),
+]
+
+
+@pytest.mark.parametrize(("text", "named"), BAD_FILES, ids=[text for text, _ in BAD_FILES])
+def test_a_bad_scenario_file_is_refused_in_one_sentence_that_names_it(tmp_path, text, named):
+    path = tmp_path / "room.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        scenario(str(path))
+    for words in (str(path), *named):
+        assert words in str(caught.value)
+    assert str(caught.value).count(". ") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
+        ("gone.toml", ["gone.toml", "No such file"]),
+        ("gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
+        ("math:pi", ["the scenario 'math:pi' is 3.14", "a Scenario"]),
+    ],
+)
+def test_a_scenario_that_is_not_there_is_refused(name, named):
+    with pytest.raises(InputError) as caught:
+        scenario(name)
+    for words in named:
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("open-lop", ["did you mean 'open-loop'?", "file.py:NAME"]),
+        ("math:pi", ["'math:pi'", "act"]),
+    ],
+)
+def test_an_agent_that_is_not_there_or_cannot_act_is_refused(name, named):
+    with pytest.raises(InputError) as caught:
+        make_agent(name, None)
+    for words in named:
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name):
+    found = scenario(name)
+    room = found.room()
+    truths = {tuple(room.reset(seed=seed)[1]["truth"]) for seed in range(3)}
+    assert found.prior_in(room).mean == room.course.start
+    # drawn from the prior, or the start
+    assert len(truths) == (3 if name in ("matched", "guided") else 1)
+
+
+@pytest.mark.parametrize("name", ["matched", "guided"])
+def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(name):
+    found = scenario(name)
+    assert vars(found.motion) == vars(found.world.noise)
+    assert isinstance(found.scan, CensoredGaussianUniform)
+    assert found.scan.sigma == found.world.lidar.sigma
+    assert found.prior.sd_position == found.world.start.sd_position
+    assert found.prior.sd_heading == found.world.start.sd_heading

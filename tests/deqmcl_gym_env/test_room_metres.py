@@ -1,0 +1,139 @@
+"""A room in metres, 0.02 m to the px, is the same room: nothing but its walls and unit is given.
+
+Commands are float32 and scans are cast in float32: both are rounded to 6e-8 of themselves, and a
+lap of 204 steps adds such errors up. CLOSE is a relative error of 1e-5, over a hundred of them.
+"""
+
+import numpy as np
+import pytest
+from room_cases import PAPER, SEVERAL, drive
+
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.config import Driver, Lap, Robot, Start
+from deqmcl_gym.world.presets import WORLDS
+
+M = 0.02  # to the px
+CLOSE = 350 * 1e-5  # of the room's width, px
+ROUGH = {"drive": 0.3, "turn": 0.3}  # drift is per length, so it is left to the preset
+
+
+def metres(plan: dict) -> dict:
+    """The same floor plan, in metres."""
+    outer = (np.array(plan["outer"]) * M).tolist()
+    obstacles = [(np.array(one) * M).tolist() for one in plan.get("obstacles", ())]
+    return {"outer": outer, "obstacles": obstacles, "unit": "m"}
+
+
+def assert_alike(px: dict, m: dict) -> None:
+    """What is said in px and in metres: lengths × 0.02, all else the same."""
+    near = {"rtol": 0, "atol": CLOSE}
+    np.testing.assert_allclose(m["truth"][..., :2] / M, px["truth"][..., :2], **near)
+    turned = (m["truth"] - px["truth"])[..., 2]
+    np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-5)
+    for key in ("planned_actions", "action"):
+        np.testing.assert_allclose(m[key] / (M, 1), px[key], **near)
+    np.testing.assert_array_equal(m["planned_count"], px["planned_count"])
+    np.testing.assert_array_equal(m["collided"], px["collided"])
+
+
+def pair(make, plan: dict, **kwargs):
+    return make(floor_plan=plan, **kwargs), make(floor_plan=metres(plan), **kwargs)
+
+
+def assert_same_episode(px, m, commands=None) -> int:
+    """Drive both through an episode, by their plans or by commands in px; return the contacts."""
+    (scan, said), (other, told) = px.reset(seed=3), m.reset(seed=3)
+    contacts, ended, step = 0, False, 0
+    while not np.any(ended):
+        np.testing.assert_allclose(other / M, scan, rtol=0, atol=CLOSE)
+        assert_alike(said, told)
+        action = said["planned_actions"][..., 0, :] if commands is None else commands[step]
+        scan, reward, ended, _, said = px.step(np.float32(action))
+        other, earned, over, _, told = m.step(np.float32(action * np.float64([M, 1])))
+        np.testing.assert_allclose(np.asarray(earned) / M, reward, rtol=0, atol=CLOSE)
+        np.testing.assert_array_equal(over, ended)
+        contacts += np.sum(said["collided"])
+        step += 1
+    assert step > 150
+    return int(contacts)
+
+
+@pytest.mark.parametrize("preset", WORLDS)
+def test_an_episode_along_the_plan_is_the_same_with_and_without_a_driver(preset):
+    assert_same_episode(*pair(RoomEnv, PAPER, preset=preset))
+
+
+@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
+def test_rough_driving_with_contacts_is_the_same_in_one_room(plan):
+    agent = np.random.default_rng(4)
+    commands = np.column_stack([agent.uniform(5, 10, 1000), agent.uniform(-0.6, 0.6, 1000)])
+    envs = pair(RoomEnv, plan, lidar={"beams": 5}, noise=ROUGH, ends_at_goal=False)
+    assert assert_same_episode(*envs, commands) > 20
+
+
+def test_rough_driving_with_contacts_is_the_same_in_many_rooms():
+    agent = np.random.default_rng(4)
+    commands = agent.uniform((5, -0.6), (10, 0.6), (1000, 6, 2))
+    envs = pair(RoomVectorEnv, PAPER, num_envs=6, lidar={"beams": 5}, noise=ROUGH)
+    assert assert_same_episode(*envs, commands) > 100
+
+
+def test_frames_have_the_same_size_and_all_but_the_same_pixels():
+    frames = []
+    for env in pair(RoomEnv, PAPER, render_mode="rgb_array"):
+        env.reset(seed=2)
+        drive(env, env.plan[:30])
+        frames.append(env.render().astype(int))
+    assert frames[0].shape == frames[1].shape
+    assert (np.abs(frames[0] - frames[1]).max(axis=2) > 0).mean() < 1e-3  # rounded coordinates
+
+
+def test_changes_and_whole_parts_are_in_the_units_of_the_map():
+    room = metres(PAPER)
+    world = WORLDS["guided"].changed(floor_plan=room, robot={"radius": 0.1}, lidar=Lidar(sigma=1.0))
+    assert (world.robot.radius, world.robot.max_distance) == (0.1, 10 * M)
+    assert (world.lidar.sigma, world.lidar.max_range) == (1.0, 400.0)
+    assert (world.noise.drift, world.noise.turn) == (0.02 / M, 0.2)
+    assert WORLDS["paper"].changed(floor_plan=room, driver={}).driver == scaled(Driver(), M)
+    back = world.changed(floor_plan=PAPER)
+    assert back.robot.radius == pytest.approx(0.1 / M)
+    assert back.lap == Lap()
+
+
+def test_poses_and_waypoints_are_scaled_without_their_angles():
+    start = scaled(Start(pose=(10.0, 20.0, 1.0), sd_position=2.0, sd_heading=0.1), 0.5)
+    assert start == Start(pose=(5.0, 10.0, 1.0), sd_position=1.0, sd_heading=0.1)
+    lap = scaled(Lap(waypoints=((0, 0), (4, 0), (4, 4))), 0.5)
+    assert lap.waypoints == ((0, 0), (2, 0), (2, 2))
+
+
+def test_sentences_say_the_unit_of_the_map():
+    env = RoomEnv(floor_plan=metres(PAPER))
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=r"from 0 to 0\.2 m and"):
+        env.step(np.float32([5.0, 0.0]))
+    for changed in ({"start": {"pose": (0, 0, 0)}}, {"robot": {"radius": 1.2}}):
+        with pytest.raises(InputError, match=r"radius [0-9.]+ m"):
+            RoomEnv(floor_plan=metres(PAPER), **changed)
+
+
+def test_an_unknown_unit_is_refused():
+    with pytest.raises(InputError, match="unknown unit of length 'km'"):
+        RoomEnv(floor_plan=PAPER | {"unit": "km"})
+    with pytest.raises(InputError, match="unknown unit of length"):
+        PolygonMap(PAPER["outer"], unit=None)
+
+
+def test_a_room_too_large_in_metres_for_a_picture_is_refused_with_its_size_in_pixels():
+    wide = {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"}
+    with pytest.raises(InputError, match="would have 9016 x 9016 pixels"):
+        RoomEnv(floor_plan=wide, render_mode="rgb_array")
+
+
+def test_a_robot_as_the_world_has_it_is_not_converted():
+    robot = Robot(radius=0.2, max_distance=0.3)
+    assert RoomEnv(floor_plan=metres(PAPER), robot=robot).world.robot == robot
