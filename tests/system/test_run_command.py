@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 
-from benchmarks.sweeps.suites import paper_suite
 from benchmarks.setup.thresholds import Thresholds
+from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import trial_trace
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
