@@ -9,7 +9,7 @@ from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, qual
 from localizers.beliefs import PointsBelief, PoseBelief
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
-from localizers.models.prior import GaussianPrior
+from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.naming.plugins import absolute_name
 from localizers.naming.registry import make, names, parameters, register, resolve, source_digest
 
@@ -25,6 +25,7 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "UniformPrior",
     "absolute_name",
     "make",
     "mean_pose",

@@ -1,18 +1,22 @@
 """What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.units import LENGTH, pixel
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, array, number
+from localizers.inference.parts import Motion
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
+
+T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
@@ -22,8 +26,8 @@ class Prior(Protocol):
     """p(x_0), what is known of the pose before the first step."""
 
     @property
-    def mean(self) -> tuple[float, float, float]:
-        """Expected pose (x px, y px, θ rad)."""
+    def mean(self) -> tuple[float, float, float] | None:
+        """Expected pose (x, y, θ rad); None if none would mean anything."""
         ...
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
@@ -80,14 +84,6 @@ class Localizer(Protocol):
         ...
 
 
-class Motion(Protocol):
-    """The assumed motion model; see ``localizers.models.motion.OdometryMotion``."""
-
-    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
-        """Draw one successor of each pose (3, n)."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotModel:
     """What a localizer is made for: the map, the sensor and the noise it assumes.
@@ -95,18 +91,20 @@ class RobotModel:
     Attributes:
         floor_plan: the map m.
         lidar: geometry of the sensor.
-        radius: of the robot's disc, px.
+        radius: of the robot's disc; None is 8 px, or as much in the map's unit.
         motion: p(x_t | x_{t-1}, a_t).
         scan: p(o | ô) of one beam.
     """
 
     floor_plan: Map
     lidar: Lidar
-    radius: float = 8.0
+    radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
     motion: Motion = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
 
     def __post_init__(self) -> None:
+        if self.radius is None:
+            object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
         number("radius", self.radius, low=0)
 
 
@@ -114,6 +112,13 @@ def quality_of(belief: Belief) -> float | None:
     """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if its localizer gives none."""
     quality = getattr(belief, "quality", None)
     return None if quality is None else number("the belief's quality", quality, low=0, high=1)
+
+
+def require_reset(running: T | None) -> T:
+    """Return what a localizer holds since reset; refuse an update before."""
+    if running is None:
+        raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+    return running
 
 
 def checked_plan(plan: ArrayLike) -> Floats:

@@ -35,10 +35,15 @@ def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -
 
 def paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of those methods that are among the trials, unless they are there."""
-    shown = [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
+    shown = chosen(trials)
     source = [*keyed(shown), source_of("benchmarks"), cv2.__version__]
     digest = sha256("\n".join(source).encode()).hexdigest()
     return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))
+
+
+def chosen(trials: Sequence[Trial]) -> list[Trial]:
+    """Return trial 0 of each method that is shown."""
+    return [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
 
 
 def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:

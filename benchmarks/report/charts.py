@@ -7,7 +7,6 @@ from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, estimates, legend, picture
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.series import lap_errors, milliseconds_per_step, profile
-from benchmarks.tables.stats import Estimate
 from benchmarks.trials.metrics import LEVELS
 
 Looks = Mapping[str, Look]  # by label
@@ -97,7 +96,7 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
     profiles = {panel.labels[m]: profile(records) for m, records in panel.records.items()}
     if all(len(errors) < 2 for errors in profiles.values()):
         return None
-    figure, axes = canvas(4.8, 3.3, legend_of=profiles)
+    figure, axes = canvas(4.8, 2.9, legend_of=profiles)
     for label, errors in profiles.items():
         estimates(axes, list(errors), list(errors.values()), looks[label], label)
     axes.axvline(0, color=INK, linewidth=0.8)
@@ -120,7 +119,7 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
     timed = [row for row in panel.present if not math.isnan(times[row.method])]
     if not timed:
         return None
-    figure, axes = canvas(4.8, 3.3, legend_of=[panel.labels[row.method] for row in timed])
+    figure, axes = canvas(4.8, 2.9, legend_of=[panel.labels[row.method] for row in timed])
     for row in timed:
         label = panel.labels[row.method]
         estimates(axes, [times[row.method]], [row.error], looks[label], label, size=7)
@@ -140,15 +139,13 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
 def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
     """Share of states inside the credible regions against their level."""
     inside = {
-        panel.labels[row.method]: [
-            Estimate(*(100 * v for v in row.scores[f"coverage_{level}"])) for level in LEVELS
-        ]
+        panel.labels[row.method]: [row.scores[f"coverage_{level}"].percent for level in LEVELS]
         for row in panel.present
         if not math.isnan(row.scores["coverage_50"].mean)
     }
     if not inside:
         return None
-    figure, axes = canvas(4.8, 3.3, legend_of=[*inside, "calibrated"])
+    figure, axes = canvas(4.8, 2.9, legend_of=[*inside, "calibrated"])
     for place, (label, shares) in enumerate(inside.items()):
         aside = 1.2 * (place - (len(inside) - 1) / 2)
         estimates(axes, [level + aside for level in LEVELS], shares, looks[label], label)

@@ -145,7 +145,7 @@ def _drawn(
     looks: Mapping[str, Look],
     quantity: Quantity,
 ) -> Picture:
-    figure, axes = canvas(4.8, 3.4, legend_of=curves)
+    figure, axes = canvas(4.8, 3.0, legend_of=curves)
     for label, shown in curves.items():
         estimates(axes, list(shown), list(shown.values()), looks[label], label)
     finite = sorted(filter(math.isfinite, chart.panels))

@@ -96,15 +96,15 @@ def canvas(
     """Return an empty figure and its axes.
 
     Args:
-        width, height: of the figure, inches.
+        width, height: of the figure without the legend, inches.
         left, top: margins, inches.
         legend_of: names that ``legend`` puts below the axes.
     """
     from matplotlib.figure import Figure
 
+    names = 0.225 * math.ceil(len(legend_of) / _columns(legend_of))
+    bottom, height = 0.5 + names, height + names
     figure = Figure(figsize=(width, height))
-    rows = math.ceil(len(legend_of) / _columns(legend_of))
-    bottom = 0.5 + 0.205 * rows
     box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
     return figure, figure.add_axes(box)
 
@@ -141,9 +141,10 @@ def legend(figure: "Figure", axes: "Axes") -> None:
         labels,
         loc="lower center",
         ncols=_columns(labels),
-        handlelength=1.8,
+        handlelength=1.6,
         frameon=False,
-        columnspacing=1.2,
+        columnspacing=0.9,
+        labelspacing=0.4,
         borderpad=0.1,
     )
 

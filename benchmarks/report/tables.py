@@ -11,7 +11,6 @@ from benchmarks.tables.gap import Gap
 from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
-from benchmarks.tables.stats import Estimate
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.metrics import LEVELS
@@ -69,11 +68,14 @@ def glance_table(panels: Sequence[Panel]) -> Table:
 
 def rival_tables(panel: Panel) -> list[Table]:
     """Every method against the paper's, run by run: at x_t, and at x_{t-L}."""
-    caption = "Differences of the errors on the same worlds, with 95 % intervals; negative: better."
     error = {(row.method, row.offset): row.error.mean for row in panel.rows}
     tables = []
     for offset, apart in rivals(panel).items():
         against = next(iter(apart.values()))
+        caption = (
+            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
+            "intervals; negative: better."
+        )
         header = ["method", f"error e of {state_name(offset)}"]
         header += [f"difference to {panel.labels[rival]}" for rival in against]
         lines = [
@@ -117,13 +119,12 @@ def calibration_table(panel: Panel) -> Table:
     lines = []
     for row in panel.rows:
         scores = row.scores
-        inside = (Estimate(*(100 * v for v in scores[f"coverage_{level}"])) for level in LEVELS)
         lines.append(
             [
                 panel.labels[row.method],
                 state_name(row.offset),
                 fixed(scores["energy_score"].mean),
-                *(estimated(share, ".0f", " %") for share in inside),
+                *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
                 estimated(scores["nees"], ".1f"),
                 fixed(scores["entropy"].mean),
                 percent(scores["wall_share"].mean, 1),

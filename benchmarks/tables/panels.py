@@ -61,8 +61,10 @@ def panels(records: Iterable[Record], baseline: str = BASELINE) -> list[Panel]:
     titles = _titles(list(settings))
     found: list[Panel] = []
     for setting, methods in settings.items():
-        for swept in _swept(list(methods)):
-            members = {m: own for m, own in methods.items() if agree(m.params, swept)}
+        named = list(dict.fromkeys(method.localizer for method in methods))
+        listed = sorted(methods, key=lambda method: named.index(method.localizer))
+        for swept in _swept(listed):
+            members = {m: methods[m] for m in listed if agree(m.params, swept)}
             found.append(
                 Panel(
                     number=len(found) + 1,

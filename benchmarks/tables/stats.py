@@ -23,6 +23,11 @@ class Estimate(NamedTuple):
     low: float = math.nan
     high: float = math.nan
 
+    @property
+    def percent(self) -> "Estimate":
+        """The same, times 100."""
+        return Estimate(*(100 * value for value in self))
+
 
 UNKNOWN = Estimate()
 

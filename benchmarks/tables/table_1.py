@@ -21,7 +21,12 @@ from benchmarks.tables.text import csv_text, fixed, percent
 from benchmarks.trials.scoring import SCORE_NAMES
 
 _IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
-_VARIANCES = {"var_x": 1, "var_y": 1, "var_cos": 3, "var_sin": 3}  # digits
+_VARIANCES = {  # score: words, digits
+    "var_x": ("var x", 1),
+    "var_y": ("var y", 1),
+    "var_cos": ("var cos θ", 3),
+    "var_sin": ("var sin θ", 3),
+}
 
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-map-smoother": "map-based MCL with smoother",
@@ -76,7 +81,7 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     baseline = named(rows[0].baseline.localizer) if rows else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
-    header += [word for name in variances for word in (name.replace("_", " "), "paper")]
+    header += [word for words, _ in variances.values() for word in (words, "paper")]
     lines = []
     for row in rows:
         printed = TABLE_1.get(row.method.localizer) if row.offset <= 0 else None
@@ -90,7 +95,7 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
             f"{printed.entropy:.2f}" if printed else "",
             percent(row.scores["wall_share"].mean, 1),
         ]
-        for name, digits in variances.items():
+        for name, (_, digits) in variances.items():
             line += [fixed(row.scores[name].mean, digits), _printed(printed, name)]
         lines.append(line)
     return tabulate(

@@ -6,11 +6,9 @@ The rule is that of ``deqmcl_gym.world.physics``: turn, then drive; stop just be
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import centred64, cos64, sin64
+from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.path_kernels import follow
-
-_TURN = 2 * np.pi
 
 
 def sides(walls: Floats) -> Floats:
@@ -66,7 +64,7 @@ def drive(
         steps[i] += 1
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
         sd_turn = of_turn * abs(turn) + of_drift * distance
-        heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, _TURN)
+        heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, TURN)
         poses[i, 2] = heading
         driven = distance * (1 + of_drive * normal_drive)
         way = abs(driven)

@@ -8,6 +8,5 @@ from deqmcl_gym.maps.lidar import Lidar
 from deqmcl_gym.maps.map import Box, Caster, Map
 from deqmcl_gym.maps.polygon_map import PolygonMap, driven
 from deqmcl_gym.maps.polygons import Polygon
-from deqmcl_gym.numerics.arrays import sincos
 
-__all__ = ["Box", "Caster", "Lidar", "Map", "Polygon", "PolygonMap", "driven", "sincos"]
+__all__ = ["Box", "Caster", "Lidar", "Map", "Polygon", "PolygonMap", "driven"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 Single = Any  # a float32
@@ -20,9 +20,6 @@ BLOCK = 512
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-_TURN = np.float32(2 * np.pi)
-_PER_TURN = np.float32(1 / (2 * np.pi))
-_ROUNDER = np.float32(12582912.0)  # 1.5 * 2**23: adding and subtracting it rounds
 
 
 @compiled
@@ -37,9 +34,7 @@ def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> N
     x, y, heading = poses[0], poses[1], poses[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
     for i in range(x.size):
-        angle = heading[i] + turns[i]
-        angle -= _TURN * ((angle * _PER_TURN + _ROUNDER) - _ROUNDER)
-        new_heading[i] = angle
+        new_heading[i] = wrapped32(heading[i] + turns[i])
     sincos32(new_heading, new_y, new_x)
     for i in range(x.size):
         new_x[i] = x[i] + distances[i] * new_x[i]

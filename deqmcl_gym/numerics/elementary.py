@@ -14,10 +14,12 @@ from deqmcl_gym.numerics.compiling import compiled
 Scalar = Any  # a float32 or float64 inside a kernel
 _F = np.float32
 _LANES = 512  # of an array worked on in one go: what they need fits the fastest cache
-_ROUNDER = _F(12582912.0)  # 1.5 * 2**23: adding and subtracting it rounds to the nearest integer
-_ROUNDER64 = 6755399441055744.0  # 1.5 * 2**52
+TURN = 2 * np.pi
+# Adding and subtracting it rounds to the nearest integer: 1.5 * 2**23, 1.5 * 2**52.
+ROUNDER32, ROUNDER64 = _F(12582912.0), 6755399441055744.0
 
 # float32 sin and cos on [-π/4, π/4], after reduction by multiples of π/2 (Cody & Waite 1980)
+_TURN32, _PER_TURN32 = _F(TURN), _F(1 / TURN)
 _TWO_OVER_PI = _F(2 / np.pi)
 _PIO2_HIGH = _F(1.5703125)
 _PIO2_MIDDLE = _F(4.837512969970703125e-4)
@@ -27,6 +29,7 @@ _C1, _C2, _C3 = _F(4.166664568298827e-2), _F(-1.388731625493765e-3), _F(2.443315
 _HALF, _ONE = _F(0.5), _F(1.0)
 
 # float64 sin, cos on [-π/4, π/4] and atan on [-0.21, 0.66]
+_PER_TURN64 = 1 / TURN
 _TWO_OVER_PI64 = 2 / np.pi
 _PIO2_HIGH64 = 2 * 7.85398125648498535156e-1
 _PIO2_MIDDLE64 = 2 * 3.77489470793079817668e-8
@@ -84,8 +87,8 @@ _INV_SQRT_2PI = 0.3989422804014327
 @compiled
 def _reduced(angle: Scalar) -> Scalar:
     """Return r in [-π/4, π/4] and whole quarters of a turn, modulo 4, that make up an angle."""
-    rounded = angle * _TWO_OVER_PI + _ROUNDER  # its lowest bits are the integer quarters
-    quarters = rounded - _ROUNDER
+    rounded = angle * _TWO_OVER_PI + ROUNDER32  # its lowest bits are the integer quarters
+    quarters = rounded - ROUNDER32
     r = ((angle - quarters * _PIO2_HIGH) - quarters * _PIO2_MIDDLE) - quarters * _PIO2_LOW
     return r, np.float32(rounded).view(np.int32)
 
@@ -150,8 +153,8 @@ def sincos32(angles: Scalar, sines: Scalar, cosines: Scalar) -> None:
 @compiled
 def _wave64(angle: Scalar, quarters: Scalar) -> Scalar:
     """Sin(angle + quarters π/2)."""
-    rounded = angle * _TWO_OVER_PI64 + _ROUNDER64  # its lowest bits are the integer turns
-    turns = rounded - _ROUNDER64
+    rounded = angle * _TWO_OVER_PI64 + ROUNDER64  # its lowest bits are the integer turns
+    turns = rounded - ROUNDER64
     r = ((angle - turns * _PIO2_HIGH64) - turns * _PIO2_MIDDLE64) - turns * _PIO2_LOW64
     z = r * r
     sine: Scalar = 0.0
@@ -180,8 +183,23 @@ def cos64(angle: Scalar) -> Scalar:
 
 
 @compiled
+def wrapped32(angle: Scalar) -> Scalar:
+    """Return the same direction in [-π, π], of a float32 angle; one that lies there as it is."""
+    return angle - _TURN32 * ((angle * _PER_TURN32 + ROUNDER32) - ROUNDER32)
+
+
+@compiled
+def wrapped64(angle: Scalar) -> Scalar:
+    """Return the same direction in [-π, π], of a float64 angle; one that lies there as it is."""
+    return angle - TURN * ((angle * _PER_TURN64 + ROUNDER64) - ROUNDER64)
+
+
+@compiled
 def centred64(value: Scalar, period: Scalar) -> Scalar:
-    """``deqmcl_gym.world.path.centred``, to the bit: value less whole periods."""
+    """Return (value + period / 2) % period - period / 2: [-period / 2, period / 2), rounded.
+
+    For the way along a closed path and headings of the world, which never reach π.
+    """
     ahead: Scalar = value + period / 2
     if not 0.0 <= ahead < period:  # seldom, and remainders take long
         ahead %= period
@@ -229,8 +247,8 @@ def log32(x: Scalar) -> Scalar:
 def exp64(x: Scalar) -> Scalar:
     """Exp of a float64 x ≤ 0, to about 2e-16; 0 below -708."""
     bounded: Scalar = x if x > -708.0 else -708.0
-    rounded = bounded * _LOG2E64 + _ROUNDER64  # its lowest bits are the integer k
-    k = rounded - _ROUNDER64
+    rounded = bounded * _LOG2E64 + ROUNDER64  # its lowest bits are the integer k
+    k = rounded - ROUNDER64
     r = (bounded - k * _LN2_HI) - k * _LN2_LO
     z = r * r
     p = r * ((_P0 * z + _P1) * z + _P2)

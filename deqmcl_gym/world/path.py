@@ -6,20 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.numerics.elementary import TURN, centred64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world import path_kernels
 
 Pose = tuple[float, float, float]
 
 
-def centred(value: float, period: float) -> float:
-    """Return a value less whole periods, in [-period / 2, period / 2) but for rounding."""
-    return (value + period / 2) % period - period / 2
-
-
 def wrapped(angle: float) -> float:
     """Return the same direction in [-π, π), rad."""
-    return centred(angle, 2 * math.pi)
+    heading: float = centred64(angle, TURN)
+    return heading
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,8 @@ class Path:
 
     def advance(self, before: float, after: float) -> float:
         """Signed way along the path between two arc lengths, the shorter way round."""
-        return centred(after - before, self.length)
+        way: float = centred64(after - before, self.length)
+        return way
 
     def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
         """Return :meth:`arc` of a point, and how far one came to there from arc ``before``."""

@@ -6,11 +6,10 @@ A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner)
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import atan2_64, centred64, cos64, sin64
+from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Floats, Singles
 
 Actions = Singles
-_TURN = 2 * np.pi
 
 
 @compiled
@@ -69,11 +68,11 @@ def roll_out(
         if way >= end:
             return count
         to_x, to_y = _point_at((arc + look_ahead) % length, edges)
-        error = centred64(atan2_64(to_y - y, to_x - x) - heading, _TURN)
+        error = centred64(atan2_64(to_y - y, to_x - x) - heading, TURN)
         actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
         actions[count, 1] = min(max(error, -most), most)
         # on with what float32 made of it
-        heading = centred64(heading + np.float64(actions[count, 1]), _TURN)
+        heading = centred64(heading + np.float64(actions[count, 1]), TURN)
         distance = np.float64(actions[count, 0])
         x, y = x + distance * cos64(heading), y + distance * sin64(heading)
         arc, gone = follow(x, y, arc, edges, length)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from localizers.api import Prior, mean_pose
 from localizers.checks.drive import size_of
@@ -78,7 +79,9 @@ class _HalfTurned:
     prior: Prior
 
     @property
-    def mean(self) -> tuple[float, float, float]:
+    def mean(self) -> tuple[float, float, float] | None:
+        if self.prior.mean is None:
+            return None
         x, y, heading = _half_turned(np.array([self.prior.mean]))[0].tolist()
         return x, y, heading
 
@@ -91,7 +94,7 @@ class _HalfTurned:
 
 def _half_turned(poses: Floats) -> Floats:
     turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
-    turned[:, 2] -= 2 * math.pi * np.rint(turned[:, 2] / (2 * math.pi))
+    turned[:, 2] = arrays.wrapped(turned[:, 2])
     return turned
 
 
@@ -116,6 +119,6 @@ def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot],
 
 
 def _angle_free(differences: Floats) -> Floats:
-    wrapped = differences.copy()
-    wrapped[..., 2] -= 2 * math.pi * np.rint(wrapped[..., 2] / (2 * math.pi))
-    return wrapped
+    free = differences.copy()
+    free[..., 2] = arrays.wrapped(free[..., 2])
+    return free

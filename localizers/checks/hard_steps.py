@@ -1,12 +1,24 @@
-"""Laws on hard steps: odd scans, odd plans, one particle. Beliefs must stay finite, of sum 1."""
+"""Laws on hard cases: odd priors, scans and plans. Beliefs must stay finite, of sum 1."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from deqmcl_gym.validation import InputError
 from localizers.checks.subject import LawSkippedError, Subject, history, require_valid
 from localizers.models.beams import GaussianUniform
+from localizers.models.prior import UniformPrior
 from localizers.naming.registry import parameters_of
+
+
+def prior_without_mean(subject: Subject) -> str | None:
+    """A prior without a mean, uniform over free space, is followed or refused as an InputError."""
+    prior = UniformPrior(floor_plan=subject.robot.floor_plan)
+    try:
+        require_valid(history(subject.made(), subject.drive, prior=prior))
+    except InputError:
+        return "refused"
+    return None
 
 
 def zero_likelihood(subject: Subject) -> None:

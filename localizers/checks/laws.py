@@ -68,6 +68,7 @@ LAWS = (
     Law(arrays.inputs_not_kept, (_REPEATABLE,)),
     Law(arrays.outputs_are_fresh, (_REPEATABLE,)),
     Law(arrays.beliefs_stay, (_ANSWERING,)),
+    Law(hard_steps.prior_without_mean, (_VALID,)),
     Law(hard_steps.zero_likelihood, (_VALID,)),
     Law(hard_steps.max_range_scan, (_VALID,)),
     Law(hard_steps.bad_beams, (_VALID,)),

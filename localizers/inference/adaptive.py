@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
+from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, number
+from localizers.inference import adaptive_kernels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,14 +23,14 @@ class KldSampling:
         least, most: particles.
         error: ε > 0.
         quantile: z.
-        bin_size: of x, y and θ: px, px, rad.
+        bin_size: of x, y and θ.
     """
 
-    least: int = 500
-    most: int = 2000
-    error: float = 0.05
-    quantile: float = 0.99
-    bin_size: tuple[float, float, float] = (20.0, 20.0, math.pi / 18)
+    least: int
+    most: int
+    error: float
+    quantile: float
+    bin_size: tuple[float, float, float]
 
     def __post_init__(self) -> None:
         integer("min_particles", self.least, low=1)
@@ -42,28 +42,10 @@ class KldSampling:
         number("pf_err", self.error, low=0, above=True)
         number("pf_z", self.quantile)
 
-    def bound(self, bins: NDArray[np.integer]) -> Floats:
-        """Particles needed for draws in so many bins, not rounded; 1 for one bin."""
-        k = np.maximum(np.asarray(bins, dtype=np.float64) - 1, 1e-300)
-        b = 2 / (9 * k)
-        root = np.where(k < 1, 0.0, 1 - b + self.quantile * np.sqrt(np.where(k < 1, 0.0, b)))
-        return np.where(k < 1, 1.0, k / (2 * self.error) * root * root * root)
-
     def enough(self, states: Singles) -> int:
         """How many of these draws (3, ``most``), taken in their order, are enough."""
-        first = np.zeros(states.shape[1], np.intp)
-        first[self._first_in_bin(states)] = 1
-        drawn = np.arange(1, first.size + 1)
-        satisfied = (drawn >= self.bound(np.cumsum(first))) & (drawn >= self.least)
-        return int(satisfied.argmax()) + 1 if satisfied.any() else first.size
-
-    def _first_in_bin(self, states: Singles) -> Indices:
-        size = np.array(self.bin_size)[:, None]
-        cells = np.floor(states.astype(np.float64) / size).astype(np.int64)
-        cells -= cells.min(axis=1, keepdims=True)
-        width = cells.max(axis=1) + 1
-        index = (cells[0] * width[1] + cells[1]) * width[2] + cells[2]
-        return np.unique(index, return_index=True)[1]
+        sizes = np.array(self.bin_size)
+        return adaptive_kernels.enough(states, sizes, self.least, self.error, self.quantile)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +84,7 @@ class Recovery:
         The likelihood averaged is that of one beam (the geometric mean over the scan's), so that
         scans with lost beams compare. The first one starts both averages.
         """
-        if beams == 0 or math.isnan(log_evidence):
+        if beams == 0 or math.isnan(log_evidence) or (self.slow > 0 and self.alpha_fast == 0):
             return self
         # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
         log_beam = log_evidence / beams

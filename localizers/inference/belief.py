@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Floats, Indices
 from localizers.inference import kernels
-from localizers.inference.parts import Actions, LogWeights, States, made
+from localizers.inference.parts import Actions, LogWeights, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
 from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
@@ -45,8 +46,8 @@ class Events:
         return self.plus(skipped_beams=beams - usable, blind_scans=int(usable == 0))
 
 
-class ParticleBelief(NamedTuple):
-    """An immutable weighted cloud of queues, with the evidence it has absorbed.
+class _Cloud(NamedTuple):
+    """Fields of a particle belief.
 
     Attributes:
         queue: the states x_{t-L} … x_{t+F} of n particles.
@@ -54,7 +55,6 @@ class ParticleBelief(NamedTuple):
         drawn: the actions by which the states after the present were drawn, (F_t, k).
         log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
         events: counted trouble since reset.
-        redraw_ess: effective sample size after the latest redraw of the future, NaN before.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         trust: evidence for and against this belief, if it is kept.
         log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
@@ -67,10 +67,16 @@ class ParticleBelief(NamedTuple):
     drawn: Actions
     log_normalizer: float = 0.0
     events: Events = Events()
-    redraw_ess: float = math.nan
     scan_log_evidence: float = math.nan
     trust: Trust | None = None
     log_h: LogWeights | None = None
+
+
+class ParticleBelief(_Cloud):
+    """An immutable weighted cloud of queues, with the evidence it has absorbed; see ``_Cloud``.
+
+    A named tuple, because several are made at every step, at a third of a frozen dataclass' cost.
+    """
 
     @property
     def quality(self) -> float | None:
@@ -92,9 +98,9 @@ class ParticleBelief(NamedTuple):
         """Log of w h_t(x_t), not normalised, (n,)."""
         return self.log_weights if self.log_h is None else self.log_weights + self.log_h
 
-    @property
+    @cached_property
     def weights(self) -> Floats:
-        """Reported weights with sum 1, (n,)."""
+        """Reported weights with sum 1, (n,); to be read only."""
         return normalized(self.reported_log_weights)
 
     @property
@@ -105,62 +111,52 @@ class ParticleBelief(NamedTuple):
     @property
     def log_evidence(self) -> float:
         """Log of the unbiased estimate of ∫γ_t: p(o_{1:t}, every step of the queue feasible)."""
-        return self._evidence(self.reported_log_weights)
+        log_weights = self.reported_log_weights
+        return self.log_normalizer + log_sum_exp(log_weights) - math.log(log_weights.size)
 
     def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
         states = self.queue.at(offset)
-        return None if states is None else (states.T, self.weights)
+        return None if states is None else (states.T, self.weights.copy())
 
-    def resampled(
-        self, ancestors: Indices | None, by: LogWeights, log_sum: float | None = None
-    ) -> "ParticleBelief":
-        """Go on with these particles, drawn in proportion to exp(by), (n,); None changes nothing.
+    def resampled(self, ancestors: Indices, by: LogWeights, log_sum: float) -> "ParticleBelief":
+        """Go on with these particles, drawn in proportion to exp(by), (n,).
 
         Each keeps the weight that ``by`` leaves: none, if they were drawn by their own weights.
-        ``log_sum`` is log Σ exp(by), if it is known already.
+        ``log_sum`` is log Σ exp(by).
         """
-        if ancestors is None:
-            return self
         if by is self.log_weights:
             left = np.zeros(ancestors.size)
         else:
             left = self.log_weights[ancestors] - by[ancestors]
-        evidence = self._evidence(by, log_sum)
-        return self._with(self.queue.resampled(ancestors), left, self.drawn, evidence)
+        return self._replace(
+            queue=self.queue.resampled(ancestors),
+            log_weights=left,
+            log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
+            log_h=None,
+        )
 
-    def appended(self, states: States, action: Floats) -> "ParticleBelief":
-        """Add newest states (d, n), drawn by ``action``."""
-        newest = action[None]
-        drawn = np.concatenate((self.drawn, newest)) if len(self.drawn) else newest
-        queue = self.queue.appended(states)
-        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
-
-    def advanced(self, states: States, past: int) -> "ParticleBelief":
-        """Do ``appended`` and ``stepped`` in one, where nothing is queued after the present."""
-        queue = self.queue.advanced(states, past)
-        return self._with(queue, self.log_weights, self.drawn, self.log_normalizer)
+    def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
+        """Add newest states (d, n), drawn by the last of the actions ``drawn``, (F_t + 1, k)."""
+        return self._replace(queue=self.queue.appended(states), drawn=drawn)
 
     def stepped(self, past: int) -> "ParticleBelief":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        queue, drawn = self.queue.stepped(past), self.drawn[1:]
-        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
+        return self._replace(queue=self.queue.stepped(past), drawn=self.drawn[1:], log_h=None)
 
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""
-        queue, drawn = self.queue.cut(keep), self.drawn[:keep]
-        return self._with(queue, self.log_weights, drawn, self.log_normalizer)
+        return self._replace(queue=self.queue.cut(keep), drawn=self.drawn[:keep])
 
     def followed(self, future: Sequence[States]) -> "ParticleBelief":
         """Exchange the states after the present, (d, n) each, for others drawn by ``drawn``."""
-        queue = self.queue.followed(future)
-        return self._with(queue, self.log_weights, self.drawn, self.log_normalizer)
+        return self._replace(queue=self.queue.followed(future))
 
     def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
         """Report with h_t(x_t), (n,). Dropped and counted as in ``reweighted`` if all are 0."""
         if (self.log_weights + log_h).max() > -math.inf:
             return self._replace(log_h=log_h)
-        return self._replace(events=self.events.plus(weight_collapses=1))
+        return self._collapsed()
 
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
@@ -170,66 +166,24 @@ class ParticleBelief(NamedTuple):
         comes that some particle can explain.
         """
         total = np.empty(self.log_weights.size)
-        top = kernels.shifted(self.log_weights, log_factor, total)
-        return self._weighted(total, top, math.nan, self.trust)
+        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
+            return self._replace(log_weights=total)
+        return self._collapsed()
 
     def scanned(
-        self,
-        ranges: Floats,
-        log_likelihood: LogWeights,
-        most: int = _EVIDENCE_PARTICLES,
+        self, ranges: Floats, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
     ) -> "ParticleBelief":
         """Take in a scan (B,) px of log-likelihoods (n,), and how well this belief predicted it.
 
         The latter from at most ``most`` evenly spaced particles. The scan is kept, not copied.
+        Weights as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
         top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, total)
         trust = None if self.trust is None else self.trust.after(ranges, evidence)
-        return self._weighted(total, top, evidence, trust)
+        belief = self if top > -math.inf else self._collapsed()
+        weights = total if top > -math.inf else self.log_weights
+        return belief._replace(log_weights=weights, scan_log_evidence=evidence, trust=trust)
 
-    def _weighted(
-        self, log_weights: LogWeights, top: float, scan_log_evidence: float, trust: Trust | None
-    ) -> "ParticleBelief":
-        """Go on with these weights, unless even the ``top`` one is 0."""
-        if top > -math.inf:
-            events = self.events
-        else:
-            log_weights, events = self.log_weights, self.events.plus(weight_collapses=1)
-        return made(
-            ParticleBelief,
-            (
-                self.queue,
-                log_weights,
-                self.drawn,
-                self.log_normalizer,
-                events,
-                self.redraw_ess,
-                scan_log_evidence,
-                trust,
-                None,
-            ),
-        )
-
-    def _with(
-        self, queue: Queue, log_weights: LogWeights, drawn: Actions, log_normalizer: float
-    ) -> "ParticleBelief":
-        """``_replace``, at a fifth of its cost: this is called several times a step."""
-        return made(
-            ParticleBelief,
-            (
-                queue,
-                log_weights,
-                drawn,
-                log_normalizer,
-                self.events,
-                self.redraw_ess,
-                math.nan,
-                self.trust,
-                None,
-            ),
-        )
-
-    def _evidence(self, log_weights: LogWeights, log_sum: float | None = None) -> float:
-        total = log_sum_exp(log_weights) if log_sum is None else log_sum
-        return self.log_normalizer + total - math.log(log_weights.size)
+    def _collapsed(self) -> "ParticleBelief":
+        return self._replace(events=self.events.plus(weight_collapses=1))

@@ -1,14 +1,10 @@
-"""The compiled inner loops of the estimators: weights, resampling, motion."""
+"""The compiled inner loops of particle filters: weights and resampling."""
 
 import numpy as np
 
-from deqmcl_gym.maps.kernels import drive as drive_poses
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import exp64, log32, log64, sincos32
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
-
-_HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
-_TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
+from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.types import Floats, Indices
 
 
 @compiled
@@ -169,82 +165,6 @@ def pointed_at(weights: Floats, pointers: Floats, out: Indices) -> None:
             particle += 1
             reached += weights[particle]
         out[k] = particle
-
-
-@compiled
-def normal_pairs(
-    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, out: Singles
-) -> None:
-    """Fill in pairs of independent normal numbers, each made of one uniform number.
-
-    Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
-    v of its other 29. The largest is 5.9 standard deviations.
-
-    Args:
-        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
-        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
-        out: (2, n).
-    """
-    n = uniforms.size
-    radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
-    for i in range(n):
-        scaled = uniforms[i] * 16777216.0
-        whole = np.int32(scaled)
-        radius[i] = np.float32(whole)
-        angle[i] = np.float32(scaled - whole)
-    for i in range(n):
-        radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
-    for i in range(n):
-        angle[i] = angle[i] * _TURN
-    first, second = out[0], out[1]
-    sincos32(angle, second, first)
-    shift, scale = np.float32(first_mean), np.float32(first_sd)
-    for i in range(n):
-        first[i] = shift + scale * (radius[i] * first[i])
-    shift, scale = np.float32(mean), np.float32(sd)
-    for i in range(n):
-        second[i] = shift + scale * (radius[i] * second[i])
-
-
-@compiled
-def _noisy_move(
-    uniforms: Floats, action: Floats, drive: float, turn: float, drift: float, out: Singles
-) -> None:
-    distance, angle = action
-    sd_angle = turn * abs(angle) + drift * abs(distance)
-    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out)
-
-
-@compiled
-def noisy_moves(
-    uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
-) -> None:
-    """Fill in d + ε_d and φ + ε_φ of each action; the rest as ``OdometryMotion``.
-
-    Args:
-        uniforms: as for ``normal_pairs``, (F, n).
-        actions: (d px, φ rad), (F, 2).
-        drive, turn, drift: of the noise.
-        out: (F, 2, n).
-    """
-    for step in range(actions.shape[0]):
-        _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
-
-
-@compiled
-def odometry(
-    poses: Singles,
-    uniforms: Floats,
-    action: Floats,
-    drive: float,
-    turn: float,
-    drift: float,
-    out: Singles,
-) -> None:
-    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
-    moves = np.empty((2, uniforms.size), np.float32)
-    _noisy_move(uniforms, action, drive, turn, drift, moves)
-    drive_poses(poses, moves[0], moves[1], out)
 
 
 @compiled

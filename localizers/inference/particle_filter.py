@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.lookahead import Lookahead, Myopic
 from localizers.inference.moves import Move, Stay
@@ -17,13 +19,16 @@ from localizers.inference.parts import (
     Motion,
     Resampling,
     Scan,
-    States,
 )
 from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import Selection, by_own_weight
-from localizers.inference.rollout import Rollout
+from localizers.inference.rollout import Rollout, Unconstrained
+from localizers.inference.trust import Trust
 from localizers.inference.weights import normalized_with_log_sum
+
+MAX_PARTICLES = 10_000_000
+_BYTES_PER_PARTICLE = 3 * 4 + 8  # one queued pose and its link
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,25 +40,39 @@ class ParticleFilter:
 
     Attributes:
         particles: n.
+        feasibility: g; None is 1, nothing is charged.
         past: L, how many states before the present are kept (and so smoothed).
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
         move: renews queued states after resampling, leaving γ_t invariant.
         lookahead: weights what is reported by h_t(x_t), where the future is not queued.
         selection: the weights to resample by.
+        trust: evidence for and against its beliefs at t = 0; None: none is kept.
+        dtype: of the states.
     """
 
     motion: Motion
     scan: Scan
-    feasibility: Feasibility
     resampling: Resampling
     particles: int
+    feasibility: Feasibility | None = None
     past: int = 0
     future: int = 0
     pilots: int = 16
     move: Move = field(default_factory=Stay)
     lookahead: Lookahead = field(default_factory=Myopic)
     selection: Selection = by_own_weight
+    trust: Trust | None = None
+    dtype: Any = np.float32
+
+    def __post_init__(self) -> None:
+        if self.particles > MAX_PARTICLES:
+            slots = self.past + 1 + self.future
+            gibibytes = self.particles * slots * _BYTES_PER_PARTICLE / 2**30
+            raise InputError(
+                f"particles is {self.particles:,}, which would take {gibibytes:,.0f} GiB; "
+                f"allowed are 1 to {MAX_PARTICLES:,}."
+            )
 
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
@@ -61,11 +80,17 @@ class ParticleFilter:
         x_0 has no scan and no charge. The prior's draws come from a stream of their own, so every
         filter given the same ``rng`` starts from the same cloud.
         """
-        cloud = prior.states(self.particles, rng.spawn(1)[0])
-        none_drawn = np.empty((0, plan.shape[1]))
-        belief = ParticleBelief(Queue((cloud,)), np.zeros(self.particles), none_drawn)
-        for action in plan[: self.future]:
-            belief = self._appended(self._resampled(belief, rng), action, rng)
+        states = prior.sample(self.particles, rng.spawn(1)[0])
+        belief = ParticleBelief(
+            queue=Queue((np.ascontiguousarray(states.T, dtype=self.dtype),)),
+            log_weights=np.zeros(self.particles),
+            drawn=plan[:0],
+            trust=self.trust,
+        )
+        window = plan[: self.future]
+        for ahead in range(len(window)):
+            belief = self._resampled(belief, rng)
+            belief = self._extended(belief, window[: ahead + 1], rng)
         return self.lookahead(belief, plan, rng)
 
     def step(
@@ -80,59 +105,46 @@ class ParticleFilter:
 
         Args:
             belief: of the step before.
-            ranges: the scan o_t, (B,) px; a belief that keeps trust keeps it too.
+            ranges: the scan o_t, (B,); a belief that keeps trust keeps it too.
             action: carried out between t - 1 and t, (k,).
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
+        # Resample, and move
         belief = self._resampled(belief, rng)
-        if self.future or belief.queue.ahead:
-            actions = np.concatenate((action[None], plan[: self.future]))  # of the steps t … t + F
-            if belief.queue.ahead:
-                belief = self._redraw(belief, actions, rng)
-            for newest in actions[belief.queue.ahead :]:  # one, unless the plan ends or has grown
-                belief = self._appended(belief, newest, rng)
-            belief = belief.stepped(self.past)
-        else:
-            belief, states = self._driven(belief, action, rng)
-            belief = belief.advanced(states, self.past)
+        # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there
+        actions = np.concatenate((action[None], plan[: self.future]))
+        belief = self._redraw(belief, actions, rng)
+        for ahead in range(belief.queue.ahead, len(actions)):
+            belief = self._extended(belief, actions[: ahead + 1], rng)
+        belief = belief.stepped(self.past)
+        # Reweight
         belief = belief.scanned(ranges, self.scan.log_likelihood(belief.present, ranges))
         return self.lookahead(belief, plan, rng)
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
-        """Resample whole queues, and move them."""
-        by = self.selection(belief)
-        weights, log_sum = normalized_with_log_sum(by)
+        """Go on with whole queues, drawn by weight if it is time to; move them."""
+        log_weights = self.selection(belief)
+        weights, log_sum = normalized_with_log_sum(log_weights)
         ancestors = self.resampling.ancestors(weights, rng)
-        return self.move(belief.resampled(ancestors, by, log_sum), ancestors, rng)
+        if ancestors is not None:
+            belief = belief.resampled(ancestors, log_weights, log_sum)
+        return self.move(belief, ancestors, rng)
 
-    def _appended(
-        self, belief: ParticleBelief, action: Action, rng: np.random.Generator
+    def _extended(
+        self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Append head' ~ p(· | head, action), charged once by g(head, head')."""
-        belief, states = self._driven(belief, action, rng)
-        return belief.appended(states, action)
-
-    def _driven(
-        self, belief: ParticleBelief, action: Action, rng: np.random.Generator
-    ) -> tuple[ParticleBelief, States]:
-        """Return head' ~ p(· | head, action), and the belief charged once by g(head, head')."""
+        """Append head' ~ p(· | head, u), charged once by g(head, head'), u the last of actions."""
         before = belief.head
-        after = self.motion.sample(before, action, rng)
-        if self._charged:
+        after = self.motion.sample(before, actions[-1], rng)
+        if self.feasibility is not None:
             belief = belief.reweighted(self.feasibility.log_g(before, after))
-        return belief, after
-
-    @cached_property
-    def _charged(self) -> bool:
-        """Whether any step can be infeasible; ``charges = False`` of its own class says no."""
-        inherited = "charges" not in vars(type(self.feasibility))
-        return inherited or bool(getattr(self.feasibility, "charges", True))
+        return belief.appended(after, actions)
 
     @cached_property
     def rollout(self) -> Rollout:
         """Draws futures by this filter's motion and charges them by its feasibility."""
-        return Rollout(self.motion, self.feasibility)
+        return Rollout(self.motion, self.feasibility or Unconstrained())
 
     @cached_property
     def _redraw(self) -> Redraw:

@@ -17,14 +17,12 @@ Weights = Floats  # (n,), with sum 1
 Action = Floats  # (k,)
 Actions = Floats  # (steps, k)
 
-made = tuple.__new__  # of a named tuple and all its fields: at half the cost of calling its type
-
 
 class Initial(Protocol):
     """p(x_0)."""
 
-    def states(self, n: int, rng: np.random.Generator) -> States:
-        """Draw n states, (d, n)."""
+    def sample(self, n: int, rng: np.random.Generator) -> NDArray[Any]:
+        """Draw n states, (n, d)."""
         ...
 
 

@@ -1,19 +1,20 @@
 """The discrete event queue Q(t): states x_{t-L} … x_{t+F} of n particles, resampled by ancestry.
 
-Resampling a queue does not copy its 2L + 1 states: each slot keeps the states as they were drawn
+Resampling a queue does not copy its L + 1 + F states: each slot keeps the states as they were drawn
 and a link, the index map from the order of the next slot's particles to its own. A state in
-today's order is its slot's states taken at the composition of the links after it. The present
-needs that at every step, so the composition over the future is kept by a sliding window.
+today's order is its slot's states taken at the composition of the links after it. The present and
+the oldest state are asked for at every step, so two sliding windows keep those compositions.
 
-Named tuples, because several of each are made at every step and they cost a fifth of a frozen
-dataclass.
+Named tuples, because several of each are made at every step, at a third of a frozen dataclass'
+cost.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from deqmcl_gym.numerics.types import Indices
-from localizers.inference.parts import States, made
+from localizers.inference.parts import States
 
 Link = Indices | None  # None: the identity
 
@@ -31,36 +32,54 @@ class SlidingComposition(NamedTuple):
 
     def push(self, link: Link) -> "SlidingComposition":
         """Add the link of a new slot."""
-        running = compose(self.running, link)
-        return made(SlidingComposition, (self.old, (*self.new, link), running))
+        return SlidingComposition(self.old, (*self.new, link), compose(self.running, link))
 
     def pop(self) -> "SlidingComposition":
         """Drop the oldest link."""
         if self.old:
             return SlidingComposition(self.old[:-1], self.new, self.running)
-        if len(self.new) == 1:
-            return _NOTHING
         turned: list[Link] = []
         for link in reversed(self.new):
             turned.append(compose(link, turned[-1] if turned else None))
-        return SlidingComposition(old=tuple(turned[:-1]))
+        return SlidingComposition(tuple(turned[:-1]))
 
-    def composed(self) -> Link:
-        """Return the map from the newest slot's order to the oldest's."""
-        return compose(self.old[-1], self.running) if self.old else self.running
+    def composed(self, first: int = 0) -> Link:
+        """Return the map from the newest slot's order to that of the link ``first`` and later."""
+        if first < len(self.old):
+            return compose(self.old[-1 - first], self.running)
+        first -= len(self.old)
+        if first == 0:
+            return self.running
+        order: Link = None
+        for link in reversed(self.new[first:]):
+            order = compose(link, order)
+        return order
 
 
 _NOTHING = SlidingComposition()
 
 
-class Queue(NamedTuple):
-    """An immutable queue of slots, oldest first; ``present`` is the index of x_t among them."""
+class _Slots(NamedTuple):
+    """Fields of a queue.
+
+    Attributes:
+        slots: the states as they were drawn, (d, n) each, oldest first.
+        links: links[i] maps the order of slot i + 1 to that of slot i.
+        pending: from today's order to that of the newest slot.
+        present: the index of x_t among the slots.
+        past, future: the compositions of the links before and after the present.
+    """
 
     slots: tuple[States, ...]
-    links: tuple[Link, ...] = ()  # links[i]: from the order of slot i + 1 to that of slot i
-    pending: Link = None  # from today's order to that of the newest slot
+    links: tuple[Link, ...] = ()
+    pending: Link = None
     present: int = 0
-    future: SlidingComposition = SlidingComposition()
+    past: SlidingComposition = _NOTHING
+    future: SlidingComposition = _NOTHING
+
+
+class Queue(_Slots):
+    """An immutable queue of slots; see ``_Slots`` for its fields."""
 
     @property
     def ahead(self) -> int:
@@ -70,49 +89,40 @@ class Queue(NamedTuple):
     def resampled(self, ancestors: Indices) -> "Queue":
         """Go on with these particles: whole queues, (n,)."""
         pending = compose(self.pending, ancestors)
-        return made(Queue, (self.slots, self.links, pending, self.present, self.future))
+        return Queue(self.slots, self.links, pending, self.present, self.past, self.future)
 
     def appended(self, states: States) -> "Queue":
         """Add a newest state, (d, n)."""
         slots, links = (*self.slots, states), (*self.links, self.pending)
-        return made(Queue, (slots, links, None, self.present, self.future.push(self.pending)))
-
-    def advanced(self, states: States, past: int) -> "Queue":
-        """Do ``appended`` and ``stepped`` in one, where nothing is held after the present."""
-        if past == 0:
-            return made(Queue, ((states,), (), None, 0, _NOTHING))
-        drop = max(self.present + 1 - past, 0)
-        slots, links = (*self.slots, states)[drop:], (*self.links, self.pending)[drop:]
-        return made(Queue, (slots, links, None, self.present + 1 - drop, _NOTHING))
+        future = self.future.push(self.pending)
+        return Queue(slots, links, None, self.present, self.past, future)
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        drop = max(self.present + 1 - past, 0)
-        slots, links, present = self.slots[drop:], self.links[drop:], self.present + 1 - drop
-        return made(Queue, (slots, links, self.pending, present, self.future.pop()))
+        before, present = self.past.push(self.links[self.present]), self.present + 1
+        if present <= past:
+            return self._replace(present=present, past=before, future=self.future.pop())
+        slots, links = self.slots[1:], self.links[1:]
+        return Queue(slots, links, self.pending, past, before.pop(), self.future.pop())
 
     def cut(self, keep: int) -> "Queue":
         """Forget the states more than ``keep`` after the present, today's order unchanged."""
         last = self.present + keep
-        future = SlidingComposition()
-        for link in self.links[self.present : last]:
+        links, future = self.links[:last], _NOTHING
+        for link in links[self.present :]:
             future = future.push(link)
-        return Queue(
-            self.slots[: last + 1], self.links[:last], self._order(last), self.present, future
-        )
+        slots, pending = self.slots[: last + 1], self._order(last)
+        return Queue(slots, links, pending, self.present, self.past, future)
 
     def followed(self, future: Sequence[States]) -> "Queue":
         """Exchange the states after the present for others, (d, n) each, in today's order.
 
         They are stored as if drawn today, so that nothing links them to the order of the past.
         """
-        present = self.cut(0)
-        first, *later = present.appended(future[0]), *future[1:]
-        kept = (None,) * len(later)
-        links = SlidingComposition(new=(present.pending, *kept), running=present.pending)
-        return first._replace(
-            slots=(*first.slots, *later), links=(*first.links, *kept), future=links
-        )
+        queue = self.cut(0)
+        for states in future:
+            queue = queue.appended(states)
+        return queue
 
     def at(self, offset: int) -> States | None:
         """Return the states ``offset`` steps after the present (before it if negative), (d, n).
@@ -127,9 +137,7 @@ class Queue(NamedTuple):
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
-        newest = index == len(self.slots) - 1  # asked for at every step
-        order = self.pending if newest else self._order(index)
-        states = self.slots[index]
+        order, states = self._order(index), self.slots[index]
         return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
@@ -146,14 +154,15 @@ class Queue(NamedTuple):
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""
-        if index <= self.present:
-            order = compose(self.future.composed(), self.pending)
-            later = self.links[index : self.present]
-        else:
-            order, later = self.pending, self.links[index:]
-        for link in reversed(later):
-            order = compose(link, order)
-        return order
+        if index < self.present:
+            return compose(self.past.composed(index), self._order_of_present)
+        if index > self.present:
+            return compose(self.future.composed(index - self.present), self.pending)
+        return self._order_of_present
+
+    @cached_property
+    def _order_of_present(self) -> Link:
+        return compose(self.future.composed(), self.pending)
 
 
 def compose(outer: Link, inner: Link) -> Link:

@@ -37,7 +37,7 @@ class Redraw:
         A future that merely ends earlier than ``actions`` is left alone: it grows by itself.
         """
         held = belief.queue.ahead
-        shared = _shared_steps(belief.drawn, actions)
+        shared = kernels.agreeing(belief.drawn, actions)
         if shared == held:
             return belief
         anchor = belief.queue.at(shared)
@@ -51,13 +51,10 @@ class Redraw:
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)
-        for states, action in zip(paths, actions[shared:held], strict=True):
-            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], action)
+        for ahead, states in enumerate(paths, start=shared + 1):
+            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
-        return redrawn._replace(
-            events=redrawn.events.plus(replanned_steps=1),
-            redraw_ess=redrawn.effective_sample_size,
-        )
+        return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
 
     def _pilot_log_g(
         self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
@@ -65,11 +62,6 @@ class Redraw:
         if pilots == 0:
             return np.empty((0, anchor.shape[1]))
         return self.rollout.log_g(anchor, actions, pilots, rng)
-
-
-def _shared_steps(drawn: Actions, actions: Actions) -> int:
-    """How many leading actions are the same, by exact comparison of commands."""
-    return kernels.agreeing(drawn, actions)
 
 
 def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:

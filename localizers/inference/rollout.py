@@ -15,6 +15,15 @@ from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion,
 
 
 @dataclass(frozen=True)
+class Unconstrained:
+    """g = 1: the map says nothing about where the robot can go."""
+
+    def log_g(self, before: States, after: States) -> LogWeights:
+        """Zero for each step, (n,)."""
+        return np.zeros(after.shape[1])
+
+
+@dataclass(frozen=True)
 class Rollout:
     """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
 

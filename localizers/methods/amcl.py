@@ -4,24 +4,26 @@ Thrun et al. 2005, table 8.4 (KLD-sampling, Fox 2003) and table 8.3 (random part
 have the names and, where they carry over, the defaults of Nav2's ``amcl``; see docs/equations.md.
 """
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools
-from deqmcl_gym.validation import InputError, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_plan, checked_step
+from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
+from localizers.api import Prior, RobotModel, checked_plan, checked_step, require_reset
+from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
-from localizers.inference.particle_localizer import MAX_PARTICLES
+from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Scan, States
 from localizers.inference.queue import Queue
-from localizers.inference.trust import ANYWHERE, Trust
+from localizers.inference.trust import Trust
 from localizers.models.beams import BeamModel
-from localizers.models.free_space import even_poses, random_poses
+from localizers.models.free_space import random_poses
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan, usable_beams
 
@@ -49,10 +51,7 @@ class ResamplingTime:
 
     def __post_init__(self) -> None:
         integer("resample_interval", self.interval, low=1)
-        if not isinstance(self.selective, bool | np.bool_):
-            raise InputError(
-                f"selective_resampling is {self.selective!r}, but must be True or False."
-            )
+        boolean("selective_resampling", self.selective)
 
     def has_come(self, updates: int, belief: ParticleBelief) -> bool:
         """Whether to resample after so many updates, one or more."""
@@ -86,6 +85,7 @@ class AdaptiveLocalizer:
         self.robot = robot
         self._scan, self._kld, self._recovery = scan, kld, recovery
         self._resampling = resampling
+        self._trust = Trust.of(scan, robot.floor_plan)
         self._unused = _unused_beams(robot.lidar, max_beams)
         self._running: _Running | None = None
 
@@ -93,17 +93,13 @@ class AdaptiveLocalizer:
         """Start anew with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         checked_plan(plan)
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, rng.spawn(1)[0]).T, np.float32)
-        belief = _cloud(cloud, AdaptiveEvents(), Trust(self._scan, self._anywhere))
+        belief = _cloud(cloud, AdaptiveEvents(), self._trust)
         self._running = _Running(belief, self._recovery, 0, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Go one step on; see ``Localizer.update``."""
-        if self._running is None:
-            raise RuntimeError(
-                "update was called before reset: call reset(prior, plan, rng) first."
-            )
-        now = self._running
+        now = require_reset(self._running)
         scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
         used = np.where(self._unused, np.nan, scan)
         belief = self._resampled(now)
@@ -124,18 +120,16 @@ class AdaptiveLocalizer:
         cumulative = np.cumsum(belief.weights)
         pointers = now.rng.random(self._kld.most) * cumulative[-1]
         anywhere = now.rng.random(self._kld.most) < now.recovery.share
-        chosen = np.searchsorted(cumulative, pointers, side="right")
-        drawn = belief.present[:, np.minimum(chosen, cumulative.size - 1)]
-        if anywhere.any():
-            count = int(anywhere.sum())
+        chosen = np.empty(pointers.size, np.intp)
+        adaptive_kernels.drawn(cumulative, pointers, chosen)
+        drawn = belief.present.take(chosen, axis=1)
+        if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)
         enough = self._kld.enough(drawn)
-        events = belief.events.plus(random_poses=int(anywhere[:enough].sum()))
+        events = belief.events
+        if count:
+            events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
         return _cloud(np.ascontiguousarray(drawn[:, :enough]), events, belief.trust)
-
-    @cached_property
-    def _anywhere(self) -> States:
-        return even_poses(self.robot.floor_plan, ANYWHERE)
 
 
 def amcl(
@@ -156,16 +150,17 @@ def amcl(
     z_max: float = 0.05,
     z_rand: float = 0.5,
     sigma_hit: float | None = None,
-    lambda_short: float = 0.0025,
+    lambda_short: float | None = None,
     laser_likelihood_max_dist: float | None = None,
-    field_cell: float = 1.0,
+    field_cell: float | None = None,
 ) -> AdaptiveLocalizer:
     """Return adaptive Monte-Carlo localization.
 
     Args:
         robot: what the localizer is made for; its motion model is used as it is.
         max_particles, min_particles: bounds of N.
-        pf_err, pf_z: ε and z of KLD-sampling, in bins of 20 px x 20 px x 10°.
+        pf_err, pf_z: ε and z of KLD-sampling, in bins of 20 px x 20 px x 10°; in a map in metres,
+            0.4 m x 0.4 m x 10°.
         recovery_alpha_slow, recovery_alpha_fast: 0 and 0 never draw random poses; Nav2 recommends
             0.001 and 0.1.
         resample_interval: updates between two resamplings.
@@ -174,10 +169,10 @@ def amcl(
         max_beams: beams used of a scan, evenly spread.
         z_hit, z_short, z_max, z_rand: weights of the parts of a beam, relative to their sum. The
             likelihood field has z_hit and z_rand only.
-        sigma_hit: px; None takes the robot's scan model's sigma.
-        lambda_short: per px.
-        laser_likelihood_max_dist: px; None is 10 sigma_hit.
-        field_cell: edge of a cell of the table of distances, px.
+        sigma_hit: a length; None takes the robot's scan model's sigma.
+        lambda_short: per length; None is 1 / max_range.
+        laser_likelihood_max_dist: a length; None is 10 sigma_hit.
+        field_cell: edge of a cell of the table of distances; None is 1 px, or 0.02 m.
     """
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)
@@ -187,19 +182,21 @@ def amcl(
     if z_hit + z_rand <= 0:
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
     plan, lidar = robot.floor_plan, robot.lidar
+    px = pixel(plan.unit)
     scan: Scan
     if laser_model_type == "robot":
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":
         total = sum(weights.values())
         hit, short, largest, rand = (weight / total for weight in weights.values())
+        decay = 1 / lidar.max_range if lambda_short is None else lambda_short
         beam = BeamModel(
             hit=hit,
             short=short,
             max=largest,
             rand=rand,
             sigma=_sigma(robot, sigma_hit),
-            decay=number("lambda_short", lambda_short, low=0, above=True),
+            decay=number("lambda_short", decay, low=0, above=True),
         )
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=beam)
     else:
@@ -210,12 +207,18 @@ def amcl(
             sigma=sigma,
             hit=z_hit / (z_hit + z_rand),
             farthest=10 * sigma if laser_likelihood_max_dist is None else laser_likelihood_max_dist,
-            cell=field_cell,
+            cell=px if field_cell is None else field_cell,
         )
     return AdaptiveLocalizer(
         robot,
         scan=scan,
-        kld=KldSampling(least=min_particles, most=max_particles, error=pf_err, quantile=pf_z),
+        kld=KldSampling(
+            least=min_particles,
+            most=max_particles,
+            error=pf_err,
+            quantile=pf_z,
+            bin_size=(20 * px, 20 * px, math.pi / 18),
+        ),
         recovery=Recovery(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
         resampling=ResamplingTime(interval=resample_interval, selective=selective_resampling),
         max_beams=integer("max_beams", max_beams, low=1),

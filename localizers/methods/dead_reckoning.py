@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.types import Floats
-from localizers.api import Prior, RobotModel, checked_action, checked_plan
+from deqmcl_gym.validation import InputError
+from localizers.api import Prior, RobotModel, checked_action, checked_plan, require_reset
 
 
 @dataclass(frozen=True)
@@ -28,20 +29,21 @@ class DeadReckoning:
     """Integrates the commands from the prior's mean, and the plan beyond the present."""
 
     def __init__(self) -> None:
-        self._driven: list[tuple[float, float, float]] = []
+        self._driven: list[tuple[float, float, float]] | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
+        if prior.mean is None:
+            raise InputError(
+                f"the prior is {prior!r}, but dead reckoning needs a mean to start from: give a "
+                "GaussianPrior, or another localizer."
+            )
         return self._followed([prior.mean], plan)
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
         """Add one command; see ``Localizer.update``."""
-        if not self._driven:
-            raise RuntimeError(
-                "update was called before reset: call reset(prior, plan, rng) first."
-            )
-        moved = _moved(self._driven[-1], checked_action(action))
-        return self._followed([*self._driven, moved], plan)
+        driven = require_reset(self._driven)
+        return self._followed([*driven, _moved(driven[-1], checked_action(action))], plan)
 
     def _followed(self, driven: list[tuple[float, float, float]], plan: ArrayLike) -> _Track:
         poses = list(driven)

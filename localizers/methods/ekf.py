@@ -4,29 +4,29 @@ Leonard & Durrant-Whyte 1991; Thrun et al. 2005, sections 3.3 and 7.4, with gate
 landmarks. One Gaussian: it can follow a robot, not find one.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
-from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
+from localizers.api import Points, Prior, RobotModel, mean_pose
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.kernels import log_evidence
-from localizers.inference.trust import ANYWHERE, Trust
-from localizers.models.free_space import even_poses
+from localizers.inference.localizer import FilterLocalizer
+from localizers.inference.trust import Trust
 from localizers.models.motion import OdometryMotion, odometry
 from localizers.models.scan import LidarScan, usable_beams
 
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
-# Half-widths of the central differences: px, px, rad. Beyond the ray cast's resolution (float32),
-# below the size of what it sees.
+# Half-widths of the central differences: pixels, pixels, rad. Beyond the ray cast's resolution
+# (float32), below the size of what it sees.
 STEPS = np.array([1.0, 1.0, 0.01])
 
 
@@ -52,8 +52,7 @@ class GaussianEvents(Events):
     unpredicted_beams: int = 0
 
 
-@dataclass(frozen=True)
-class GaussianBelief:
+class GaussianBelief(NamedTuple):
     """One Gaussian over (x, y, θ).
 
     Attributes:
@@ -66,7 +65,7 @@ class GaussianBelief:
     mean: Floats
     covariance: Floats
     trust: Trust
-    events: GaussianEvents = field(default_factory=GaussianEvents)
+    events: GaussianEvents = GaussianEvents()
 
     def points(self, offset: int = 0) -> Points | None:
         """Return poses (n, 3) of exactly this mean and covariance, equally weighted; at offset 0.
@@ -84,71 +83,74 @@ class GaussianBelief:
         return self.trust.quality
 
 
-class KalmanLocalizer:
-    """A ``Localizer`` that runs an extended Kalman filter."""
+@dataclass(frozen=True, kw_only=True)
+class KalmanFilter:
+    """The extended Kalman filter: a Gaussian, predicted and corrected beam by beam.
 
-    def __init__(
-        self, robot: RobotModel, motion: OdometryMotion, beam: HitMoments, gate: float
-    ) -> None:
-        """Make a localizer for ``robot``; ``gate``: largest ν² / S of a beam that is believed."""
-        self.robot = robot
-        self._motion, self._beam, self._gate = motion, beam, gate
-        self._scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
-        self._belief: GaussianBelief | None = None
+    Attributes:
+        motion: p(x_t | x_{t-1}, a_t).
+        scan: p(o_t | x_t, m), by which the belief is rated.
+        beam: mean and variance of a beam.
+        gate: largest ν² / S of a beam that is believed.
+        trust: evidence for and against its beliefs at t = 0.
+    """
 
-    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> GaussianBelief:
-        """Start anew; see ``Localizer.reset``. The plan is not used."""
-        checked_plan(plan)
-        mean, covariance = _moments(prior, rng.spawn(1)[0])
-        trust = Trust(self._scan, even_poses(self.robot.floor_plan, ANYWHERE))
-        self._belief = GaussianBelief(mean, covariance, trust)
-        return self._belief
+    motion: OdometryMotion
+    scan: LidarScan
+    beam: HitMoments
+    gate: float
+    trust: Trust
 
-    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> GaussianBelief:
-        """Go one step on; see ``Localizer.update``."""
-        if self._belief is None:
-            raise RuntimeError(
-                "update was called before reset: call reset(prior, plan, rng) first."
-            )
-        before = self._belief
-        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
-        mean, covariance = before.mean.copy(), before.covariance.copy()
-        distance, turn = command.tolist()
-        kernels.predict(mean, covariance, distance, turn, *self._motion.spread(command))
-        events = before.events.of_scan(scan.size, usable)
+    def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GaussianBelief:
+        """Return the Gaussian of the prior's moments. The plan is not used."""
+        return GaussianBelief(*_moments(prior, rng.spawn(1)[0]), self.trust)
+
+    def step(
+        self,
+        belief: GaussianBelief,
+        ranges: Floats,
+        action: Floats,
+        plan: Floats,
+        rng: np.random.Generator,
+    ) -> GaussianBelief:
+        """Return the belief after one action (2,) and one scan (B,)."""
+        mean, covariance = belief.mean.copy(), belief.covariance.copy()
+        distance, turn = action.tolist()
+        kernels.predict(mean, covariance, distance, turn, *self.motion.spread(action))
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
-        likelihoods = self._scan.log_likelihood(predicted, scan)
-        trust = before.trust.after(scan, log_evidence(np.zeros(6), likelihoods, 6))
-        gated, unpredicted = self._corrected(mean, covariance, scan)
+        likelihoods = self.scan.log_likelihood(predicted, ranges)
+        trust = belief.trust.after(ranges, log_evidence(np.zeros(6), likelihoods, 6))
+        gated, unpredicted = self._corrected(mean, covariance, ranges)
+        events = belief.events
         if gated or unpredicted:
             events = events.plus(gated_beams=gated, unpredicted_beams=unpredicted)
         mean[2] = float(arrays.arctan2(arrays.sin(mean[2]), arrays.cos(mean[2])))
-        self._belief = GaussianBelief(mean, covariance, trust, events)
-        return self._belief
+        return GaussianBelief(mean, covariance, trust, events)
 
-    def _corrected(self, mean: Floats, covariance: Floats, scan: Floats) -> tuple[int, int]:
+    def _corrected(self, mean: Floats, covariance: Floats, ranges: Floats) -> tuple[int, int]:
         """Take in a scan, in place; return how many beams were gated, and how many unpredicted."""
-        lidar = self.robot.lidar
-        usable = usable_beams(scan, lidar.max_range)
-        shifts = np.vstack([np.zeros(3), np.diag(STEPS), -np.diag(STEPS)])
-        seen = self.robot.floor_plan.ranges(mean + shifts, lidar.bearings[usable])
+        floor_plan, lidar = self.scan.floor_plan, self.scan.lidar
+        usable = usable_beams(ranges, lidar.max_range)
+        steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
+        shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
+        seen = floor_plan.ranges(mean + shifts, lidar.bearings[usable])
         predicted = np.isfinite(seen).all(axis=0)
-        expected, variances = self._beam.hit_moments(
+        expected, variances = self.beam.hit_moments(
             seen[:, predicted].astype(np.float64), lidar.max_range
         )
-        slopes = (expected[1:4] - expected[4:7]) / (2 * STEPS[:, None])
+        slopes = (expected[1:4] - expected[4:7]) / (2 * steps[:, None])
         gated = kernels.correct(
             mean,
             covariance,
-            scan[usable][predicted] - expected[0],
+            ranges[usable][predicted] - expected[0],
             np.ascontiguousarray(slopes.T),
             variances[0],
-            self._gate,
+            self.gate,
         )
         return gated, int((~predicted).sum())
 
 
-def ekf(robot: RobotModel, *, gate: float = 0.99) -> KalmanLocalizer:
+def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBelief]:
     """Return the extended Kalman filter.
 
     A beam is a measurement of mean and variance as the robot's scan model has them for a beam that
@@ -167,14 +169,27 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> KalmanLocalizer:
             "variance of a beam: give one with a method hit_moments(expected, max_range)."
         )
     bound = NormalDist().inv_cdf((1 + gate) / 2) ** 2 if gate < 1 else np.inf
-    return KalmanLocalizer(robot, odometry(robot.motion, "ekf"), robot.scan, bound)
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    kalman = KalmanFilter(
+        motion=odometry(robot.motion, "ekf"),
+        scan=scan,
+        beam=robot.scan,
+        gate=bound,
+        trust=Trust.of(scan, robot.floor_plan),
+    )
+    return FilterLocalizer(robot, kalman)
 
 
 def _moments(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior and covariance about it, the headings taken as differences in [-π, π]."""
-    mean = np.array(prior.mean, dtype=np.float64)
-    apart = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64) - mean
-    apart[:, 2] -= 2 * np.pi * np.rint(apart[:, 2] / (2 * np.pi))
+    """Mean of a prior (of its draws, if it has none) and covariance about it.
+
+    The headings are taken as differences in [-π, π].
+    """
+    draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
+    even = np.full(len(draws), 1 / len(draws))
+    mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
+    apart = draws - mean
+    apart[:, 2] = arrays.wrapped(apart[:, 2])
     covariance = np.empty((3, 3))
     for i in range(3):
         for j in range(3):

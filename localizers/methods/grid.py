@@ -4,23 +4,24 @@ Burgard et al. 1996; Fox, Burgard & Thrun 1999; Thrun et al. 2005, tables 8.1 an
 MCL's, without particles but with cells: no randomness, but what happens inside a cell is not seen.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.api import Points, Prior, RobotModel, checked_plan, checked_step
+from localizers.api import Points, Prior, RobotModel
 from localizers.inference import grid_kernels
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
 from localizers.inference.kernels import pointed_at
-from localizers.inference.trust import ANYWHERE, Trust
-from localizers.models.free_space import even_poses
-from localizers.models.motion import OdometryMotion, odometry
+from localizers.inference.localizer import FilterLocalizer
+from localizers.inference.trust import Trust
+from localizers.models.motion import odometry
 from localizers.models.pose_grid import PoseGrid
 from localizers.models.scan import LidarScan, ScanTable
 
@@ -30,8 +31,7 @@ _UNSEEN = -20.0  # log of the prior's mass on the grid, below which nothing of i
 _WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is integrated with
 
 
-@dataclass(frozen=True)
-class GridBelief:
+class GridBelief(NamedTuple):
     """The probability of each cell.
 
     Attributes:
@@ -43,7 +43,7 @@ class GridBelief:
     grid: PoseGrid
     mass: Floats
     trust: Trust
-    events: Events = field(default_factory=Events)
+    events: Events = Events()
 
     def points(self, offset: int = 0) -> Points | None:
         """Return the centres (n, 3) of the cells that count and their weights; at offset 0 only.
@@ -70,73 +70,79 @@ class GridBelief:
         return self.trust.quality
 
 
-class GridLocalizer:
-    """A ``Localizer`` that keeps the probability of every cell."""
+@dataclass(frozen=True)
+class GridFilter:
+    """Markov localization: the probability of every cell, predicted and reweighted.
 
-    def __init__(self, robot: RobotModel, grid: PoseGrid, motion: OdometryMotion) -> None:
-        """Make a localizer for ``robot`` on a grid."""
-        self.robot = robot
-        self.grid = grid
-        self._motion = GridMotion(grid, motion)
-        self._scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
-        self._belief: GridBelief | None = None
+    Attributes:
+        grid: the cells.
+        motion: p(x_t | x_{t-1}, a_t), from cell to cell.
+        scan: p(o_t | x_t, m).
+        trust: evidence for and against its beliefs at t = 0.
+    """
 
-    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> GridBelief:
-        """Start anew; see ``Localizer.reset``. Nothing is drawn, the plan is not used."""
-        checked_plan(plan)
-        trust = Trust(self._scan, even_poses(self.robot.floor_plan, ANYWHERE))
-        self._belief = GridBelief(self.grid, prior_mass(self.grid, prior), trust)
-        return self._belief
+    grid: PoseGrid
+    motion: GridMotion
+    scan: LidarScan
+    trust: Trust
 
-    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> GridBelief:
-        """Go one step on; see ``Localizer.update``."""
-        if self._belief is None:
-            raise RuntimeError(
-                "update was called before reset: call reset(prior, plan, rng) first."
-            )
-        before = self._belief
-        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
-        events = before.events.of_scan(scan.size, usable)
-        mass = self._motion.predicted(before.mass, command)
+    def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GridBelief:
+        """Return the prior's probability of each cell. Nothing is drawn, the plan is not used."""
+        return GridBelief(self.grid, prior_mass(self.grid, prior), self.trust)
+
+    def step(
+        self,
+        belief: GridBelief,
+        ranges: Floats,
+        action: Floats,
+        plan: Floats,
+        rng: np.random.Generator,
+    ) -> GridBelief:
+        """Return the belief after one action (2,) and one scan (B,)."""
+        events = belief.events
+        mass = self.motion.predicted(belief.mass, action)
         if not mass.any():  # all of it has left the map
-            mass, events = before.mass, events.plus(weight_collapses=1)
+            mass, events = belief.mass, events.plus(weight_collapses=1)
         after = np.empty_like(mass)
         log_evidence = grid_kernels.reweight(
-            mass.reshape(-1), self._table.log_likelihood(scan), after.reshape(-1)
+            mass.reshape(-1), self._table.log_likelihood(ranges), after.reshape(-1)
         )
         if log_evidence == -np.inf:
             after, events = mass / mass.sum(), events.plus(weight_collapses=1)
-        trust = before.trust.after(scan, log_evidence)
-        self._belief = GridBelief(self.grid, after, trust, events)
-        return self._belief
+        return GridBelief(self.grid, after, belief.trust.after(ranges, log_evidence), events)
 
     @cached_property
     def _table(self) -> ScanTable:
-        return ScanTable(self._scan, self.grid.centres())
+        return ScanTable(self.scan, self.grid.centres())
 
 
-def grid(robot: RobotModel, *, cell: float = 5.0, headings: int = 72) -> GridLocalizer:
+def grid(
+    robot: RobotModel, *, cell: float | None = None, headings: int = 72
+) -> FilterLocalizer[GridBelief]:
     """Return Markov localization on a grid over the floor plan's bounds.
 
     Args:
         robot: what the localizer is made for; its motion must be an ``OdometryMotion``.
-        cell: edge of a cell in x and y, px.
+        cell: edge of a cell in x and y; None is 5 px, or as much in the map's unit.
         headings: cells in θ.
     """
     cells = PoseGrid(
         bounds=robot.floor_plan.bounds,
-        cell=cell,
+        cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
         headings=headings,
         bytes_per_cell=_WORKING_BYTES + 4 * robot.lidar.beams,
     )
-    return GridLocalizer(robot, cells, odometry(robot.motion, "grid"))
+    motion = GridMotion(cells, odometry(robot.motion, "grid"))
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    trust = Trust.of(scan, robot.floor_plan)
+    return FilterLocalizer(robot, GridFilter(cells, motion, scan, trust))
 
 
 def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     """Return the prior's probability of each cell, by 2 x 2 x 2 points per cell, (H, Y, X).
 
     A prior of which the points see next to nothing, because it is far narrower than a cell or a
-    single pose, goes into the cell of its mean.
+    single pose, goes into the cell of its mean, if it has one.
     """
     centres = grid.centres().T.astype(np.float64)
     half = np.array([grid.cell, grid.cell, grid.heading_step]) / 4
@@ -147,6 +153,11 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     volume = grid.cell**2 * grid.heading_step / len(corners)
     if not top + float(arrays.log(max(mass.sum() * volume, 1e-300))) > _UNSEEN:
         mass[:] = 0.0
+        if prior.mean is None:
+            raise InputError(
+                f"the prior {prior!r} has no mean and no mass at the cells: give another prior, "
+                "or smaller cells."
+            )
         at = grid.cell_of(prior.mean)
         if at is None:
             raise InputError(

@@ -6,11 +6,15 @@ h_t from a table or from rollouts: Lin, Chen & Liu 2013 (lookahead, pilots); as 
 filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
 """
 
+from dataclasses import replace
+
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers.api import RobotModel
 from localizers.inference.lookahead import Pilots, Tabulated
-from localizers.inference.particle_localizer import ParticleLocalizer
+from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
+from localizers.methods.family import Shared, method
 from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import OdometryMotion
@@ -18,24 +22,22 @@ from localizers.models.motion import OdometryMotion
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
 
 
+@method(*mcl_map_smoother.takes)
 def mcl_h(
     robot: RobotModel,
+    shared: Shared,
     *,
-    particles: int = 1000,
-    lag: int = 20,
-    beta: float = 10.0,
     form: str = "estimate",
-    cell: float = 5.0,
+    cell: float | None = None,
     headings: int = 72,
-    resampler: str = "systematic",
-    ess_threshold: float | None = None,
-) -> ParticleLocalizer:
-    """Return map-based MCL with a table of h_t over ``lag`` = L planned steps; else as there.
+) -> ParticleFilter:
+    """Return map-based MCL with a table of h_t over ``lag`` = L planned steps.
 
     Args:
+        robot, shared: see ``Shared``.
         form: "estimate": h weights what is reported, the cloud is that of ``mcl_map``;
             "twisted": queues are resampled by it, too.
-        cell: px between the nodes of the table.
+        cell: between the nodes of the table; None is 5 px, or as much in the map's unit.
         headings: of the table, round the circle.
 
     Raises:
@@ -46,49 +48,29 @@ def mcl_h(
             f"the robot's motion is a {type(robot.motion).__name__}, but the table of mcl-h is "
             "made for OdometryMotion: use mcl-pilots, which rolls out any motion."
         )
-    selection = FORMS[one_of("form", form, FORMS)]
-    base = mcl_map_smoother(
-        robot,
-        particles=particles,
-        lag=lag,
-        beta=beta,
-        resampler=resampler,
-        ess_threshold=ess_threshold,
-    )
     grid = LookaheadGrid(
         floor_plan=robot.floor_plan,
         radius=robot.radius,
-        beta=beta,
+        beta=shared.beta,
         motion=robot.motion,
-        cell=cell,
+        cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
         headings=headings,
     )
-    return base.varied(lookahead=Tabulated(table=grid, steps=lag), selection=selection)
+    return replace(
+        mcl_map_smoother.build(robot, shared),
+        lookahead=Tabulated(table=grid, steps=shared.lag),
+        selection=FORMS[one_of("form", form, FORMS)],
+    )
 
 
-def mcl_pilots(
-    robot: RobotModel,
-    *,
-    particles: int = 1000,
-    lag: int = 20,
-    beta: float = 10.0,
-    pilots: int = 8,
-    resampler: str = "systematic",
-    ess_threshold: float | None = None,
-) -> ParticleLocalizer:
-    """Return map-based MCL with h_t from rollouts over ``lag`` planned steps; else as ``mcl_h``.
+@method(*mcl_map_smoother.takes)
+def mcl_pilots(robot: RobotModel, shared: Shared, *, pilots: int = 8) -> ParticleFilter:
+    """Return map-based MCL with h_t from rollouts over ``lag`` = L planned steps.
 
     Args:
+        robot, shared: see ``Shared``.
         pilots: K, fresh rollouts per particle and step.
     """
-    base = mcl_map_smoother(
-        robot,
-        particles=particles,
-        lag=lag,
-        beta=beta,
-        resampler=resampler,
-        ess_threshold=ess_threshold,
-    )
-    rollout = base.filter.rollout
+    base = mcl_map_smoother.build(robot, shared)
     pilots = integer("pilots", pilots, low=1)
-    return base.varied(lookahead=Pilots(rollout=rollout, steps=lag, pilots=pilots))
+    return replace(base, lookahead=Pilots(rollout=base.rollout, steps=shared.lag, pilots=pilots))

@@ -4,25 +4,20 @@ Dellaert et al. 1999; Thrun et al. 2005, table 8.2. The map serves the sensor mo
 """
 
 from localizers.api import RobotModel
-from localizers.inference.particle_localizer import ParticleLocalizer
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.trust import Trust
+from localizers.methods.family import Shared, method
+from localizers.models.scan import LidarScan
 
 
-def mcl(
-    robot: RobotModel,
-    *,
-    particles: int = 1000,
-    resampler: str = "systematic",
-    ess_threshold: float | None = None,
-) -> ParticleLocalizer:
-    """Return MCL.
-
-    Args:
-        robot: what the localizer is made for.
-        particles: N.
-        resampler: "systematic", "stratified" or "multinomial".
-        ess_threshold: resample only when the effective sample size is below this share of N;
-            None resamples at every step, as the paper does.
-    """
-    return ParticleLocalizer.plain(
-        robot, particles=particles, resampler=resampler, ess_threshold=ess_threshold
+@method("particles", "resampler", "ess_threshold")
+def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
+    """Return MCL, of which all other members of the family are variations."""
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    return ParticleFilter(
+        motion=robot.motion,
+        scan=scan,
+        resampling=shared.resampling,
+        particles=shared.particles,
+        trust=Trust.of(scan, robot.floor_plan),
     )

@@ -6,12 +6,14 @@ accepts it by its feasibility. The target stays the same.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from deqmcl_gym.validation import one_of
 from localizers.api import RobotModel
 from localizers.inference.moves import Move, RenewedFuture, Sometimes, WhenResampled
-from localizers.inference.particle_localizer import ParticleLocalizer
+from localizers.inference.particle_filter import ParticleFilter
 from localizers.methods.deq_mcl import deq_mcl
+from localizers.methods.family import Shared, method
 
 MOVES: dict[str, Callable[[Move], Move]] = {
     "always": lambda move: move,
@@ -20,32 +22,18 @@ MOVES: dict[str, Callable[[Move], Move]] = {
 }
 
 
+@method(*deq_mcl.takes)
 def deq_mcl_rejuvenated(
-    robot: RobotModel,
-    *,
-    particles: int = 1000,
-    lag: int = 20,
-    beta: float = 10.0,
-    pilots: int = 16,
-    moves: str = "always",
-    resampler: str = "systematic",
-    ess_threshold: float | None = None,
-) -> ParticleLocalizer:
-    """Return DEQ-MCL whose future is moved; else as ``deq_mcl``.
+    robot: RobotModel, shared: Shared, *, pilots: int = 16, moves: str = "always"
+) -> ParticleFilter:
+    """Return DEQ-MCL whose future is moved.
 
     Args:
+        robot, shared, pilots: as of ``deq_mcl``.
         moves: "always"; "third", at each step with probability 1/3; or "resampled", at the steps
             that resample only (meant for ``ess_threshold`` = 0.5). The first two are exactly
             invariant, the last one as ``particles`` grows.
     """
     when = MOVES[one_of("moves", moves, MOVES)]
-    base = deq_mcl(
-        robot,
-        particles=particles,
-        lag=lag,
-        beta=beta,
-        pilots=pilots,
-        resampler=resampler,
-        ess_threshold=ess_threshold,
-    )
-    return base.varied(move=when(RenewedFuture(base.filter.rollout)))
+    base = deq_mcl.build(robot, shared, pilots=pilots)
+    return replace(base, move=when(RenewedFuture(base.rollout)))

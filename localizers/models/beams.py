@@ -1,81 +1,58 @@
 """p(o | ô): how likely a single beam's range is, given the exact one."""
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Protocol, final
 
 import numpy as np
 
+from deqmcl_gym.maps.units import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, number
-from localizers.models import scan_kernels
+from deqmcl_gym.validation import InputError, number, one_of, part
+from localizers.models import beam_kernels
 from localizers.models.normal import normal_cdf, normal_pdf
 
-ATOM = 1.0  # px: the ends of the range count as one pixel each in the uniform share
+_STEPS = 400  # of which a range counts as one where the uniform share is a mass: 1 px of 400 px
+_NEAREST = 1e-6  # steps: what is nearer is taken to be this far, so that nothing is divided by 0
 
 
 class BeamDensity(Protocol):
     """p(o | ô) of single beams, and its product over the beams of a scan."""
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-        """Σ_b log p(o_b | ô_b) for each pose, (n,); arguments as ``density``."""
+        """Σ_b log p(o_b | ô_b) for each pose, (n,), NaN where a range is; else as ``density``."""
         ...
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density (at an atom: mass) of each measured range.
 
         Args:
-            ranges: o, (B,) px in [0, max_range].
-            expected: ô, exact ray-cast ranges, not cut at max_range, (n, B) px.
-            max_range: px.
+            ranges: o, (B,) in [0, max_range].
+            expected: ô, exact ray-cast ranges, not cut at max_range, (n, B).
+            max_range: of the lidar.
 
         Returns:
-            (n, B), positive.
+            (n, B).
         """
         ...
-
-
-class Mixture(NamedTuple):
-    """Σ_b log(peak exp(-½ ((o_b - ô_b) / σ)²) + floor), the log-likelihood of two models below.
-
-    Attributes:
-        sigma: σ, px.
-        peak, floor: per px.
-        ends: whether it holds for ranges of 0 and max_range too.
-    """
-
-    sigma: float
-    peak: float
-    floor: float
-    ends: bool
-
-    def log_likelihood(self, ranges: Floats, expected: Singles) -> Floats:
-        """Log-likelihood of ranges (B,) for each pose of exact ranges (n, B), compiled, (n,)."""
-        out = np.empty(len(expected))
-        scan_kernels.mixture(ranges, expected.T, self.sigma, self.peak, self.floor, out)
-        return out
 
 
 @dataclass(frozen=True, kw_only=True)
 class _HitOrAnything:
     """A beam hits what it should, with normal noise σ, or, a share u of all, measures anything."""
 
-    sigma: float = 100.0
+    sigma: float = field(default=100.0, metadata=LENGTH)
     uniform: float = 0.05
 
     def __post_init__(self) -> None:
         number("scan.sigma", self.sigma, low=0, above=True)
         number("scan.uniform", self.uniform, low=0, high=1)
 
-    def _mixture(self, floor: float, *, ends: bool) -> Mixture | None:
-        """(1 - u) N(o; ô, σ²) + floor; None if a product of such densities may be no normal."""
-        if floor < scan_kernels.LEAST_FLOOR:
-            return None
-        peak = (1 - self.uniform) / (self.sigma * math.sqrt(2 * math.pi))
-        return Mixture(self.sigma, peak, floor, ends)
 
-
+@final
 @dataclass(frozen=True, kw_only=True)
 class GaussianUniform(_HitOrAnything):
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
@@ -92,27 +69,27 @@ class GaussianUniform(_HitOrAnything):
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        mixture = self.mixture(max_range)
-        if mixture is None:
-            return _log_product(self, ranges, expected, max_range)
-        return mixture.log_likelihood(ranges, expected)
-
-    def mixture(self, max_range: float) -> Mixture | None:
-        """Return what the log-likelihood is; None if the kernel cannot compute it."""
-        return self._mixture(self.uniform / max_range, ends=True)
+        out = np.empty(len(expected))
+        hit, floor = 1 - self.uniform, self.uniform / max_range
+        beam_kernels.gaussian_uniform(
+            ranges, expected.T, self.sigma, hit, floor, -math.inf, math.inf, math.inf, out
+        )
+        return out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
         return expected, np.full_like(expected, self.sigma**2)
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
 class CensoredGaussianUniform(_HitOrAnything):
     """The GaussianUniform of a world that adds noise, then clips to [0, max_range].
 
     Inside, p(o | ô) = (1 - u) N(o; ô, σ²) + v; at o = max_range the mass is
-    (1 - u) Φ((ô - max_range) / σ) + v·ATOM, at o = 0 it is (1 - u) Φ(-ô / σ) + v·ATOM, where
-    v = u / (max_range + 2 ATOM): densities and masses together come to 1.
+    (1 - u) Φ((ô - max_range) / σ) + v s, at o = 0 it is (1 - u) Φ(-ô / σ) + v s, where
+    s = max_range / 400 is a step of the range and v = u / (max_range + 2 s): densities and masses
+    together come to 1.
 
     Attributes:
         sigma: σ > 0, px.
@@ -125,23 +102,23 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        anything = np.where(at_max | at_zero, ATOM, 1.0) * self.uniform / (max_range + 2 * ATOM)
-        return (1 - self.uniform) * hit + anything
+        floor, atom = self._anything(max_range)
+        return (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        mixture = self.mixture(max_range)
-        if mixture is None:
-            return _log_product(self, ranges, expected, max_range)
-        clipped = (ranges <= 0) | (ranges >= max_range)
-        if not clipped.any():
-            return mixture.log_likelihood(ranges, expected)
-        inside = mixture.log_likelihood(ranges[~clipped], expected[:, ~clipped])
-        return inside + _log_product(self, ranges[clipped], expected[:, clipped], max_range)
+        out = np.empty(len(expected))
+        floor, atom = self._anything(max_range)
+        beam_kernels.gaussian_uniform(
+            ranges, expected.T, self.sigma, 1 - self.uniform, floor, 0.0, max_range, atom, out
+        )
+        return out
 
-    def mixture(self, max_range: float) -> Mixture | None:
-        """Return what the log-likelihood is between the ends; None if the kernel cannot do it."""
-        return self._mixture(self.uniform / (max_range + 2 * ATOM), ends=False)
+    def _anything(self, max_range: float) -> tuple[float, float]:
+        """Return v, the uniform share's density, and its mass at either end."""
+        step = max_range / _STEPS
+        floor = self.uniform / (max_range + 2 * step)
+        return floor, step * floor
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
@@ -160,6 +137,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         return mean, square - mean**2
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
 class BeamModel:
     """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand.
@@ -174,8 +152,8 @@ class BeamModel:
     short: float = 0.1
     max: float = 0.05
     rand: float = 0.05
-    sigma: float = 100.0
-    decay: float = 0.01
+    sigma: float = field(default=100.0, metadata=LENGTH)
+    decay: float = field(default=0.01, metadata=PER_LENGTH)
 
     def __post_init__(self) -> None:
         shares = {name: getattr(self, name) for name in ("hit", "short", "max", "rand")}
@@ -194,7 +172,7 @@ class BeamModel:
         seen = np.minimum(expected, max_range)
         inside = normal_cdf((max_range - seen) / self.sigma) - normal_cdf(-seen / self.sigma)
         hit = normal_pdf((ranges - seen) / self.sigma) / (self.sigma * inside)
-        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, 1e-6))
+        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, _NEAREST * max_range / _STEPS))
         short = np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
         at_max = ranges >= max_range
         density: Floats = (
@@ -207,7 +185,12 @@ class BeamModel:
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        return _log_product(self, ranges, expected, max_range)
+        out, nearest = np.empty(len(expected)), _NEAREST * max_range / _STEPS
+        shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
+        beam_kernels.four_parts(
+            ranges, expected.T, shares, self.sigma, self.decay, nearest, max_range, out
+        )
+        return out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
@@ -222,8 +205,22 @@ class BeamModel:
         return seen + self.sigma * shift, self.sigma**2 * spread
 
 
-def _log_product(beam: BeamDensity, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-    """Σ_b log of ``beam.density`` for each pose, (n,)."""
-    density = beam.density(ranges, expected.astype(np.float64), max_range)
-    total: Floats = arrays.log(density).sum(axis=1)
-    return total
+BEAM_MODELS: Mapping[str, type[GaussianUniform | CensoredGaussianUniform | BeamModel]] = (
+    MappingProxyType(
+        {
+            "gaussian-uniform": GaussianUniform,
+            "censored-gaussian-uniform": CensoredGaussianUniform,
+            "beam-model": BeamModel,
+        }
+    )
+)
+
+
+def beam_model(kind: str, **fields: Any) -> GaussianUniform | CensoredGaussianUniform | BeamModel:
+    """Return a beam model by its name in ``BEAM_MODELS``, with the fields given.
+
+    Raises:
+        InputError: there is no such model or field, or a bad value.
+    """
+    model = BEAM_MODELS[one_of("beam model", kind, BEAM_MODELS)]
+    return part(f"the beam model {kind!r}", model, fields, model())

@@ -1,6 +1,7 @@
 """g(x', x) = exp(-β C(x', x)), the paper's p(x_t | m): whether a step is feasible on the map."""
 
 from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 
@@ -11,17 +12,7 @@ from localizers.models.drives import ChargedDrives
 from localizers.models.motion import OdometryMotion
 
 
-@dataclass(frozen=True)
-class Unconstrained:
-    """G = 1: the map says nothing about where the robot can go."""
-
-    charges = False  # need not be asked; a subclass must be
-
-    def log_g(self, before: Singles, after: Singles) -> Floats:
-        """Zero for each step, (n,)."""
-        return np.zeros(after.shape[1])
-
-
+@final
 @dataclass(frozen=True, kw_only=True)
 class FreeSpace:
     """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
@@ -49,10 +40,7 @@ class FreeSpace:
 
     def walk(self, motion: object) -> ChargedDrives | None:
         """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        # a subclass may draw, charge or collide in another way
-        if type(motion) is not OdometryMotion:
-            return None
-        if type(self) is not FreeSpace or not isinstance(self.floor_plan, PolygonMap):
+        if not isinstance(motion, OdometryMotion) or not isinstance(self.floor_plan, PolygonMap):
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta

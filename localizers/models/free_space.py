@@ -6,6 +6,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _BLOCK = 1024
+_COUNTED = 16 * _BLOCK  # points by which free space is measured
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
 # discrepancy in three dimensions (Roberts 2018).
 _STEPS = 1.2207440846057596 ** -np.arange(1.0, 4.0)
@@ -16,23 +17,34 @@ def even_poses(floor_plan: Map, count: int) -> Singles:
     found: list[Floats] = []
     start = 0
     while sum(map(len, found)) < count:  # a floor plan has free space
-        shares = (0.5 + np.arange(start, start + _BLOCK)[:, None] * _STEPS) % 1.0
-        found.append(_free(floor_plan, shares))
+        found.append(_free(floor_plan, _even_shares(start, _BLOCK)))
         start += _BLOCK
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def random_poses(floor_plan: Map, count: int, rng: np.random.Generator) -> Singles:
-    """Draw poses uniformly over free space and headings, (3, count)."""
+def random_poses(
+    floor_plan: Map, count: int, rng: np.random.Generator, radius: float = 0.0
+) -> Singles:
+    """Draw poses uniformly over all headings and where a disc fits, (3, count)."""
     found = [np.empty((0, 3))]
     while sum(map(len, found)) < count:
-        found.append(_free(floor_plan, rng.random((max(2 * count, 16), 3))))
+        found.append(_free(floor_plan, rng.random((max(2 * count, 16), 3)), radius))
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def _free(floor_plan: Map, shares: Floats) -> Floats:
-    """Those of the poses at ``shares`` of the bounds and of a turn that are free, (k, 3)."""
+def free_share(floor_plan: Map, radius: float) -> float:
+    """Return the share of the map's bounds where a disc fits."""
+    return len(_free(floor_plan, _even_shares(0, _COUNTED), radius)) / _COUNTED
+
+
+def _even_shares(start: int, count: int) -> Floats:
+    shares: Floats = (0.5 + np.arange(start, start + count)[:, None] * _STEPS) % 1.0
+    return shares
+
+
+def _free(floor_plan: Map, shares: Floats, radius: float = 0.0) -> Floats:
+    """Those of the poses at ``shares`` of the bounds and of a turn where a disc fits, (k, 3)."""
     x0, y0, x1, y1 = floor_plan.bounds
     low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
     poses: Floats = low + (high - low) * shares
-    return poses[floor_plan.free(poses)]
+    return poses[floor_plan.free(poses, radius)]

@@ -9,10 +9,11 @@ import numpy as np
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers.models import field_kernels
-from localizers.models.scan import OUTSIDE, usable_beams
+from localizers.models import field_kernels, scan_kernels
+from localizers.models.scan import OUTSIDE
 
 _MAX_CELLS = 20_000_000
+_AHEAD = np.zeros(1, np.float32)
 _AXES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
@@ -26,18 +27,18 @@ class LikelihoodField:
     outer wall gets ``OUTSIDE`` for the whole scan.
 
     Attributes:
-        sigma: σ > 0, px.
+        sigma: σ > 0.
         hit: h, share of the beams that end at a wall.
-        farthest: largest distance told apart, px.
-        cell: edge of the table's cells, px; d is right to one cell.
+        farthest: largest distance told apart.
+        cell: edge of the table's cells; d is right to one cell.
     """
 
     floor_plan: Map
     lidar: Lidar
     sigma: float
+    cell: float
     hit: float = 0.5
     farthest: float = math.inf
-    cell: float = 1.0
 
     def __post_init__(self) -> None:
         number("sigma_hit", self.sigma, low=0, above=True)
@@ -47,33 +48,32 @@ class LikelihoodField:
         rows, columns = self._shape
         if rows * columns > _MAX_CELLS:
             raise InputError(
-                f"field_cell is {self.cell:g} px, which makes a table of {rows * columns:,} cells; "
-                f"allowed are {_MAX_CELLS:,}: give larger cells."
+                f"field_cell is {self.cell:g} {self.floor_plan.unit}, which makes a table of "
+                f"{rows * columns:,} cells; allowed are {_MAX_CELLS:,}: give larger cells."
             )
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
         max_range = self.lidar.max_range
-        usable = usable_beams(ranges, max_range) & (ranges < max_range)
+        usable = (ranges >= 0.0) & (ranges < max_range)  # both are false for NaN
         out = np.zeros(states.shape[1])
         if not usable.any():
             return out
+        poses = np.ascontiguousarray(states, dtype=np.float32)
         xs, ys = self._axes
+        peak = self.hit / (self.sigma * math.sqrt(2 * math.pi))
         field_kernels.field_log_likelihood(
-            np.ascontiguousarray(states, dtype=np.float32),
-            np.ascontiguousarray(ranges[usable]),
+            poses,
+            ranges[usable],
             self._bearings[usable],
             self.distances,
-            float(xs[0]),
-            float(ys[0]),
-            self.cell,
-            self.farthest,
-            self.sigma,
-            self.hit / (self.sigma * math.sqrt(2 * math.pi)),
-            (1 - self.hit) / max_range,
+            (float(xs[0]), float(ys[0]), float(self.cell)),
+            (float(self.sigma), peak, (1 - self.hit) / max_range, float(self.farthest)),
             out,
         )
-        out[np.isnan(self.floor_plan.ranges(states.T, np.zeros(1))[:, 0])] = OUTSIDE
+        ahead = np.empty((1, out.size), np.float32)  # any beam tells whether a pose is outside
+        self.floor_plan.caster.cast(poses, _AHEAD, ahead)
+        scan_kernels.fill_where_nan(ahead[0], OUTSIDE, out)
         return out
 
     @cached_property

@@ -48,7 +48,7 @@ class LookaheadGrid:
     radius: float
     beta: float
     motion: OdometryMotion
-    cell: float = 5.0
+    cell: float
     headings: int = 72
 
     def __post_init__(self) -> None:
@@ -56,7 +56,7 @@ class LookaheadGrid:
         integer("headings", self.headings, low=1)
         if math.prod(self.shape) > MAX_NODES:
             raise InputError(
-                f"cells of {self.cell:g} px and {self.headings} headings make "
+                f"cells of {self.cell:g} {self.floor_plan.unit} and {self.headings} headings make "
                 f"{math.prod(self.shape):,} nodes of this map, but allowed are {MAX_NODES:,}: "
                 "give a larger cell or fewer headings."
             )

@@ -1,15 +1,17 @@
 """p(x_t | x_{t-1}, a_t): turn, then drive, each with noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import final
 
 import numpy as np
 
-from deqmcl_gym.maps import driven
+from deqmcl_gym.maps.units import PER_LENGTH
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers.inference import kernels
+from localizers.models import motion_kernels as kernels
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
 class OdometryMotion:
     """θ' = θ + φ + ε_φ; (x', y') = (x, y) + (d + ε_d)(cos θ', sin θ').
@@ -26,7 +28,7 @@ class OdometryMotion:
 
     drive: float = 0.2
     turn: float = 0.3
-    drift: float = 0.05
+    drift: float = field(default=0.05, metadata=PER_LENGTH)
 
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):
@@ -49,8 +51,6 @@ class OdometryMotion:
             (3, n), θ in [-π, π].
         """
         command = np.asarray(action, dtype=np.float64)
-        if type(self).moves is not OdometryMotion.moves:  # a subclass draws in its own way
-            return driven(states, *self.moves(command[None], states.shape[1], rng)[0])
         n: int = states.shape[1]
         uniforms = rng.random(n)
         after = np.empty_like(states)

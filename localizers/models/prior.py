@@ -1,12 +1,17 @@
 """p(x_0): where the robot may have been put down."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.units import LENGTH, POSE
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import number, pose
+from deqmcl_gym.validation import InputError, number, pose
+from localizers.models.free_space import free_share, random_poses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,13 +19,13 @@ class GaussianPrior:
     """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
 
     Attributes:
-        mean: (x px, y px, θ rad).
-        sd_position: in x and in y, px.
+        mean: (x, y, θ rad).
+        sd_position: in x and in y.
         sd_heading: rad.
     """
 
-    mean: tuple[float, float, float]
-    sd_position: float = 10.0
+    mean: tuple[float, float, float] = field(metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
     sd_heading: float = 0.1
 
     def __post_init__(self) -> None:
@@ -35,7 +40,7 @@ class GaussianPrior:
     def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3), the heading difference wrapped to [-π, π], (n,)."""
         apart = np.asarray(poses, dtype=np.float64) - np.array(self.mean)
-        apart[:, 2] -= 2 * np.pi * np.rint(apart[:, 2] / (2 * np.pi))
+        apart[:, 2] = arrays.wrapped(apart[:, 2])
         with np.errstate(divide="ignore", invalid="ignore"):
             log_density: Floats = (
                 -0.5 * np.square(apart / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
@@ -45,3 +50,47 @@ class GaussianPrior:
     @property
     def _sd(self) -> Floats:
         return np.array([self.sd_position, self.sd_position, self.sd_heading])
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformPrior:
+    """x_0 is anywhere in free space, with any heading: the robot is to be found.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of a disc that must fit where the robot is.
+    """
+
+    floor_plan: Map
+    radius: float = field(default=0.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        number("prior.radius", self.radius, low=0)
+        if self._share == 0:
+            raise InputError(
+                f"prior.radius is {self.radius:g}, but nothing that wide fits into the floor "
+                "plan: give a smaller radius."
+            )
+
+    @property
+    def mean(self) -> None:
+        """None: no pose stands for all of them."""
+        return None
+
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        """Draw n poses, (n, 3)."""
+        return random_poses(self.floor_plan, n, rng, self.radius).T.astype(np.float64)
+
+    def log_density(self, poses: Floats) -> Floats:
+        """Log p(x_0) of poses (n, 3): one number in free space, -inf elsewhere, (n,).
+
+        The area of free space is counted at even points, to about one percent.
+        """
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        density = 1 / (self._share * (x1 - x0) * (y1 - y0) * 2 * math.pi)
+        free = self.floor_plan.free(poses, self.radius)
+        return np.where(free, arrays.log(np.array([density]))[0], -np.inf)
+
+    @cached_property
+    def _share(self) -> float:
+        return free_share(self.floor_plan, self.radius)

@@ -2,20 +2,20 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import final
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.maps.casting import AllWalls
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from localizers.models import scan_kernels
-from localizers.models.beams import BeamDensity, CensoredGaussianUniform, GaussianUniform
+from localizers.models.beams import BeamDensity
 
 OUTSIDE = -30.0  # log-likelihood of a whole scan at a pose outside the outer walls
-_BLOCK = 1 << 16  # poses looked at in one go
+_BLOCK = 8192  # poses whose exact ranges are kept at one time, in the processor's cache
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
 class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
@@ -29,49 +29,31 @@ class LidarScan:
     beam: BeamDensity
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
-        one_pass = self._one_pass
-        if one_pass is not None:
-            poses = np.ascontiguousarray(states, dtype=np.float32)
-            log_likelihood = np.empty(poses.shape[1])
-            if scan_kernels.scan_mixture(poses, ranges, log_likelihood, *one_pass):
-                return log_likelihood
-        return self._of_usable_beams(states, ranges)
+        """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
+        n = states.shape[1]
+        if n > _BLOCK:
+            blocks = [states[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
+            return np.concatenate([self.log_likelihood(block, ranges) for block in blocks])
+        measured, bearings = ranges, self._bearings
+        if scan_kernels.count_usable(ranges, self.lidar.max_range) < ranges.size:
+            usable = usable_beams(ranges, self.lidar.max_range)
+            measured, bearings = ranges[usable], bearings[usable]
+        if measured.size == 0:
+            return np.zeros(n)
+        expected = np.empty((measured.size, n), np.float32)
+        poses = np.ascontiguousarray(states, dtype=np.float32)
+        self.floor_plan.caster.cast(poses, bearings, expected)
+        return self.weighed(measured, expected)
 
-    def _of_usable_beams(self, states: Singles, ranges: Floats) -> Floats:
-        """Do it step by step: for any scan, beam model and floor plan."""
-        max_range = self.lidar.max_range
-        count = scan_kernels.count_usable(ranges, max_range)
-        if count == 0:
-            return np.zeros(states.shape[1])
-        bearings, measured = self._bearings, ranges
-        if count < ranges.size:
-            usable = usable_beams(ranges, max_range)
-            bearings, measured = bearings[usable], ranges[usable]
-        expected = self.floor_plan.ranges(states.T, bearings)
-        log_likelihood = self.beam.log_likelihood(measured, expected, max_range)
-        scan_kernels.fill_where_nan(expected[:, 0], OUTSIDE, log_likelihood)
-        return log_likelihood
+    def weighed(self, measured: Floats, expected: Singles) -> Floats:
+        """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""
+        found = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
+        scan_kernels.fill_where_nan(expected[0], OUTSIDE, found)
+        return found
 
     @cached_property
     def _bearings(self) -> Singles:
         return self.lidar.bearings.astype(np.float32)
-
-    @cached_property
-    def _one_pass(self) -> tuple[Any, ...] | None:
-        """What ``scan_kernels.scan_mixture`` wants to know; None if the parts are not made for it.
-
-        A subclass of a part may measure or weigh in another way.
-        """
-        beam, floor_plan, max_range = self.beam, self.floor_plan, self.lidar.max_range
-        if not isinstance(floor_plan.caster, AllWalls):
-            return None
-        if type(beam) is not GaussianUniform and type(beam) is not CensoredGaussianUniform:
-            return None
-        mixture = beam.mixture(max_range)
-        if mixture is None:
-            return None
-        return (self._bearings, *floor_plan.caster, max_range, *mixture, OUTSIDE)
 
 
 class ScanTable:
@@ -81,27 +63,17 @@ class ScanTable:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
         self._expected = scan.floor_plan.ranges(states.T, scan.lidar.bearings).T  # (B, n)
-        self._outside = np.isnan(self._expected[0])
 
     def log_likelihood(self, ranges: Floats) -> Floats:
-        """Log-likelihood of the scan (B,) px at each pose, (n,)."""
-        max_range = self._scan.lidar.max_range
-        usable = usable_beams(ranges, max_range)
-        log_likelihood = np.zeros(self._outside.size)
+        """Log-likelihood of the scan (B,) at each pose, (n,)."""
+        usable, n = usable_beams(ranges, self._scan.lidar.max_range), self._expected.shape[1]
         if not usable.any():
-            return log_likelihood
-        for start in range(0, log_likelihood.size, _BLOCK):  # bounds the memory of a model's steps
-            block = slice(start, start + _BLOCK)
-            expected = np.ascontiguousarray(self._expected[usable, block])
-            log_likelihood[block] = self._scan.beam.log_likelihood(
-                ranges[usable], expected.T, max_range
-            )
-        log_likelihood[self._outside] = OUTSIDE
-        return log_likelihood
+            return np.zeros(n)
+        blocks = [self._expected[usable, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
+        return np.concatenate([self._scan.weighed(ranges[usable], block) for block in blocks])
 
 
 def usable_beams(ranges: Floats, max_range: float) -> Bools:
     """Which beams are numbers in [0, max_range], (B,)."""
-    usable = np.empty(len(ranges), np.bool_)
-    scan_kernels.mark_usable(ranges, max_range, usable)
+    usable: Bools = (ranges >= 0.0) & (ranges <= max_range)  # both are false for NaN
     return usable

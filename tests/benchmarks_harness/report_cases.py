@@ -1,5 +1,8 @@
 """Made-up results with all that a report shows, animations apart."""
 
+import csv
+import io
+
 import numpy as np
 
 from benchmarks.sweeps.results import Failure, Results
@@ -25,16 +28,19 @@ def trial_of(localizer, number, *, filter_seed=0, params=None, **setting):
 
 
 def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=None, **setting):
-    """A finished trial whose error is the same at every state and offset; and its quality."""
-    values = dict.fromkeys(SCORE_NAMES, 0.5) | {"error": error, "lost": 0.0} | (scores or {})
+    """A finished trial whose error is the same at every state; by offset, or at all ``offsets``."""
+    errors = error if isinstance(error, dict) else dict.fromkeys(offsets, error)
+    values = dict.fromkeys(SCORE_NAMES, 0.5) | {"lost": 0.0} | (scores or {})
     return {
         "trial": trial_of(localizer, number, **setting),
-        "scores": [{"offset": offset} | values for offset in offsets],
+        "scores": [values | {"offset": k, "error": e} for k, e in errors.items()],
         "curves": {
-            str(k): {"first_state": max(k, 0), "error": [error] * (STEPS + 1 - abs(k))}
-            for k in offsets
+            str(k): {"first_state": max(k, 0), "error": [e] * (STEPS + 1 - abs(k))}
+            for k, e in errors.items()
         },
-        "profile": {str(k): error for k in range(min(offsets), max(offsets) + 1, 5)},
+        "profile": {str(k): errors[0] for k in range(min(errors), max(errors) + 1, 5)}
+        if 0 in errors
+        else {},
         "quality": quality and [quality] * STEPS,
         "steps_done": STEPS,
         "scans_used": STEPS,
@@ -43,7 +49,7 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
     }
 
 
-def results(records, *, failures=(), missing=0, title="A sweep"):
+def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):
     """Results of these records."""
     return Results(
         title=title,
@@ -52,8 +58,15 @@ def results(records, *, failures=(), missing=0, title="A sweep"):
         missing=missing,
         planned=len(records) + len(failures) + missing,
         command=["deqmcl", "sweep", "a b.toml", "--out", "there"],
+        baseline=baseline,
+        limits=list(limits),
         environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
     )
+
+
+def parsed(text):
+    """Lines of a CSV, each by column."""
+    return list(csv.DictReader(io.StringIO(text)))
 
 
 def paired(methods, worlds=12, **setting):

@@ -1,152 +1,228 @@
-"""results.csv: pairing, baselines, intervals and tests, on made-up records."""
+"""results.csv: panels, pairing, baselines, intervals and tests, on made-up records."""
 
-import csv
-import io
 import math
 
 import numpy as np
 import pytest
-from fake_records import record
+from report_cases import finished, parsed
 
 from benchmarks.tables import stats
-from benchmarks.tables.comparison import baseline_of, comparisons, results_csv
+from benchmarks.tables.comparison import baseline_of, results_csv
 from benchmarks.tables.pairing import Method, method_of, setting_of
+from benchmarks.tables.panels import comparisons, panels, short_name
+from benchmarks.trials.spec import frozen
+
+WORLDS = (0, 1, 2)
 
 
-def run(method, trial, errors, *, filter_seed=0, params=None, scores=None, **setting):
-    made = record(method, trial, errors, filter_seed=filter_seed, **(scores or {}))
-    made["trial"] |= {
-        "scenario": "paper",
-        "world": {},
-        "assumed": {},
-        "disturbance": [],
-        "lag": 20,
-        "seed": 0,
-        "params": params or {},
-    } | setting
-    return made
-
-
-def rows_of(*records):
-    return {(row.setting, row.method, row.offset): row for row in comparisons(records)}
-
-
-def by_name(*records):
+def by_name(records):
     """Rows by localizer and offset, where nothing else differs."""
     return {(row.method.localizer, row.offset): row for row in comparisons(records)}
 
 
 def test_runs_on_a_world_are_averaged_before_worlds_are():
-    records = [run("mcl", 0, {0: 1.0}), run("mcl", 0, {0: 3.0}, filter_seed=1)]
-    records += [run("mcl", 1, {0: 10.0})]
-    row = by_name(*records)["mcl", 0]
-    assert (row.error, row.worlds, row.runs) == (6.0, 2, 3)  # (2 + 10) / 2, not 14 / 3
+    records = [finished("mcl", 0, 1.0), finished("mcl", 0, 3.0, filter_seed=1)]
+    row = by_name([*records, finished("mcl", 1, 10.0)])["mcl", 0]
+    assert (row.error.mean, row.worlds, row.runs) == (6.0, 2, 3)  # (2 + 10) / 2, not 14 / 3
+    assert row.errors == {0: 2.0, 1: 10.0}
     assert row.error_sd == pytest.approx(math.sqrt(32))
 
 
 def test_a_difference_is_paired_by_world_and_filter_seed():
-    records = [run("mcl", w, {0: 10.0 * w + s}, filter_seed=s) for w in (0, 1) for s in (0, 1)]
+    records = [finished("mcl", w, 10.0 * w + s, filter_seed=s) for w in (0, 1) for s in (0, 1)]
     # it lacks a run in each world, and 10 more is not its merit
-    records += [run("x", 0, {0: 5.0}, filter_seed=0), run("x", 1, {0: 14.0}, filter_seed=1)]
-    row = by_name(*records)["x", 0]
-    assert (row.diff, row.paired_worlds) == (4.0, 2)  # (5 - 0 + 14 - 11) / 2
+    records += [finished("x", 0, 5.0), finished("x", 1, 14.0, filter_seed=1)]
+    row = by_name(records)["x", 0]
+    assert (row.diff.mean, row.paired_worlds) == (4.0, 2)  # (5 - 0 + 14 - 11) / 2
 
 
 def test_the_statistics_are_those_of_the_differences():
     base = [10.0, 30.0, 50.0, 20.0, 25.0]
     own = [9.0, 31.0, 40.0, 15.0, 25.0]
-    records = [run("mcl", i, {0: e}) for i, e in enumerate(base)]
-    records += [run("x", i, {0: e}) for i, e in enumerate(own)]
-    row = by_name(*records)["x", 0]
-    differences = np.array(own) - np.array(base)
-    assert (row.diff_low, row.diff_high) == stats.paired_bootstrap(differences)
+    records = [finished("mcl", i, e) for i, e in enumerate(base)]
+    records += [finished("x", i, e) for i, e in enumerate(own)]
+    row = by_name(records[::-1])["x", 0]  # in any order
+    apart = np.array(own) - np.array(base)
+    assert row.diff == (apart.mean(), *stats.paired_bootstrap(apart))
     assert row.win_rate == 3.5 / 5
-    assert row.p == pytest.approx(stats.wilcoxon(differences), rel=1e-5)
-    assert (row.error_low, row.error_high) == stats.paired_bootstrap(np.array(own))
+    assert row.p == pytest.approx(stats.wilcoxon(apart), rel=1e-5)
+    assert row.error == (np.mean(own), *stats.paired_bootstrap(np.array(own)))
 
 
 def test_the_baseline_is_not_compared_with_itself_but_its_past_is():
-    rows = by_name(*(run("mcl", i, {0: 4.0 + i, -20: 1.0 + i}) for i in range(3)))
-    assert math.isnan(rows["mcl", 0].diff)
+    rows = by_name([finished("mcl", i, {0: 4.0 + i, -20: 1.0 + i}) for i in range(3)])
+    assert rows["mcl", 0].is_baseline
+    assert math.isnan(rows["mcl", 0].diff.mean)
     assert math.isnan(rows["mcl", 0].p_holm)
-    assert rows["mcl", -20].diff == -3.0
+    assert rows["mcl", -20].diff.mean == -3.0
 
 
-def test_holms_family_is_the_tests_of_one_setting_at_one_offset():
-    records = [run("mcl", i, {0: 10.0 + i, -20: 5.0}) for i in range(8)]
-    for name, shift in (("a", 1.0), ("b", -1.0)):
-        records += [run(name, i, {0: 10.0 + i + shift * (i + 1)}) for i in range(8)]
-    records += [run("a", i, {0: 0.1 * i}, scenario="sharp") for i in range(8)]
-    rows = by_name(*[r for r in records if r["trial"]["scenario"] == "paper"])
-    single = 2 / 2**8
-    assert rows["a", 0].p == pytest.approx(single, rel=1e-5)
-    assert rows["a", 0].p_holm == rows["b", 0].p_holm == pytest.approx(2 * single, rel=1e-5)
-    assert rows["mcl", -20].p_holm == rows["mcl", -20].p
-    both = rows_of(*records)
-    assert {row.p_holm for key, row in both.items() if key[1].localizer == "b"} == {2 * single}
+@pytest.mark.parametrize("other", [{"world": {"noise.drive": 0.2}}, {"trial": 1}])
+def test_only_trials_of_the_same_setting_and_world_are_compared(other):
+    records = [finished("mcl", 0, 1.0), finished("x", 0, 5.0)]
+    records[1]["trial"] |= other
+    assert all(math.isnan(row.diff.mean) for row in comparisons(records))
 
 
-def test_only_trials_of_the_same_setting_are_compared():
-    records = [run("mcl", 0, {0: 1.0}, world={"noise.drive": 0.1})]
-    records += [run("x", 0, {0: 5.0}, world={"noise.drive": 0.2})]
-    assert all(math.isnan(row.diff) for row in comparisons(records))
+def method(localizer, **params):
+    return Method(localizer, frozen(params))
 
 
 @pytest.mark.parametrize(
-    ("method", "expected"),
+    ("compared", "expected"),
     [
-        (Method("deq-mcl", '{"lag":20,"particles":300}'), Method("mcl", '{"particles":300}')),
-        (Method("mcl", '{"particles":100}'), Method("mcl", '{"particles":100}')),
-        (Method("dead-reckoning", "{}"), Method("mcl", '{"particles":100}')),  # the first
+        (method("deq-mcl", kind="b", lag=20), method("mcl", kind="b")),
+        (method("mcl", kind="a"), method("mcl", kind="a")),
+        (method("dead-reckoning"), method("mcl", kind="a")),  # the first
     ],
 )
-def test_the_baseline_is_mcl_with_the_shared_parameters(method, expected):
-    methods = [Method("deq-mcl", '{"particles":100}'), Method("mcl", '{"particles":100}')]
-    methods += [Method("mcl", '{"particles":300}'), method]
-    assert baseline_of(method, methods) == expected
+def test_of_several_variants_the_baseline_is_the_one_with_the_shared_parameters(compared, expected):
+    methods = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", kind="b")]
+    assert baseline_of(compared, [*methods, compared], "mcl") == expected
 
 
-def test_without_mcl_the_baseline_is_the_first_method():
-    methods = [Method("x", "{}"), Method("y", "{}")]
-    assert baseline_of(methods[1], methods) == methods[0]
+def test_without_a_baseline_the_first_method_is_it():
+    methods = [method("x"), method("y")]
+    assert baseline_of(methods[1], methods, "mcl") == methods[0]
 
 
 def test_the_rate_of_lost_runs_has_the_wilson_interval_of_as_many_worlds():
     records = [
-        run("mcl", w, {0: 1.0}, filter_seed=s, scores={"lost": float(w == 0 or (w == 1 and s))})
+        finished("mcl", w, 1.0, filter_seed=s, scores={"lost": float(w == 0 or (w == 1 and s))})
         for w in range(10)
         for s in (0, 1)
     ]
-    row = by_name(*records)["mcl", 0]
-    assert row.lost_rate == pytest.approx(0.15)
-    assert (row.lost_low, row.lost_high) == stats.wilson(row.lost_rate, 10)
+    row = by_name(records)["mcl", 0]
+    assert row.lost.mean == pytest.approx(0.15)
+    assert row.lost[1:] == stats.wilson(row.lost.mean, 10)
 
 
-def test_a_score_that_one_run_lacks_is_unknown():
-    records = [run("x", i, {0: 1.0}, scores={"nees": None if i else 2.0}) for i in (0, 1)]
-    assert math.isnan(by_name(*records)["x", 0].means["nees"])
+def test_a_score_that_one_run_lacks_is_unknown_not_the_mean_of_the_rest():
+    rows = by_name([finished("x", i, 1.0, scores={"nees": None if i else 2.0}) for i in (0, 1)])
+    assert math.isnan(rows["x", 0].scores["nees"].mean)
 
 
-def test_results_csv_has_fixed_columns_and_nothing_of_the_machine():
-    records = [run("mcl", i, {0: 1.0 + i}, params={"particles": 10}) for i in range(2)]
+def swept(worlds=WORLDS, localizer="mcl"):
+    """A localizer at two values of its particles; errors 9 and 5, and something without them."""
+    records = [
+        finished(localizer, w, e + w, params={"particles": n})
+        for n, e in ((100, 9.0), (300, 5.0))
+        for w in worlds
+    ]
+    return [*records, *(finished("ekf", w, 2.0 + w) for w in worlds)]
+
+
+@pytest.mark.parametrize("name", ["mcl", "mcl-map"])
+def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline(name):
+    found = panels(swept(localizer=name) + [finished("grid", w, 1.0) for w in WORLDS], name)
+    assert [panel.title for panel in found] == [
+        "scenario paper, particles 100",
+        "scenario paper, particles 300",
+    ]
+    for panel, difference in zip(found, (-7.0, -3.0), strict=True):
+        assert list(panel.labels.values()) == [name, "ekf", "grid"]
+        (row,) = (row for row in panel.present if row.method.localizer == "ekf")
+        assert row.baseline == method(name, particles=dict(panel.swept)["particles"])
+        assert row.diff.mean == difference
+
+
+def test_holms_family_is_the_tests_of_one_panel_at_one_offset():
+    records = swept(worlds=range(8))
+    for name, shift in (("a", 1.0), ("b", -1.0)):
+        records += [finished(name, i, 9.0 + i + shift * (i + 1)) for i in range(8)]
+    records += [finished("c", i, {-20: 0.5 * i}) for i in range(8)]
+    records += [finished("a", i, 0.1 * i, scenario="sharp") for i in range(8)]
+    first, second, sharp = panels(records)
+    single = 2 / 2**8
+    for panel in (first, second):
+        now = [row for row in panel.present if not row.is_baseline]
+        assert [row.p_holm for row in now] == pytest.approx(stats.holm([row.p for row in now]))
+        assert len(now) == 3  # ekf, a, b
+        (past,) = (row for row in panel.rows if row.offset == -20)
+        assert past.p_holm == past.p == pytest.approx(single, rel=1e-5)
+    assert [row.p_holm for row in first.present[2:]] == pytest.approx([2 * single] * 2, rel=1e-5)
+    assert math.isnan(sharp.rows[0].p_holm)
+
+
+def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number():
+    records = [finished("mcl", 0, 1.0, params={"particles": 100})]
+    records += [
+        finished("deq-mcl", 0, 1.0, params={"particles": 100, "beta": b}) for b in (0.0, "inf")
+    ]
+    found = panels(records)
+    assert [panel.title for panel in found] == [
+        "scenario paper, beta 0.0",
+        "scenario paper, beta inf",
+    ]
+    assert all(list(panel.labels.values()) == ["mcl", "deq-mcl"] for panel in found)
+    assert '"{""beta"":""inf""}"' in results_csv(found[1].rows)
+
+
+def test_settings_are_panels_named_by_what_sets_them_apart():
+    records = [
+        finished("mcl", 0, 1.0, world={"noise.drive": 0.1}),
+        finished("mcl", 0, 1.0, assumed={"scan.sigma": 5.0}, lag=10),
+        finished("mcl", 0, 1.0, disturbance=[{"kind": "kidnap", "step": 100}]),
+    ]
+    assert [panel.title for panel in panels(records)] == [
+        "scenario paper, noise.drive 0.1, L 20",
+        "scenario paper, assumed scan.sigma 5.0, L 10",
+        "scenario paper, kidnap step 100, L 20",
+    ]
+
+
+def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():
+    variants = [("mcl-h", {}), ("mcl-h", {"form": "twisted"}), ("mcl", {})]
+    records = [
+        finished(name, 0, 1.0, params=params | {"particles": n})
+        for n in (300, 1000)
+        for name, params in variants
+    ]
+    assert [list(panel.labels.values()) for panel in panels(records)] == 2 * [
+        ["mcl-h", "mcl-h form=twisted", "mcl"]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "short"),
+    [("deq-mcl", "deq-mcl"), ("./a b/mine.py:Mine", "Mine"), ("package.module:attr", "attr")],
+)
+def test_a_plug_in_is_called_by_its_class_in_pictures(name, short):
+    assert short_name(name) == short
+
+
+def test_plug_ins_of_the_same_class_name_are_called_in_full():
+    (panel,) = panels([finished(name, 0, 1.0) for name in ("a.py:Mine", "b.py:Mine")])
+    assert list(panel.labels.values()) == ["a.py:Mine", "b.py:Mine"]
+
+
+def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine():
+    records = swept(worlds=range(2))
     text = results_csv(comparisons(records))
-    (line,) = csv.DictReader(io.StringIO(text))
+    lines = parsed(text)
     assert text.splitlines()[0] == (
-        "scenario,world,assumed,disturbance,lag,seed,method,params,offset,worlds,runs,"
+        "scenario,world,assumed,disturbance,lag,seed,swept,method,params,offset,worlds,runs,"
         "error,error_low,error_high,error_sd,error_window,error_sd_steps,entropy,"
         "var_x,var_y,var_cos,var_sin,position_rmse,heading_rmse,wall_share,"
         "energy_score,coverage_50,coverage_80,coverage_95,nees,lost_rate,lost_low,lost_high,"
         "baseline,paired_worlds,diff,diff_low,diff_high,win_rate,p,p_holm,"
-        "auroc,auroc_low,auroc_high,far_steps,far_worlds"
+        "auroc,auroc_low,auroc_high,far_steps,far_worlds,"
+        "coverage_50_low,coverage_50_high,coverage_80_low,coverage_80_high,"
+        "coverage_95_low,coverage_95_high,nees_low,nees_high"
     )
-    assert (line["params"], line["world"], line["error"]) == ('{"particles":10}', "{}", "1.5")
-    assert line["diff"] == ""
-    slower = [one | {"seconds": 99.0} for one in records]
-    assert results_csv(comparisons(slower)) == text
+    assert [(line["swept"], line["method"], line["diff"]) for line in lines] == [
+        ('{"particles":100}', "mcl", ""),
+        ('{"particles":100}', "ekf", "-7.0"),
+        ('{"particles":300}', "mcl", ""),
+        ('{"particles":300}', "ekf", "-3.0"),
+    ]
+    assert (lines[0]["params"], lines[0]["world"]) == ('{"particles":100}', "{}")
+    assert text == results_csv(comparisons([one | {"seconds": 99.0} for one in records]))
 
 
-def test_settings_and_methods_know_nested_values_in_any_order():
-    one = run("x", 0, {0: 1.0}, params={"a": 1, "b": [1, 2]}, world={"p": 1, "q": 2})["trial"]
-    other = one | {"params": {"b": [1, 2], "a": 1}, "world": {"q": 2, "p": 1}}
+def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
+    one = finished("x", 0, 1.0, params={"a": 1, "b": [1, 2]}, world={"p": 1, "q": 2})
+    other = finished("x", 0, 1.0, params={"b": [1, 2], "a": 1}, world={"q": 2, "p": 1})
     assert setting_of(one) == setting_of(other)
-    assert method_of(one) == method_of(other)
+    assert {method_of(one): "found"}[method_of(other)] == "found"
+    assert method_of(one).cells() == ["x", '{"a":1,"b":[1,2]}']

@@ -4,15 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from fake_records import parsed
-from report_cases import finished, results
+from report_cases import finished, parsed, results
 
 from benchmarks.sweeps.collecting import of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Limit, Method
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.tables.gap import gaps, gaps_csv, limit_of
+from benchmarks.tables import gap
+from benchmarks.tables.gap import gaps_csv, limit_of
 from benchmarks.tables.pairing import Method as Named
+from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
 from benchmarks.trials.spec import frozen
 from deqmcl_gym.validation import InputError
@@ -24,11 +25,14 @@ def limit_run(world, error, *, seed=0, **setting):
     return finished("mcl-pilots", world, error, filter_seed=seed, params=MANY, **setting)
 
 
+def gaps(records, limits):
+    return [row for panel in panels(records) for row in gap.gaps(panel, limits)]
+
+
 def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
     limits = [limit_run(w, 10.0 + w, seed=s) for w in range(3) for s in (0, 1)]
-    for records in ([], [*limits, limit_run(3, 99.0)]):
-        (row,) = gaps(records, limits)
-        assert (row.gap, row.gap_low, row.gap_high, row.worlds) == (0.0, 0.0, 0.0, 3)
+    (row,) = gaps([*limits, limit_run(3, 99.0)], limits)
+    assert (row.gap, row.worlds) == ((0.0, 0.0, 0.0), 3)
 
 
 def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before():
@@ -38,15 +42,13 @@ def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before()
     differences = np.array([15.0 - 10.5, 26.0 - 20.5])
     assert (row.method.localizer, row.worlds) == ("mcl", 2)
     assert row.error == (15.0 + 26.0) / 2
-    assert row.gap == pytest.approx(differences.mean())
-    assert (row.gap_low, row.gap_high) == pytest.approx(paired_bootstrap(differences))
+    assert row.gap == pytest.approx((differences.mean(), *paired_bootstrap(differences)))
 
 
 def test_the_spread_between_runs_is_that_on_the_same_world():
     limits = [limit_run(w, 100.0 * w + e, seed=s) for w in (0, 1) for s, e in enumerate((1, 3))]
-    (row,) = gaps([], limits)
+    row, alone = gaps([finished("mcl", w, 1.0) for w in (0, 1)], limits)
     assert row.seed_sd == pytest.approx(math.sqrt(2))  # of 1 and 3; worlds lie 100 apart
-    (alone,) = gaps([], [limit_run(0, 1.0), limit_run(1, 5.0)])
     assert math.isnan(alone.seed_sd)
 
 
@@ -59,11 +61,20 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
 
 
 def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
-    limits = [Named("mcl-pilots", f'{{"beta":{b},"particles":100000}}') for b in (1, 10)]
-    assert limit_of(Named("mcl-map", '{"beta":10,"particles":300}'), limits) == limits[1]
-    assert limit_of(Named("mcl-map", '{"beta":5,"particles":300}'), limits) is None
-    assert limit_of(Named("mcl", '{"particles":300}'), limits) == limits[0]
-    assert limit_of(Named("mcl", "{}"), []) is None
+    limits = [Named("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
+    assert limit_of((), Named("mcl-map", (("beta", 10), ("particles", 300))), limits) == limits[1]
+    assert limit_of((), Named("mcl-map", (("beta", 5), ("particles", 300))), limits) is None
+    assert limit_of((), Named("mcl", (("particles", 300),)), limits) == limits[0]
+    assert limit_of((("beta", 10),), Named("mcl"), limits) == limits[1]  # the panel's
+    assert limit_of((), Named("mcl"), []) is None
+
+
+def test_a_method_without_the_swept_parameter_is_held_against_each_panels_limit():
+    records = [finished("mcl-map", 0, 5.0, params={"beta": b}) for b in (1, 10)]
+    records += [finished("ekf", 0, 4.0)]
+    limits = [finished("mcl-pilots", 0, e, params={"beta": b}) for b, e in ((1, 3.0), (10, 2.0))]
+    found = [(dict(row.swept)["beta"], row.gap.mean) for row in gaps(records, limits)]
+    assert found == [(1, 0.0), (1, 2.0), (1, 1.0), (10, 0.0), (10, 3.0), (10, 2.0)]
 
 
 def test_gaps_csv_names_setting_method_and_limit():

@@ -4,10 +4,9 @@ import pytest
 from report_cases import finished
 
 from benchmarks.report import laps
-from benchmarks.report.panels import panels
-from benchmarks.tables.comparison import comparisons
+from benchmarks.tables.panels import panels
 
-# without mcl the first method is the baseline: here a form of the same localizer
+# without mcl the first method is the baseline: here a variant of the same localizer
 FORMS = ("systematic", "stratified")
 
 
@@ -29,11 +28,11 @@ def form(resampler, world, error, filter_seed=0):
 
 
 def drawn(records):
-    (panel,) = panels(comparisons(records), records)
+    (panel,) = panels(records)
     return laps.laps(panel)
 
 
-def test_two_forms_of_one_localizer_are_animated_each_by_its_own_trial(animated):
+def test_two_variants_of_one_localizer_are_animated_each_by_its_own_trial(animated):
     records = [form(one, world, 1.0 + i + world) for i, one in enumerate(FORMS) for world in (0, 1)]
     best, *_ = drawn(records)
     assert animated[0] == [("systematic", 0, 0), ("stratified", 0, 0)]

@@ -1,7 +1,5 @@
 """The page, the Markdown and the pictures of made-up results."""
 
-import csv
-import io
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
@@ -10,14 +8,11 @@ import pytest
 from report_cases import THREE, finished, paired, results, trial_of
 
 from benchmarks.report import charts, story, writing
-from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.panels import panels
 from benchmarks.report.style import DARK, LIGHT, looks
-from benchmarks.report.svg import house_style
 from benchmarks.sweeps.suites import paper_suite
-from benchmarks.tables.comparison import comparisons
+from benchmarks.tables.panels import panels
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -171,16 +166,6 @@ def test_the_markdown_shows_every_image_that_was_written_and_escapes(report):
     assert "<b>" not in text.replace("\\<b\\>", "")
 
 
-def test_the_tables_are_those_of_the_comparisons(report):
-    out, _, given = report
-    lines = list(csv.DictReader(io.StringIO((out / "results.csv").read_text())))
-    assert len(lines) == 5  # mcl, deq-mcl at three offsets, the plug-in
-    assert {line["method"] for line in lines} == set(THREE)
-    trials = list(csv.DictReader(io.StringIO((out / "trials.csv").read_text())))
-    assert len(trials) == sum(len(record["scores"]) for record in given.records)
-    assert {line["scenario"] for line in trials} == {"paper"}
-
-
 def test_the_same_results_give_the_same_bytes(report, tmp_path, monkeypatch):
     monkeypatch.setattr(story, "laps", no_laps)
     out, written, given = report
@@ -217,88 +202,29 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
-def curves(records, quantity=ERROR):
-    rows = comparisons(records)
-    look = looks((row.method, row.method.localizer) for row in rows)
-    with house_style():
-        return swept_charts(rows, look, quantity)
+def test_every_mark_of_every_chart_is_inside_its_axes(monkeypatch):
+    (panel,) = panels(paired(THREE, worlds=40))
+    seen = []
 
+    def keep(figure, *, name, **_):
+        (axes,) = figure.axes
+        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+        places = [place for line in marked for place in line.get_xydata().tolist()]
+        assert places, name
+        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
+        seen.append(name)
 
-def words_of(chart):
-    return " ".join(ET.fromstring(chart.standalone).itertext())
-
-
-def test_a_swept_parameter_has_a_curve_per_localizer_and_a_line_for_who_lacks_it():
-    records = [
-        finished(name, w, 1.0 + n / 100, params={"particles": n})
-        for name in ("mcl", "deq-mcl")
-        for n in (30, 300)
-        for w in range(3)
-    ]
-    records += [finished("dead-reckoning", w, 4.0) for w in range(3)]
-    (chart,) = curves(records)
-    assert chart.title == "Error over particles"
-    for word in ("mcl", "deq-mcl", "dead-reckoning", "30", "300"):
-        assert word in words_of(chart).split()
-
-
-def test_differences_have_curves_without_the_baseline_and_without_who_lacks_the_parameter():
-    records = [
-        finished(name, w, 1.0 + n / 100, params={"particles": n})
-        for name in ("mcl", "deq-mcl")
-        for n in (30, 300)
-        for w in range(3)
-    ]
-    records += [finished("dead-reckoning", w, 4.0) for w in range(3)]
-    (chart,) = curves(records, DIFFERENCE)
-    assert chart.title == "Difference to the baseline over particles"
-    assert chart.name == "difference-1"
-    assert "deq-mcl" in words_of(chart).split()
-    assert not {"mcl", "dead-reckoning"} & set(words_of(chart).split())
-
-
-def test_what_changes_together_is_one_curve():
-    records = [
-        finished("mcl", w, noise, world={"noise.drive": noise}, assumed={"motion.drive": 2 * noise})
-        for noise in (0.1, 0.2)
-        for w in range(2)
-    ]
-    (chart,) = curves(records)
-    assert "noise.drive …" in " ".join(words_of(chart).split())
-    assert chart.caption.endswith("… and with it assumed motion.drive.")
-
-
-def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
-    records = [
-        finished(name, w, 1.0, lag=lag, params=params)
-        for lag in (5, 20)
-        for name, params in (("mcl", {}), ("deq-mcl", {"lag": lag}))
-        for w in range(2)
-    ]
-    (chart,) = curves(records)
-    assert chart.title == "Error over lag L"
-
-
-def test_presets_have_a_curve_each():
-    records = [
-        finished("mcl", w, 1.0, scenario=scenario, params={"particles": n})
-        for scenario in ("paper", "sharp")
-        for n in (30, 300)
-        for w in range(2)
-    ]
-    assert [chart.title for chart in curves(records)] == [
-        "Error over particles: paper",
-        "Error over particles: sharp",
-    ]
-
-
-def test_words_seeds_and_single_values_make_no_curve():
-    records = [
-        finished("mcl", 0, 1.0, seed=seed, params={"resampler": kind, "particles": 10})
-        for seed in (0, 1)
-        for kind in ("systematic", "multinomial")
-    ]
-    assert curves(records) == []
+    monkeypatch.setattr(charts, "picture", keep)
+    look = looks(panel.labels.values())
+    for chart in (
+        charts.points_chart,
+        charts.offset_chart,
+        charts.speed_chart,
+        charts.calibration_chart,
+    ):
+        chart(panel, look)
+    assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
 
 
 def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
@@ -311,7 +237,7 @@ def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
         )
         for w in range(2)
     ]
-    (panel,) = panels(comparisons(records), records)
+    (panel,) = panels(records)
     dashed = {}
 
     def keep(figure, *, title, **_):
@@ -319,7 +245,7 @@ def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
         dashed[title.rpartition(": ")[2]] = [float(line.get_ydata()[0]) for line in lines]
 
     monkeypatch.setattr(charts, "picture", keep)
-    charts.time_charts(panel, looks(panel.labels.items()))
+    charts.time_charts(panel, looks(panel.labels.values()))
     assert dashed == {
         "mcl resampler=systematic": [],
         "mcl resampler=multinomial": [],

@@ -13,8 +13,8 @@ from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 from localizers import GaussianPrior, make, mean_pose
-from localizers.inference import kernels
 from localizers.inference.resampling import systematic
+from localizers.models import motion_kernels as kernels
 from localizers.models.scan import LidarScan
 
 BEARINGS = fan(16).bearings.astype(np.float32)

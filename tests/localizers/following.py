@@ -1,13 +1,13 @@
 """Drive a localizer along and compare what it believes, bit by bit."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 import localizers
-
-FAMILY = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl")  # of ``particles``
-UNDRAWN = ("dead-reckoning", "grid")  # no randomness
+from localizers.inference.localizer import FilterLocalizer
 
 Drive = tuple[np.ndarray, np.ndarray]
 
@@ -19,6 +19,11 @@ def small(name: str, particles: int) -> dict[str, float]:
     if name == "amcl":
         return {"min_particles": particles, "max_particles": particles, "field_cell": 10.0}
     return {"cell": 35.0, "headings": 12} if name == "grid" else {}
+
+
+def varied(localizer: FilterLocalizer, **parts: Any) -> FilterLocalizer:
+    """The same localizer, its filter put together from other parts."""
+    return FilterLocalizer(localizer.robot, replace(localizer.filter, **parts))
 
 
 def follow(

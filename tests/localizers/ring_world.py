@@ -52,8 +52,8 @@ class Drive:
 
 
 class RingPrior:
-    def states(self, n, rng):
-        return np.searchsorted(np.cumsum(PRIOR), rng.random(n))[None]
+    def sample(self, n, rng):
+        return np.searchsorted(np.cumsum(PRIOR), rng.random(n))[:, None]
 
 
 class RingMotion:
@@ -107,6 +107,7 @@ def ring_filter(beta: float, **parts) -> ParticleFilter:
         feasibility=RingWalls(beta),
         resampling=parts.pop("resampling", Always()),
         particles=PARTICLES,
+        dtype=np.intp,
         **parts,
     )
 

@@ -10,6 +10,7 @@ import reference
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
+from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan
@@ -27,18 +28,21 @@ LOPSIDED = PolygonMap(
 def test_the_kld_bound_is_a_chi_square_quantile_over_twice_the_error(degrees, chi_square):
     # Fox 2003, eq. (6): n = χ²_{k-1, 1-δ} / 2ε; (7) is the Wilson-Hilferty approximation of it,
     # which is right to 1 %.
-    kld = KldSampling(error=0.05, quantile=NormalDist().inv_cdf(0.99))
-    assert kld.bound(np.array([degrees + 1]))[0] == pytest.approx(chi_square / 0.1, rel=0.01)
+    bound = adaptive_kernels.needed(degrees + 1, 0.05, NormalDist().inv_cdf(0.99))
+    assert bound == pytest.approx(chi_square / 0.1, rel=0.01)
 
 
-@pytest.mark.parametrize("k", [2, 3, 17, 400])
-def test_the_kld_bound_is_the_published_formula(k):
-    error, z = 0.02, 2.3
-    a = 2 / (9 * (k - 1))
-    published = (k - 1) / (2 * error) * (1 - a + math.sqrt(a) * z) ** 3
-    seen = KldSampling(error=error, quantile=z).bound(np.array([1, k]))
-    assert seen[1] == pytest.approx(published, rel=1e-12)
-    assert seen[0] == 1.0
+def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_above():
+    rng = np.random.default_rng(0)
+    for n in (1, 2, 50, 1000):
+        weights = rng.random(n) ** 9 * (rng.random(n) < 0.5)
+        weights[n // 2] = 1.0
+        cumulative = np.cumsum(weights)
+        pointers = np.concatenate([rng.random(5000) * cumulative[-1], cumulative, [0.0]])
+        seen = np.empty(pointers.size, np.intp)
+        adaptive_kernels.drawn(cumulative, pointers, seen)
+        expected = np.searchsorted(cumulative, pointers, side="right")
+        assert seen.tolist() == np.minimum(expected, n - 1).tolist()
 
 
 @pytest.mark.parametrize("spread", [1.0, 30.0, 300.0])
@@ -89,7 +93,7 @@ def test_the_field_is_the_distance_to_the_nearest_wall(cell):
 
 def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_nothing():
     lidar = Lidar(beams=9, field_of_view=4.0, max_range=400.0)
-    field = LikelihoodField(floor_plan=LOPSIDED, lidar=lidar, sigma=5.0)
+    field = LikelihoodField(floor_plan=LOPSIDED, lidar=lidar, sigma=5.0, cell=1.0)
     poses = np.array([[200.0, 100.0, 1.0], [200.0, 130.0, 1.0], [400.0, 100.0, 1.0]])
     scan = LOPSIDED.ranges(poses[:1], lidar.bearings)[0].astype(float)
     states = np.ascontiguousarray(poses.T, dtype=np.float32)

@@ -138,7 +138,7 @@ def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
     steps, worlds = (10, 30, 50), 30
     sums = np.zeros(len(steps))
     for trial in range(worlds):
-        setting = Trial(preset="matched", localizer="ekf", params=(), lag=20, seed=5, trial=trial)
+        setting = Trial(scenario="matched", localizer="ekf", params=(), lag=20, seed=5, trial=trial)
         for moment in trial_moments(setting):
             if moment.step in steps:
                 apart = moment.truth - moment.belief.mean

@@ -5,12 +5,8 @@ import math
 import numpy as np
 import pytest
 
-import localizers
-from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
-from localizers import GaussianPrior, RobotModel
-from localizers.inference.resampling import WhenDegenerate
-from localizers.models.feasibility import FreeSpace, Unconstrained
+from localizers.models.feasibility import FreeSpace
 
 BEFORE = np.array([(50, 50, 0), (50, 150, 0), (50, 50, 0), (95, 150, 0)], dtype=np.float32).T
 AFTER = np.array([(60, 50, 9), (300, 150, 0), (-5, 50, 0), (96, 150, 0)], dtype=np.float32).T
@@ -45,25 +41,7 @@ def test_a_larger_disc_collides_where_a_smaller_one_did(room):
     assert charges[0].sum() > charges[-1].sum()
 
 
-def test_unconstrained_charges_nothing():
-    assert Unconstrained().log_g(BEFORE, AFTER).tolist() == [0.0] * 4
-
-
-def test_a_subclass_of_unconstrained_that_charges_is_asked(room):
-    class Toll(Unconstrained):
-        def log_g(self, before, after):
-            return np.where(np.arange(after.shape[1]) % 2, -1.0, 0.0)
-
-    robot = RobotModel(floor_plan=room, lidar=Lidar(beams=4))
-    for feasibility, charged in ((Unconstrained(), 0.0), (Toll(), -1.0)):
-        mcl = localizers.make("mcl", robot, particles=6).varied(feasibility=feasibility)
-        mcl = mcl.varied(resampling=WhenDegenerate(0.0))
-        mcl.reset(GaussianPrior(mean=(50, 50, 0)), [], np.random.default_rng(0))
-        belief = mcl.update(np.full(4, np.nan), (1.0, 0.0), [])
-        assert belief.log_weights.tolist() == [0.0, charged] * 3
-
-
-@pytest.mark.parametrize("beta", [-1, -math.inf, math.nan, "a", None])
+@pytest.mark.parametrize("beta", [-1, math.nan])
 def test_a_negative_beta_or_nan_is_refused(room, beta):
     with pytest.raises(InputError, match=r"^beta is .* of 0 or more\.$"):
         FreeSpace(floor_plan=room, radius=8.0, beta=beta)

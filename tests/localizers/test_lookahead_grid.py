@@ -24,8 +24,10 @@ PLAN = np.array([(8.0, 0.0), (8.0, 0.4), (8.0, 0.0), (8.0, -0.5)])
 RADIUS = 5.0
 
 
-def grid_of(floor_plan, motion, beta: float = 1.0, **params) -> LookaheadGrid:
-    return LookaheadGrid(floor_plan=floor_plan, radius=RADIUS, beta=beta, motion=motion, **params)
+def grid_of(floor_plan, motion, beta: float = 1.0, cell: float = 5.0, **params) -> LookaheadGrid:
+    return LookaheadGrid(
+        floor_plan=floor_plan, radius=RADIUS, beta=beta, motion=motion, cell=cell, **params
+    )
 
 
 def rolled_out(grid: LookaheadGrid, poses, plan, copies: int, seed: int = 0):
@@ -186,7 +188,7 @@ def test_a_window_is_tabulated_once_for_all_localizers_of_an_equal_robot(
 @pytest.mark.parametrize(
     ("params", "words"),
     [
-        *[({"cell": bad}, "cell is") for bad in (0, -1, math.nan, "5", None)],
+        *[({"cell": bad}, "cell is") for bad in (0, -1, math.nan, "5")],
         *[({"headings": bad}, "headings is") for bad in (0, 1.5, None)],
         ({"cell": 0.01}, "give a larger cell or fewer headings"),
         ({"form": "twist"}, "did you mean 'twisted'"),

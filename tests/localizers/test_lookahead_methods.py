@@ -6,8 +6,9 @@ from following import follow, same
 
 import localizers
 from localizers.inference.moves import RenewedFuture, Sometimes, WhenResampled
-from localizers.inference.rollout import Rollout
-from localizers.models.feasibility import FreeSpace, Unconstrained
+from localizers.inference.rollout import Rollout, Unconstrained
+from localizers.inference.weights import log_sum_exp
+from localizers.models.feasibility import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 LOOKING = [
@@ -69,7 +70,8 @@ def test_the_twisted_form_starts_with_the_same_estimate_and_goes_on_with_other_p
 
 def test_resampled_by_h_a_particle_keeps_one_over_h(make, prior, drive):
     start = make("mcl-h", lag=5).reset(prior, drive[0], np.random.default_rng(0))
-    kept = start.resampled(np.arange(60), by=start.reported_log_weights)
+    by = start.reported_log_weights
+    kept = start.resampled(np.arange(60), by, log_sum_exp(by))
     assert kept.log_h is None
     assert kept.log_weights == pytest.approx(-start.log_h, abs=1e-12)
     left = np.log(np.mean(np.exp(-start.log_h)))

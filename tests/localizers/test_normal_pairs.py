@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from localizers.inference import kernels
+from localizers.models import motion_kernels as kernels
 
 
 def pairs(uniforms: np.ndarray) -> np.ndarray:

@@ -1,12 +1,14 @@
-"""GaussianPrior: moments of its draws, its density, and the priors that are refused."""
+"""Priors: moments of their draws, their densities, and those that are refused."""
 
 import math
 
 import numpy as np
 import pytest
 
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
-from localizers import GaussianPrior
+from localizers import GaussianPrior, UniformPrior, make
 
 PRIOR = GaussianPrior(mean=(50.0, 40.0, 3.0), sd_position=15.0, sd_heading=0.2)
 
@@ -61,3 +63,49 @@ def test_a_bad_prior_is_refused_on_one_line(bad):
     with pytest.raises(InputError, match=r"prior.*\.$") as caught:
         GaussianPrior(**{"mean": (1, 2, 0), **bad})
     assert "\n" not in str(caught.value)
+
+
+def test_a_scaled_prior_keeps_its_headings():
+    scaled_prior = scaled(PRIOR, 0.02)
+    assert scaled_prior == GaussianPrior(mean=(1.0, 0.8, 3.0), sd_position=0.3, sd_heading=0.2)
+
+
+def test_draws_of_a_uniform_prior_are_free_and_even_over_space_and_headings(room):
+    prior = UniformPrior(floor_plan=room, radius=8.0)
+    poses = prior.sample(4000, np.random.default_rng(0))
+    assert prior.mean is None
+    assert room.free(poses, 8.0).all()
+    # share of a quarter of the area or of the turns: sd √(¼ ¾ / 4000) = 0.0068; 5 sd
+    for quarter in ((poses[:, 0] < 175) & (poses[:, 1] < 150), poses[:, 2] < -np.pi / 2):
+        assert quarter.mean() == pytest.approx(0.25, abs=0.034)
+
+
+def test_the_density_of_a_uniform_prior_is_one_over_free_space_and_turns(room):
+    prior = UniformPrior(floor_plan=room)
+    poses = np.array([(50, 50, 0.0), (300, 250, 9.0), (175, 150, 0.0), (-1, 50, 0.0)])
+    level = -math.log((350 * 300 - 150 * 100) * 2 * math.pi)
+    # free space is counted at 16,384 even points: to a percent
+    assert prior.log_density(poses)[:2] == pytest.approx([level, level], abs=0.01)
+    assert prior.log_density(poses)[2:].tolist() == [-math.inf, -math.inf]
+
+
+def test_a_uniform_prior_for_a_robot_too_wide_is_refused():
+    narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
+    with pytest.raises(InputError, match=r"prior\.radius is 8, but nothing that wide fits"):
+        UniformPrior(floor_plan=narrow, radius=8)
+
+
+def test_dead_reckoning_refuses_a_prior_without_a_mean(robot):
+    with pytest.raises(InputError, match="needs a mean to start from"):
+        make("dead-reckoning", robot).reset(
+            UniformPrior(floor_plan=robot.floor_plan), [], np.random.default_rng(0)
+        )
+
+
+def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):
+    prior = UniformPrior(floor_plan=robot.floor_plan)
+    poses, _ = make("ekf", robot).reset(prior, [], np.random.default_rng(0)).points()
+    # symmetric about (175, 150); 10,000 draws: 5 standard errors of sds of about 100 px
+    assert np.abs(poses.mean(axis=0)[:2] - (175, 150)).max() < 5 * 110 / 100
+    drawn = prior.sample(10_000, np.random.default_rng(1))[:, :2]
+    assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)

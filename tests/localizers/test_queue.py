@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-import localizers
-from deqmcl_gym.maps import Lidar
 from localizers.inference.queue import Queue, SlidingComposition, compose
 
 
@@ -72,25 +70,6 @@ def test_a_random_program_gives_the_states_of_a_copying_queue(seed):
         assert_same(queue, oracle)
 
 
-@pytest.mark.parametrize("past", [0, 1, 5])
-@pytest.mark.parametrize("seed", range(10))
-def test_advancing_is_appending_and_stepping(seed, past):
-    rng = np.random.default_rng(seed)
-    start = rng.integers(0, 10**9, (2, 7))
-    queue, oracle = Queue((start,)), CopyingQueue(start)
-    for _ in range(20):
-        if rng.random() < 0.7:
-            ancestors = np.sort(rng.integers(0, 7, 7))
-            queue = queue.resampled(ancestors)
-            oracle.resampled(ancestors)
-        states = rng.integers(0, 10**9, (2, 7))
-        assert queue.advanced(states, past) == queue.appended(states).stepped(past)
-        queue = queue.advanced(states, past)
-        oracle.appended(states)
-        oracle.stepped(past)
-        assert_same(queue, oracle)
-
-
 def test_a_queue_is_immutable_so_an_older_one_stays_right():
     rng = np.random.default_rng(1)
     start = rng.integers(0, 99, (1, 4))
@@ -136,15 +115,3 @@ def test_compose_applies_the_inner_map_first_and_none_is_the_identity():
     assert compose(None, inner) is inner
     assert compose(outer, None) is outer
     assert compose(None, None) is None
-
-
-@pytest.mark.parametrize("method", ["mcl", "mcl-smoother", "mcl-map", "deq-mcl", "mcl-h"])
-def test_named_tuples_made_without_their_type_have_all_its_fields(method, room):
-    robot = localizers.RobotModel(floor_plan=room, lidar=Lidar(beams=4))
-    localizer = localizers.make(method, robot, particles=5)
-    plan = np.full((60, 2), (1.0, 0.0))
-    localizer.reset(localizers.GaussianPrior(mean=(50, 50, 0)), plan, np.random.default_rng(0))
-    for t in range(55):  # the trust begins a second block after 50
-        belief = localizer.update(np.full(4, 100.0), plan[t], plan[t + 1 :])
-        for found in (belief, belief.queue, belief.queue.future, belief.trust):
-            assert len(found) == len(type(found)._fields)

@@ -53,7 +53,7 @@ def deq(pilots: int, strategy: str = "always", beta: float = 1.0):
 )
 def test_after_a_redraw_the_target_is_gamma_of_the_new_plan(drive, pilots, strategy):
     ring = deq(pilots, strategy)
-    assert worst(z_scores(ring, DRIVES[drive], 1.0, replicates=4_000)) < 5
+    assert worst(z_scores(ring, DRIVES[drive], 1.0, replicates=2_000)) < 5
 
 
 @pytest.mark.slow
@@ -98,9 +98,3 @@ def test_a_redraw_rolls_out_one_pilot_less_of_the_old_plan_than_of_the_new(pilot
     next(running)
     old = [(1, 8 * (pilots - 1)), (2, 8 * (pilots - 1))] if pilots > 1 else []
     assert drawn == [*old, (3, 8 * pilots), (4, 8 * pilots), (0, 8)]  # and the newest state
-
-
-def test_the_ess_after_the_latest_redraw_is_reported():
-    before, *_, last = beliefs(deq(2), DRIVES["everything"], seed=0)
-    assert before.redraw_ess != before.redraw_ess  # NaN: none yet
-    assert 1 <= last.redraw_ess <= 8

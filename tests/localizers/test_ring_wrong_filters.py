@@ -80,6 +80,7 @@ def deq(filter_class: type[ParticleFilter] = ParticleFilter, pilots: int = 1) ->
         past=PAST,
         future=FUTURE,
         pilots=pilots,
+        dtype=np.intp,
     )
 
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps import PolygonMap
 from localizers import OdometryMotion
 from localizers.inference.queue import Queue
 from localizers.inference.rollout import Rollout, StepByStep
@@ -44,44 +43,22 @@ def test_no_step_is_no_path_and_no_charge(room):
     assert np.array_equal(log_g, np.zeros((3, 5)))
 
 
-def test_a_motion_that_draws_in_its_own_way_is_asked_step_by_step(room):
-    class Straight(OdometryMotion):
+def test_parts_of_ones_own_are_asked_step_by_step(room):
+    class Straight:
         def sample(self, states, action, rng):
             return states
+
+    class Solid:
+        def collides(self, starts, ends, radius):
+            return np.full(len(ends), True)
 
     walls = FreeSpace(floor_plan=room, radius=8.0)
     assert walls.walk(Straight()) is None
     paths, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(paths[-1][:, 0], cloud(5))
-
-
-def test_moves_of_its_own_are_those_of_a_step(room):
-    class Stuck(OdometryMotion):
-        def moves(self, actions, n, rng):
-            return 0 * super().moves(actions, n, rng)
-
-    assert np.array_equal(Stuck().sample(cloud(5), PLAN[0], RNG(0)), cloud(5))
-
-
-def test_a_floor_plan_that_collides_in_its_own_way_is_asked_step_by_step(room):
-    class Solid(PolygonMap):
-        def collides(self, starts, ends, radius):
-            return np.full(len(ends), True)
-
-    walls = FreeSpace(floor_plan=Solid(room.outer, room.obstacles), radius=8.0, beta=2.0)
+    walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))
-
-
-def test_walls_that_charge_in_their_own_way_are_asked_step_by_step(room):
-    class Soft(FreeSpace):
-        def log_g(self, before, after):
-            return np.full(after.shape[1], -0.5)
-
-    walls = Soft(floor_plan=room, radius=8.0)
-    assert walls.walk(MOTION) is None
-    _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
-    assert np.array_equal(log_g, np.full((1, 5), -0.5 * len(PLAN)))
 
 
 def test_the_states_of_a_queue_from_a_step_on_are_those_at_each():

@@ -10,7 +10,7 @@ from following import follow, small
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference.kernels import log_evidence
-from localizers.inference.trust import FOUND, LOST, MEMORY, Trust
+from localizers.inference.trust import FOUND, LOST, MEMORY, Anywhere, Trust
 from localizers.models.free_space import even_poses, random_poses
 
 LOCALIZING = [name for name in localizers.names() if name != "dead-reckoning"]
@@ -25,8 +25,11 @@ class Table:
         return self.rows[int(ranges[0])]
 
 
+ANYWHERE = Anywhere(Table(), np.zeros((3, 2), np.float32))
+
+
 def trusted(evidence: list[float], ask_always: bool = False) -> float:
-    trust = Trust(Table(), np.zeros((3, 2), np.float32))
+    trust = Trust(ANYWHERE)
     for i, log_right in enumerate(evidence):
         trust = trust.after(np.array([float(i % 3)]), log_right)
         if ask_always:
@@ -59,9 +62,9 @@ def test_of_scans_beyond_the_memory_only_time_remains():
 
 
 def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
-    trust, start = Trust(Table(), np.zeros((3, 2), np.float32)), 1 - LOST
+    trust, start = Trust(ANYWHERE), 1 - LOST
     for i in range(4 * MEMORY + 1):
-        seen = [evidence.ranges[0] for evidence in trust.remembered]
+        seen = [evidence.ranges[0] for evidence in trust.scans]
         assert seen == list(range(max(0, i - MEMORY), i))
         assert trust.start == start
         trust = trust.after(np.array([float(i)]), -1.0)
@@ -72,7 +75,7 @@ def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
 def test_impossible_and_unknown_evidence_leaves_a_number():
     assert trusted([-math.inf]) == 0.0
     assert trusted([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND)
-    trust = Trust(Table(), np.zeros((3, 2), np.float32))
+    trust = Trust(ANYWHERE)
     assert trust.after(np.array([3.0]), -math.inf).quality == pytest.approx(0.9802)
     assert trust.after(np.array([3.0]), -50.0).quality == 1.0
 

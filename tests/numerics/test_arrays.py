@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.numerics import arrays, elementary
-from deqmcl_gym.world.path import centred
 
 EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
@@ -79,9 +78,24 @@ def test_the_compiled_centred_value_has_the_bits_of_pythons_remainder(period):
     ends = np.arange(-4, 5) * period / 2
     values = np.concatenate([near, 1e3 * near, ends, np.nextafter(ends, -np.inf), [-0.0]])
     found = each(lambda value: elementary.centred64(value, period), values)
-    assert found.tobytes() == each(lambda value: centred(value, period), values.tolist()).tobytes()
+    expected = [(value + period / 2) % period - period / 2 for value in values.tolist()]
+    assert found.tobytes() == np.array(expected).tobytes()
     assert (np.abs(found) <= period / 2).all()
     assert math.isnan(elementary.centred64(math.nan, period))
+
+
+def test_a_wrapped_angle_is_the_same_direction_and_one_within_half_a_turn_keeps_its_bits():
+    angles = np.random.default_rng(6).uniform(-1e3, 1e3, 20_000)
+    for found, given in (
+        (arrays.wrapped(angles), angles),
+        (each(elementary.wrapped32, angles.astype(np.float32)), angles.astype(np.float32)),
+    ):
+        eps = np.finfo(given.dtype).eps
+        # the angle and the turns taken off it are rounded, and so is π
+        assert (np.abs(found) <= np.pi + 1e3 * eps).all()
+        assert np.abs(np.exp(1j * found) - np.exp(1j * given)).max() < 4e3 * eps
+        within = np.abs(given) < 3.14
+        assert np.array_equal(found[within], given[within])
 
 
 def test_log_of_zero_and_of_negative_numbers():

@@ -9,5 +9,6 @@ SECTORS = ("west", "south", "east", "north")
 
 class Broken(MyLocalizer):
     def reset(self, prior, plan, rng):
-        self.sector = SECTORS[int((prior.mean[2] + math.pi) // (math.pi / 2))]
+        heading = prior.mean[2] if prior.mean else 0.0
+        self.sector = SECTORS[int((heading + math.pi) // (math.pi / 2))]
         return super().reset(prior, plan, rng)

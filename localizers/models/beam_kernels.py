@@ -1,0 +1,222 @@
+"""The compiled beam models: from exact ranges to the log-likelihood of a scan.
+
+Each multiplies densities in blocks of poses that fit the processor's cache, and takes a logarithm
+of several beams at once. Loops are short and free of branches, so that the compiler turns them
+into SIMD code with its constants in registers.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, logs64
+from deqmcl_gym.numerics.types import Floats, Singles
+
+Scalar = Any  # a float64 inside a kernel
+_POSES = 512  # looked at in one go
+FOLD = 16  # beams multiplied before a logarithm is taken, …
+LEAST = 1e-19  # … where no density is below this: so the product is a normal float64
+_FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
+
+_LOG2E = 1.4426950408889634
+_SQRT_2PI = np.sqrt(2 * np.pi)
+_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds
+# 2^f on [-½, ½], through the Chebyshev nodes
+_C0, _C1, _C2 = 1.0000000000000135, 0.6931471805599462, 0.2402265069564034
+_C3, _C4, _C5 = 0.05550410866465169, 0.009618129193934344, 0.0013333558200794293
+_C6, _C7, _C8 = 0.00015403433751204343, 1.5252672923793398e-05, 1.3259645259555697e-06
+_C9 = 1.020590545408595e-07
+# Interpolates (a + 5) Φ(-a) exp(a²/2) at 22 Chebyshev points of (a - 5) / (a + 5), a in [0, 39]
+_T0, _T1, _T2 = 0.769193049750063, -0.6653825028900567, 0.49530561596997413
+_T3, _T4, _T5 = -0.3135331566712971, 0.1650203661705007, -0.06911863870647982
+_T6, _T7, _T8 = 0.020795066797569855, -0.002993376769094473, -0.0007978693748911934
+_T9, _T10, _T11 = 0.000544899062695852, -5.937586616736071e-05, -4.9762853165030135e-05
+_T12, _T13, _T14 = 1.668170360977268e-05, 3.981182741532577e-06, -2.7703209441469523e-06
+_T15, _T16, _T17 = -3.374965203524632e-07, 4.3443907263764586e-07, 4.375841598285575e-08
+_T18, _T19, _T20 = -6.667529339227571e-08, -1.0618274174239376e-08, 7.630410417873182e-09
+_T21 = 2.224938767716443e-09
+
+
+@compiled
+def gaussian_uniform(
+    ranges: Floats,
+    expected: Singles,
+    sigma: float,
+    hit: float,
+    floor: float,
+    low: float,
+    high: float,
+    atom: float,
+    out: Floats,
+) -> None:
+    """Fill in Σ_b log(hit N(o_b; ô_b, σ²) + floor) for each pose; at the ends of the range, masses.
+
+    They are hit Φ((low - ô) / σ) + atom at o ≤ low, hit Φ((ô - high) / σ) + atom at o ≥ high.
+
+    Args:
+        ranges: o, (B,).
+        expected: ô, (B, n).
+        sigma, hit, floor: of the densities.
+        low, high, atom: of the masses; -inf, inf and inf where there are none.
+        out: (n,).
+    """
+    peak = hit / (sigma * _SQRT_2PI)
+    fold = FOLD if min(floor, atom) >= LEAST else 1
+    product, value = np.empty(_POSES), np.empty(_POSES)
+    part, power = np.empty(_POSES), np.empty(_POSES)
+    n = expected.shape[1]
+    for start in range(0, n, _POSES):
+        end = min(start + _POSES, n)
+        count = end - start
+        total = out[start:end]
+        total[:] = 0.0
+        for first in range(0, ranges.size, fold):
+            product[:] = 1.0
+            for beam in range(first, min(first + fold, ranges.size)):
+                measured, row = ranges[beam], expected[beam, start:end]
+                if (measured <= low) | (measured >= high):
+                    at_low = measured <= low
+                    _mass_beyond(row, low if at_low else high, at_low, sigma, part, power, value)
+                    for i in range(count):
+                        product[i] *= hit * value[i] + atom
+                else:
+                    _bell(row, measured, sigma, part, power, value)
+                    for i in range(count):
+                        product[i] *= peak * _scaled(value[i], power[i]) + floor
+            logs64(product[:count], value[:count])
+            for i in range(count):
+                total[i] += value[i]
+
+
+@compiled
+def four_parts(
+    ranges: Floats,
+    expected: Singles,
+    shares: tuple[float, float, float, float],
+    sigma: float,
+    decay: float,
+    nearest: float,
+    max_range: float,
+    out: Floats,
+) -> None:
+    """Fill in Σ_b log of ``BeamModel.density`` for each pose.
+
+    Args:
+        ranges: o, (B,).
+        expected: ô, (B, n).
+        shares: of hit, short, max and rand.
+        sigma, decay, nearest, max_range: as there.
+        out: (n,).
+    """
+    hit, short, largest, rand = shares
+    peak, anything = hit / (sigma * _SQRT_2PI), rand / max_range
+    fold = FOLD if min(largest, anything) >= LEAST else 1
+    product, seen = np.empty(_POSES), np.empty(_POSES)
+    part, power = np.empty(_POSES), np.empty(_POSES)
+    value, below, above = np.empty(_POSES), np.empty(_POSES), np.empty(_POSES)
+    n = expected.shape[1]
+    for start in range(0, n, _POSES):
+        end = min(start + _POSES, n)
+        count = end - start
+        total, at = out[start:end], seen[:count]
+        total[:] = 0.0
+        for first in range(0, ranges.size, fold):
+            product[:] = 1.0
+            for beam in range(first, min(first + fold, ranges.size)):
+                measured, row = ranges[beam], expected[beam, start:end]
+                for i in range(count):
+                    at[i] = max_range if row[i] > max_range else row[i]
+                _mass_beyond(at, 0.0, True, sigma, part, power, below)
+                _mass_beyond(at, max_range, False, sigma, part, power, above)
+                always = largest if measured >= max_range else anything
+                _bell(at, measured, sigma, part, power, value)
+                for i in range(count):
+                    normal = _scaled(value[i], power[i]) / (1.0 - above[i] - below[i])
+                    value[i] = peak * normal + always
+                for i in range(count):
+                    t = decay * _LOG2E * (at[i] if at[i] > nearest else nearest)
+                    part[i], power[i] = _split(t)
+                _mantissas(part[:count], below)
+                early = short * decay * exp64(-decay * measured)
+                for i in range(count):
+                    cut = early / (1.0 - _scaled(below[i], power[i]))
+                    product[i] *= value[i] + (cut if measured <= at[i] else 0.0)
+            logs64(product[:count], value[:count])
+            for i in range(count):
+                total[i] += value[i]
+
+
+@compiled
+def _bell(
+    expected: Scalar, measured: float, sigma: float, part: Floats, power: Floats, out: Floats
+) -> None:
+    """Fill in out and power, of which exp(-½ ((o - ô) / σ)²) is the ``_scaled``, for ô (n,)."""
+    scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-t for t = (scale (o - ô))²
+    for i in range(expected.size):
+        z = (measured - expected[i]) * scale
+        part[i], power[i] = _split(z * z)
+    _mantissas(part[: expected.size], out)
+
+
+@compiled
+def _mass_beyond(
+    expected: Scalar,
+    end: float,
+    below: bool,
+    sigma: float,
+    part: Floats,
+    power: Floats,
+    out: Floats,
+) -> None:
+    """Fill in the share of N(ô, σ²) below an end, or above it, for exact ranges ô, (n,)."""
+    _bell(expected, end, sigma, part, power, out)
+    per_sd = 1.0 / sigma if below else -1.0 / sigma
+    for i in range(expected.size):
+        z = (end - expected[i]) * per_sd
+        a = abs(z)
+        tail = _scaled(out[i], power[i]) * _tail(_FARTHEST if a > _FARTHEST else a)
+        out[i] = tail if z < 0.0 else 1.0 - tail
+
+
+@compiled
+def _tail(a: Scalar) -> Scalar:
+    """Return Φ(-a) / exp(-a²/2) for 0 ≤ a ≤ 39, to about 5e-16 of itself."""
+    inverse = 1.0 / (a + 5.0)
+    t = (a - 5.0) * inverse
+    z = t * t
+    even: Scalar = ((((_T20 * z + _T18) * z + _T16) * z + _T14) * z + _T12) * z + _T10
+    even = ((((even * z + _T8) * z + _T6) * z + _T4) * z + _T2) * z + _T0
+    odd: Scalar = ((((_T21 * z + _T19) * z + _T17) * z + _T15) * z + _T13) * z + _T11
+    odd = ((((odd * z + _T9) * z + _T7) * z + _T5) * z + _T3) * z + _T1
+    return (even + t * odd) * inverse
+
+
+# 2^-t of t ≥ 0 is 2^-k 2^f, k the integer nearest to t and f in [-½, ½]; 0 beyond t = 1022.5.
+
+
+@compiled
+def _split(t: Scalar) -> tuple[Scalar, Scalar]:
+    """Return f, and a number whose lowest bits are k."""
+    t = 1023.0 if t > 1023.0 else t  # NaN stays NaN
+    rounded = t + _ROUNDER
+    return (rounded - _ROUNDER) - t, rounded
+
+
+@compiled
+def _mantissas(f: Floats, out: Floats) -> None:
+    """Fill in 2^f."""
+    for i in range(f.size):
+        z = f[i] * f[i]
+        out[i] = (((_C8 * z + _C6) * z + _C4) * z + _C2) * z + _C0
+    for i in range(f.size):
+        z = f[i] * f[i]
+        odd = (((_C9 * z + _C7) * z + _C5) * z + _C3) * z + _C1
+        out[i] = out[i] + f[i] * odd
+
+
+@compiled
+def _scaled(mantissa: Scalar, rounded: Scalar) -> Scalar:
+    """Return 2^-k times the mantissa."""
+    bits = (np.int64(1023) - np.float64(rounded).view(np.int64)) << np.int64(52)
+    return mantissa * np.int64(bits).view(np.float64)

@@ -1,0 +1,82 @@
+"""The page, the Markdown and results.csv tell the same numbers."""
+
+import re
+from html import unescape
+
+import pytest
+from report_cases import paired, parsed, results
+
+from benchmarks.report import story, writing
+
+BASELINE = "mcl-map"  # neither the usual one nor the first
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    patch = pytest.MonkeyPatch()
+    patch.setattr(story, "laps", lambda panel: [])
+    methods = {"mcl": (20.0, (0,)), BASELINE: (17.0, (0, -20))}
+    records = [
+        record
+        for n, shift in ((100, 3.0), (300, 0.0))
+        for record in paired(
+            {name: (e + shift, k) for name, (e, k) in methods.items()}, params={"particles": n}
+        )
+    ]
+    records += paired({"ekf": (18.5, (0,)), "grid": (10.0, (0,))})  # have no particles
+    out = tmp_path_factory.mktemp("agree")
+    writing.write_report(out, results(records, baseline=BASELINE))
+    patch.undo()
+    return out
+
+
+def of_html(text):
+    """The cells of each table, line by line."""
+    for table in re.findall("<table>.*?</table>", text, re.DOTALL):
+        lines = re.findall("<tr>(.*?)</tr>", table, re.DOTALL)
+        yield [list(map(unescape, re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one))) for one in lines]
+
+
+def of_markdown(text):
+    """The same of the Markdown."""
+    for block in text.split("\n\n"):
+        if block.startswith("|"):
+            lines = [[c.strip() for c in one.strip("|").split("|")] for one in block.splitlines()]
+            yield [lines[0], *lines[2:]]
+
+
+def told(row, name, form):
+    return f"{float(row[name]):{form}}".replace("-", "−")
+
+
+def ranged(row, name, form):
+    mean, *ends = (told(row, f"{name}{end}", form) for end in ("", "_low", "_high"))
+    return f"{mean} ({ends[0]} to {ends[1]})"
+
+
+def verdict(row):
+    """Method, error, difference, corrected p, as the tables have them."""
+    error = f"{told(row, 'error', '.2f')} ({told(row, 'error_sd', '.2f')})"
+    if not row["diff"]:
+        return [row["method"], error, "baseline", "–"]
+    difference = ranged(row, "diff", ".2f")
+    sign = "" if difference.startswith("−") else "+"
+    return [row["method"], error, sign + difference, f"{float(row['p_holm']):.2g}"]
+
+
+@pytest.mark.parametrize(
+    ("name", "tables"), [("report.html", of_html), ("results.md", of_markdown)]
+)
+def test_every_number_of_the_comparison_is_that_of_results_csv(folder, name, tables):
+    rows = parsed((folder / "results.csv").read_text())
+    assert {row["baseline"] for row in rows} == {BASELINE}
+    assert {row["swept"] for row in rows} == {'{"particles":100}', '{"particles":300}'}
+    found = list(tables((folder / name).read_text(encoding="utf-8")))
+
+    def lines(column):
+        return [line for table in found if column in table[0] for line in table[1:]]
+
+    verdicts = [[line[i] for i in (0, 1, 2, 4)] for line in lines("wins")]
+    assert verdicts == [verdict(row) for row in rows if row["offset"] == "0"]
+    assert [line[6] for line in lines("NEES (3)")] == [ranged(row, "nees", ".1f") for row in rows]
+    assert [line[6] for line in lines("error, common states")] == [verdict(row)[2] for row in rows]

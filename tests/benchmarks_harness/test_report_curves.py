@@ -1,0 +1,87 @@
+"""Curves over what was swept."""
+
+import xml.etree.ElementTree as ET
+
+from report_cases import finished
+
+from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
+from benchmarks.report.style import looks
+from benchmarks.report.svg import house_style
+from benchmarks.tables.panels import panels
+
+
+def curves(records, quantity=ERROR):
+    found = panels(records)
+    look = looks(label for panel in found for label in panel.labels.values())
+    with house_style():
+        return swept_charts(found, look, quantity)
+
+
+def words_of(chart):
+    return " ".join(ET.fromstring(chart.standalone).itertext()).split()
+
+
+def test_a_swept_parameter_has_a_curve_per_localizer_and_the_baseline_no_difference():
+    records = [
+        finished(name, w, 1.0 + n / 100, params={"particles": n})
+        for name in ("mcl", "deq-mcl")
+        for n in (30, 300)
+        for w in range(3)
+    ]
+    for name in ("ekf", "dead-reckoning"):
+        records += [finished(name, w, 4.0) for w in range(3)]
+    (error,) = curves(records)
+    assert error.title == "Error over particles"
+    assert {"mcl", "deq-mcl", "ekf", "dead-reckoning", "30", "300"} <= set(words_of(error))
+    (difference,) = curves(records, DIFFERENCE)
+    assert difference.title == "Difference to the baseline over particles"
+    assert difference.name == "difference-1"
+    assert {"deq-mcl", "ekf"} <= set(words_of(difference))
+    assert not {"mcl", "dead-reckoning"} & set(words_of(difference))
+
+
+def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_other():
+    records = [
+        finished("mcl", w, 1.0, params={"particles": n}, world={"lidar.sigma": sigma})
+        for sigma in (5.0, 20.0, 50.0)
+        for n in (100, 300)
+        for w in range(2)
+    ]
+    assert [chart.title for chart in curves(records)] == [
+        "Error over lidar.sigma: particles 100",
+        "Error over lidar.sigma: particles 300",
+        "Error over particles: lidar.sigma 5.0",
+        "Error over particles: lidar.sigma 20.0",
+        "Error over particles: lidar.sigma 50.0",
+    ]
+
+
+def test_what_changes_together_is_one_curve():
+    records = [
+        finished("mcl", w, noise, world={"noise.drive": noise}, assumed={"motion.drive": 2 * noise})
+        for noise in (0.1, 0.2)
+        for w in range(2)
+    ]
+    (chart,) = curves(records)
+    assert "noise.drive …" in " ".join(words_of(chart))
+    assert chart.caption.endswith("… and with it assumed motion.drive.")
+
+
+def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
+    records = [
+        finished(name, w, 1.0, lag=lag, params=params)
+        for lag in (5, 20)
+        for name, params in (("mcl", {}), ("deq-mcl", {"lag": lag}))
+        for w in range(2)
+    ]
+    (chart,) = curves(records)
+    assert chart.title == "Error over lag L"
+
+
+def test_words_seeds_and_single_values_make_no_curve():
+    records = [
+        finished("mcl", 0, 1.0, seed=seed, params={"resampler": kind, "particles": 10})
+        for seed in (0, 1)
+        for kind in ("systematic", "multinomial")
+    ]
+    assert curves(records) == []
