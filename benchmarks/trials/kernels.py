@@ -10,23 +10,13 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64
+from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64, wrapped64
 from deqmcl_gym.numerics.types import Floats, Ints, Reals
 
 Scalar = Any  # a float64 inside a kernel
 
 # Particles whose mutual distances stand for those of the whole cloud in the energy score.
 PAIRED = 128
-
-_TWO_PI = 2 * math.pi
-_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to an integer
-
-
-@compiled
-def wrapped(angle: Scalar) -> Scalar:
-    """The angle less full turns, in [-π, π]."""
-    turns = (angle * (1 / _TWO_PI) + _ROUNDER) - _ROUNDER
-    return angle - turns * _TWO_PI
 
 
 @compiled
@@ -161,7 +151,7 @@ def _rank_and_nees(
     mx, my, centre = mean[0], mean[1], atan2_64(mean[3], mean[2])
     turned = np.empty(n)
     for i in range(n):
-        turned[i] = wrapped(heading[i] - centre)
+        turned[i] = wrapped64(heading[i] - centre)
     pxx, pyy, ptt = floor[0], floor[1], floor[2]
     pxy, pxt, pyt = 0.0, 0.0, 0.0
     for i in range(n):
@@ -181,7 +171,7 @@ def _rank_and_nees(
     g22 = math.sqrt(max(ptt - g20 * g20 - g21 * g21, floor[2]))  # max: against rounding
     u0 = (truth[0] - mx) / g00
     u1 = (truth[1] - my - g10 * u0) / g11
-    u2 = (wrapped(truth[2] - centre) - g20 * u0 - g21 * u1) / g22
+    u2 = (wrapped64(truth[2] - centre) - g20 * u0 - g21 * u1) / g22
     distance = u0 * u0 + u1 * u1
     nearer = 0.0
     h00, h10, h11 = 1.0 / g00, -g10 / (g00 * g11), 1.0 / g11  # G⁻¹

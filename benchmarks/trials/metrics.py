@@ -52,17 +52,17 @@ class Estimates:
         return position_error(self.means, self.truth)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Metric:
     """A score of one trial at one offset.
 
     Attributes:
         name: in records and tables.
-        unit: "length" (the map's unit), "length²", "rad", "share", "nats" or "" for a plain number.
-        words: what it is.
+        unit: "length" (the map's unit), "length²", "rad", "share", "nats" or "" (a number).
+        words: what it is; a mean over the states if it does not say otherwise.
         of: the score; NaN is not available.
-        each: measured of the belief about each state, if ``of`` needs more of it than moments:
-            (k,), then ``Estimates.values`` has it by the metric's name.
+        each: what is measured of the belief about each state, (k,), if ``of`` needs it:
+            ``Estimates.values`` has it by the metric's name.
     """
 
     name: str
@@ -133,93 +133,48 @@ def mean(values: Floats) -> float:
 
 def _mean_of(name: str) -> Callable[[Estimates], float]:
     """Return the mean of a value over the states."""
-    return lambda estimates: mean(estimates.values[name])
+    return lambda found: mean(found.values[name])
 
 
-def _variance(component: str, column: int) -> Metric:
-    return Metric(
-        name=f"var_{component}",
-        unit="length²" if column < 2 else "",
-        words=f"mean variance of {component}",
-        of=lambda estimates: mean(estimates.variances[:, column]),
-    )
+def _variance_of(column: int) -> Callable[[Estimates], float]:
+    return lambda found: mean(found.variances[:, column])
 
 
 def _coverage(level: int) -> Metric:
-    def inside(estimates: Estimates) -> float:
-        rank = estimates.values["rank"]
+    def inside(found: Estimates) -> float:
+        rank = found.values["rank"]
         return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
 
-    return Metric(
-        name=f"coverage_{level}",
-        unit="share",
-        words=f"states inside the {level} % credible region",
-        of=inside,
-    )
+    return Metric(f"coverage_{level}", "share", f"states in the {level} % credible region", inside)
 
 
-def _lost(estimates: Estimates) -> float:
-    last = estimates.distance[-estimates.thresholds.lost_steps :]
-    return float(last.mean() > estimates.thresholds.lost) if last.size else math.nan
+def _lost(found: Estimates) -> float:
+    last = found.distance[-found.thresholds.lost_steps :]
+    return float(last.mean() > found.thresholds.lost) if last.size else math.nan
+
+
+def _sd(values: Floats) -> float:
+    return float(values.std()) if values.size else math.nan
+
+
+def _heading_rmse(found: Estimates) -> float:
+    return rms(heading_error(found.means, found.truth))
 
 
 METRICS = (
-    Metric(name="error", unit="", words="mean error e", of=lambda found: mean(found.error)),
-    Metric(
-        name="error_window",
-        unit="",
-        words="mean error e over the states that every offset estimates",
-        of=lambda found: mean(found.error[found.common]),
-    ),
-    Metric(
-        name="error_sd_steps",
-        unit="",
-        words="SD of e over the states",
-        of=lambda found: float(found.error.std()) if found.error.size else math.nan,
-    ),
-    Metric(
-        name="entropy",
-        unit="nats",
-        words="mean entropy",
-        of=lambda found: mean(entropy(found.variances, found.unit)),
-    ),
-    *(_variance(component, i) for i, component in enumerate(("x", "y", "cos", "sin"))),
-    Metric(
-        name="position_rmse",
-        unit="length",
-        words="position RMSE",
-        of=lambda found: rms(found.distance),
-    ),
-    Metric(
-        name="heading_rmse",
-        unit="rad",
-        words="heading RMSE",
-        of=lambda found: rms(heading_error(found.means, found.truth)),
-    ),
-    Metric(
-        name="wall_share",
-        unit="share",
-        words="mean weight on poses where the robot does not fit",
-        of=_mean_of("wall_share"),
-        each=wall_share,
-    ),
-    Metric(
-        name="energy_score",
-        unit="length",
-        words="mean energy score of the position",
-        of=_mean_of("energy"),
-    ),
+    Metric("error", "", "error e", lambda found: mean(found.error)),
+    Metric("error_window", "", "e, common states", lambda found: mean(found.error[found.common])),
+    Metric("error_sd_steps", "", "SD of e over the states", lambda found: _sd(found.error)),
+    Metric("entropy", "nats", "entropy", lambda found: mean(entropy(found.variances, found.unit))),
+    Metric("var_x", "length²", "variance of x", _variance_of(0)),
+    Metric("var_y", "length²", "variance of y", _variance_of(1)),
+    Metric("var_cos", "", "variance of cos θ", _variance_of(2)),
+    Metric("var_sin", "", "variance of sin θ", _variance_of(3)),
+    Metric("position_rmse", "length", "position RMSE", lambda found: rms(found.distance)),
+    Metric("heading_rmse", "rad", "heading RMSE", _heading_rmse),
+    Metric("wall_share", "share", "weight in walls", _mean_of("wall_share"), wall_share),
+    Metric("energy_score", "length", "energy score", _mean_of("energy")),
     *map(_coverage, LEVELS),
-    Metric(
-        name="nees",
-        unit="",
-        words="mean NEES of (x, y, θ); 3 if consistent",
-        of=_mean_of("nees"),
-    ),
-    Metric(
-        name="lost",
-        unit="share",
-        words="whether it is lost at the end",
-        of=_lost,
-    ),
+    Metric("nees", "", "NEES; 3 if consistent", _mean_of("nees")),
+    Metric("lost", "share", "lost at the end", _lost),
 )

@@ -1,5 +1,7 @@
 """Each score against plain arithmetic, and what a new one takes."""
 
+import csv
+import io
 import math
 import subprocess
 import sys
@@ -7,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_records import parsed
 
 from benchmarks.trials import metrics
 
@@ -105,9 +106,9 @@ from benchmarks.trials import metrics
 
 metrics.METRICS += (
     metrics.Metric(
-        name="rightmost",
-        unit="length",
-        words="largest x of all",
+        "rightmost",
+        "length",
+        "largest x of all",
         of=lambda found: float(found.values["rightmost"].max()),
         each=lambda clouds, task: [cloud.poses[0].max() for cloud in clouds.each],
     ),
@@ -139,5 +140,5 @@ def test_a_metric_defined_in_one_place_is_in_records_and_tables():
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    (row,) = parsed(done.stdout)
+    (row,) = csv.DictReader(io.StringIO(done.stdout))
     assert float(row["rightmost"]) == 4
