@@ -125,16 +125,18 @@ def _grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict
     Raises:
         InputError: unknown part, or one that is given both ways.
     """
-    groups: dict[str, Any] = {}
+    whole: dict[str, Any] = {}
+    keyed: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         part, _, key = name.partition(".")
         one_of(what, part, parts)
-        known = groups.setdefault(part, {} if key else value)
-        if isinstance(known, dict) != bool(key):
-            raise InputError(f"{part} is given whole and by key: give only one of them.")
         if key:
-            known[key] = value
-    return groups
+            keyed.setdefault(part, {})[key] = value
+        else:
+            whole[part] = value
+    for part in whole.keys() & keyed.keys():
+        raise InputError(f"{part} is given whole and by key: give only one of them.")
+    return whole | keyed
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:
