@@ -8,8 +8,9 @@ import cv2
 
 from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
+from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
-from benchmarks.trials.metrics import cloud_moments, state_error
+from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Params, Trial
@@ -102,6 +103,6 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"
-    mean, variance = cloud_moments(*points)
-    error = state_error(mean[None], truth[None])[0]
-    return f"error {error:.1f}, SD {(variance[0] + variance[1]) ** 0.5:.1f} px"
+    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
+    error = state_error(row[None, :4], truth[None])[0]
+    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} px"

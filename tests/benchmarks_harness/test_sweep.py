@@ -43,9 +43,9 @@ def runs(monkeypatch):
     """The trials that were run rather than found."""
     ran = []
 
-    def noted(trial: Trial):
+    def noted(trial: Trial, room):
         ran.append(trial)
-        return trial_moments(trial)
+        return trial_moments(trial, room)
 
     monkeypatch.setattr(attempt, "trial_moments", noted)
     return ran
@@ -237,7 +237,7 @@ def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
         trial=0,
     )
     first = list(trial_moments(trial))[:1]
-    monkeypatch.setattr(attempt, "trial_moments", lambda _: first)
+    monkeypatch.setattr(attempt, "trial_moments", lambda *_: first)
     with pytest.raises(TrialsFailedError, match="it processed 0 steps"):
         run([trial], tmp_path)
 
