@@ -5,6 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import cv2
+import PIL
 
 from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
@@ -36,7 +37,7 @@ def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -
 def paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of those methods that are among the trials, unless they are there."""
     shown = chosen(trials)
-    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__]
+    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__, PIL.__version__]
     digest = sha256("\n".join(source).encode()).hexdigest()
     return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))
 

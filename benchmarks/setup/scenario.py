@@ -13,25 +13,11 @@ from deqmcl_gym.maps.units import pixel, scaled
 from deqmcl_gym.validation import InputError, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
-from localizers import (
-    BeamModel,
-    CensoredGaussianUniform,
-    GaussianUniform,
-    OdometryMotion,
-    Prior,
-    RobotModel,
-)
-from localizers.models.beams import BeamDensity
+from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
+from localizers.models.beams import BEAM_MODELS, BeamDensity
 
 T = TypeVar("T")
 
-BEAM_MODELS = MappingProxyType(
-    {
-        "gaussian-uniform": GaussianUniform,
-        "censored-gaussian-uniform": CensoredGaussianUniform,
-        "beam-model": BeamModel,
-    }
-)
 _KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(own.name for own in fields(World))
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
