@@ -17,6 +17,7 @@ from localizers.models.motion import OdometryMotion
 from localizers.models.normal import normal_cdf, normal_pdf
 
 LEAST = np.float32(1e-30)  # keeps every h a normal float32 and its logarithm finite
+_SCALE = np.float32(2.0**64)  # h is computed as h · 2⁶⁴: no product is subnormal, which is slow
 MAX_NODES = 20_000_000
 CACHE_BYTES = 2**27  # of the tables kept for one grid
 # Gauss-Hermite quadrature of the distance driven
@@ -83,29 +84,33 @@ class LookaheadGrid:
             turns.append(_turn_weights(turn, sd_turn, headings))
             far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
             before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
-        left, low, right, high, _ = before[-2] if len(before) > 1 else before[0]
-        pad = self._reach(window)
-        width = right - left + 2 * pad
-        h = np.ones((headings, (high - low + 2 * pad) * width), np.float32)
-        out = np.ones_like(h)
-        charge, drives = np.float32(math.exp(-self.beta)), {}
+        widest, pad = before[-2] if len(before) > 1 else before[0], self._reach(window)
+        rows, columns = widest.high - widest.low, widest.right - widest.left
+        h = np.full((headings, (rows + 2 * pad) * (columns + 2 * pad)), _SCALE)
+        out = h.copy()
+        charge, least = np.float32(math.exp(-self.beta)), LEAST * _SCALE
+        drives: dict[tuple[float, float], Drives] = {}
         for step in range(len(window))[::-1]:
-            drive = float(window[step, 0]), spreads[step][0]
+            drive, nodes = (float(window[step, 0]), spreads[step][0]), before[step]
             if drive not in drives:
-                cells, parts, shares, collides = _drives(self, *drive)
-                blocked = np.zeros((*collides.shape[:2], high - low, width), np.bool_)
-                blocked[..., : right - left] = collides[..., low:high, left:right]
-                drives[drive] = cells, parts, shares, blocked.reshape(*collides.shape[:2], -1)
-            rows = before[step].low - low, before[step].high - low
-            wanted = before[step].headings
+                drives[drive] = _among(_drives(self, *drive), widest, pad)
             grid_kernels.stepped_back(
-                h, width, pad, drives[drive], charge, turns[step], LEAST, rows, wanted, out
+                h,
+                columns + 2 * pad,
+                pad,
+                drives[drive],
+                charge,
+                turns[step],
+                least,
+                (nodes.low - widest.low, nodes.high - widest.low),
+                nodes.headings,
+                out,
             )
             h, out = out, h
-        inner = h.reshape(headings, -1, width)[:, pad : pad + high - low, pad : pad + right - left]
-        nodes = before[0]
-        inner = inner[:, nodes.low - low : nodes.high - low, nodes.left - left : nodes.right - left]
-        return Table(np.ascontiguousarray(inner), nodes)
+        nodes, planes = before[0], h.reshape(headings, rows + 2 * pad, -1)
+        left, low = pad + nodes.left - widest.left, pad + nodes.low - widest.low
+        inner = planes[:, low : low + nodes.high - nodes.low]
+        return Table(inner[:, :, left : left + nodes.right - nodes.left] / _SCALE, nodes)
 
     def around(self, poses: Singles) -> "Nodes":
         """Return the nodes that h of poses (3, n) is interpolated between."""
@@ -231,6 +236,14 @@ def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
     shifts = np.clip(shifts / grid.cell, -far, far)
     cells = np.floor(shifts)
     return cells.astype(np.int64), (shifts - cells).astype(np.float32), shares, collides
+
+
+def _among(drives: Drives, nodes: Nodes, pad: int) -> Drives:
+    """Return which collide from some of the nodes, their rows ``pad`` longer on either side."""
+    cells, parts, shares, collides = drives
+    seen = collides[..., nodes.low : nodes.high, nodes.left : nodes.right]
+    wide = np.pad(seen, [(0, 0)] * 3 + [(0, 2 * pad)])
+    return cells, parts, shares, wide.reshape(*collides.shape[:2], -1)
 
 
 def _turn_weights(turn: float, sd: float, headings: int) -> tuple[int, Singles]:
