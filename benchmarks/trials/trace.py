@@ -16,7 +16,7 @@ from localizers.models.scan_kernels import count_usable
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
-_BATCH = 8192  # poses measured in one pass: they fit a core's cache
+_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
 _CALIBRATION = ("energy", "rank", "nees")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
@@ -132,6 +132,7 @@ class _Beliefs:
         self._measure, self._stride = measure, stride
         self._ahead: dict[int, list[Cloud]] = {}
         self._due: list[Cloud] = []
+        self._points = 0  # of those due
         self._labels: list[tuple[int, int]] = []
         self._tables: list[Table] = []
 
@@ -143,8 +144,10 @@ class _Beliefs:
             if (points := moment.belief.points(offset)) is not None:
                 cloud = cloud_of(state, offset, points)
                 self._ahead.setdefault(max(state, moment.step), []).append(cloud)
-        self._due += self._ahead.pop(moment.step, ())
-        if sum(cloud.weights.size for cloud in self._due) >= _BATCH:
+        for cloud in self._ahead.pop(moment.step, ()):
+            self._due.append(cloud)
+            self._points += cloud.weights.size
+        if self._points >= _BATCH:
             self._measure_due()
 
     def tables(self) -> dict[int, tuple[Indices, Table]]:
@@ -162,7 +165,7 @@ class _Beliefs:
             truth = [self._truth[cloud.state] for cloud in self._due]
             self._tables.append(self._measure(joined(self._due, truth)))
             self._labels += [(cloud.state, cloud.offset) for cloud in self._due]
-            self._due = []
+            self._due, self._points = [], 0
 
 
 def _measured(clouds: Clouds, task: Task) -> Table:

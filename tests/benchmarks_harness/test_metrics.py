@@ -1,7 +1,5 @@
 """Each score against plain arithmetic, and what a new one takes."""
 
-import csv
-import io
 import math
 import subprocess
 import sys
@@ -9,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from report_cases import parsed
 
 from benchmarks.trials import metrics
 
@@ -140,5 +139,5 @@ def test_a_metric_defined_in_one_place_is_in_records_and_tables():
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    (row,) = csv.DictReader(io.StringIO(done.stdout))
+    (row,) = parsed(done.stdout)
     assert float(row["rightmost"]) == 4
