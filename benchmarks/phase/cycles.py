@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.phase.fields import PlaceFields
-from benchmarks.trials.episode import Moment
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from localizers import Belief
 
@@ -19,22 +18,21 @@ class Cycles:
 
     Attributes:
         lag: L.
-        activity: P(x_{t+k} in the field | o_{1:t}) of each field, (T + 1, 2R + 1, fields).
+        activity: P(x_{t+k} in the field | o_{1:t}) of each of K fields, (T + 1, 2R + 1, K).
+        right: activity of the field that the robot is in at t + k, NaN for none, (T + 1, 2R + 1).
+        passed: how far the robot at t is past each field's centre along the lap, px, counted from
+            the visit that is nearest to x_{t+k}, of which offset k tells: a field is visited more
+            than once, or may be gone around. Known on the lap, (T + 1, 2R + 1, K).
         error: distance of the mean of x_{t+k} from the true place, px, (T + 1, 2R + 1).
         spread: root of the variance of x plus that of y, px, (T + 1, 2R + 1).
-        past_centres: how far the robot is past each field's centre, the shorter way round the
-            lap, px, (T + 1, fields).
-        progress: how far along the lap it is past its start, px, (T + 1,).
-        home: field that the robot is in, -1 for none, (T + 1,).
     """
 
     lag: int
     activity: Floats
+    right: Floats
+    passed: Floats
     error: Floats
     spread: Floats
-    past_centres: Floats
-    progress: Floats
-    home: Indices
 
     @property
     def steps(self) -> int:
@@ -53,8 +51,9 @@ class Cycles:
 
     @property
     def phases(self) -> Floats:
-        """Middle of the phase of each offset, degrees, (2R + 1,)."""
-        return phase(self.offsets, self.lag)
+        """360° (k + L + ½) / (2L + 1): the cycle in equal parts, the oldest first, (2R + 1,)."""
+        phases: Floats = 360 * (self.offsets + self.lag + 0.5) / (2 * self.lag + 1)
+        return phases
 
     @property
     def held(self) -> Bools:
@@ -66,39 +65,6 @@ class Cycles:
         """Root mean square distance of the belief from the true place, px, (T + 1, 2R + 1)."""
         return np.hypot(self.error, self.spread)
 
-    def passed(self) -> Floats:
-        """How far the robot at t is past each field, px, (T + 1, 2R + 1, fields).
-
-        As the field is visited more than once, or may be gone around: counted from the visit that
-        is nearest to x_{t+k}, of which offset k tells. NaN where t + k is not on the lap.
-        """
-        passed = np.full(self.activity.shape, np.nan)
-        for column, k in enumerate(self.offsets.tolist()):
-            t = np.arange(max(0, -k), self.steps + 1 - max(0, k))
-            still_to_go = self.progress[t + k] - self.progress[t]
-            passed[t, column] = self.past_centres[t + k] - still_to_go[:, None]
-        return passed
-
-
-def phase(offsets: Indices, lag: int) -> Floats:
-    """360° (k + L + ½) / (2L + 1): the cycle in 2L + 1 equal parts, the oldest state first."""
-    return 360 * (offsets + lag + 0.5) / (2 * lag + 1)
-
-
-def cycles_of(episode: Sequence[Moment], fields: PlaceFields, lag: int) -> Cycles:
-    """Look at every queue of a whole episode, moments 0 … T.
-
-    Raises:
-        RuntimeError: a belief is not finite.
-    """
-    truth = np.array([moment.truth for moment in episode])
-    return _cycles(truth, [moment.belief for moment in episode], fields, lag)
-
-
-def perfect_cycles(truth: Floats, fields: PlaceFields, lag: int) -> Cycles:
-    """What a queue would say that knew the true poses (T + 1, 3): all of its mass is there."""
-    return _cycles(truth, [_TrueQueue(truth, t) for t in range(len(truth))], fields, lag)
-
 
 @dataclass(frozen=True)
 class _TrueQueue:
@@ -109,32 +75,43 @@ class _TrueQueue:
         return self.truth[self.step + offset][None], np.ones(1)
 
 
-def _cycles(truth: Floats, beliefs: Sequence[Belief], fields: PlaceFields, lag: int) -> Cycles:
-    steps = len(truth) - 1
-    reach = min(lag, steps)
-    shape = (steps + 1, 2 * reach + 1)
-    activity = np.full((*shape, len(fields)), np.nan)
-    error, spread = np.full(shape, np.nan), np.full(shape, np.nan)
-    for t, belief in enumerate(beliefs):
-        for k in range(-min(t, reach), min(steps - t, reach) + 1):
-            points = belief.points(k)
-            if points is None:
-                continue
-            cell = t, k + reach
-            activity[cell] = fields.mass(*points)
-            error[cell], spread[cell] = _moments(*points, truth[t + k])
-            if not np.isfinite(error[cell]):
-                raise RuntimeError(f"the belief at t = {t} about x[{t + k}] is not finite.")
-    homes = np.array([fields.mass(pose[None], np.ones(1)) for pose in truth])
-    home = np.where(homes.any(axis=1), homes.argmax(axis=1), -1)
+def perfect_cycles(truth: Floats, fields: PlaceFields, lag: int) -> Cycles:
+    """What a queue would say that knew the true poses (T + 1, 3): all of its mass is there."""
+    return cycles_of(truth, [_TrueQueue(truth, t) for t in range(len(truth))], fields, lag)
+
+
+def cycles_of(truth: Floats, beliefs: Sequence[Belief], fields: PlaceFields, lag: int) -> Cycles:
+    """Look at the queue of every step 0 … T of a lap.
+
+    Args:
+        truth: true poses, (T + 1, 3).
+        beliefs: after each step.
+        fields: along the lap.
+        lag: L.
+
+    Raises:
+        RuntimeError: a belief is not finite.
+    """
+    last = len(truth) - 1
+    reach = min(lag, last)
+    states = np.arange(last + 1)[:, None] + np.arange(-reach, reach + 1)
+    activity = np.full((*states.shape, len(fields)), np.nan)
+    error, spread = np.full(states.shape, np.nan), np.full(states.shape, np.nan)
+    for t, column in np.argwhere((states >= 0) & (states <= last)).tolist():
+        points, state = beliefs[t].points(column - reach), states[t, column]
+        if points is None:
+            continue
+        poses, weights = points
+        activity[t, column] = np.where(fields.inside(poses), weights, 0.0).sum(axis=1)
+        error[t, column], spread[t, column] = _moments(poses, weights, truth[state])
+        if not np.isfinite(error[t, column]):
+            raise RuntimeError(f"the belief at t = {t} about x[{state}] is not finite.")
+    states = states.clip(0, last)
+    visited = fields.inside(truth).T[states]
+    right = np.where(visited.any(axis=2), (activity * visited).sum(axis=2), np.nan)
+    passed = _passed(truth, fields, states)
     return Cycles(
-        lag=lag,
-        activity=activity,
-        error=error,
-        spread=spread,
-        past_centres=fields.past_centres(truth),
-        progress=fields.progress(truth),
-        home=home,
+        lag=lag, activity=activity, right=right, passed=passed, error=error, spread=spread
     )
 
 
@@ -145,3 +122,13 @@ def _moments(poses: Reals, weights: Floats, truth: Floats) -> tuple[float, float
     mean = (shares * places).sum(axis=0)
     variance = (shares * np.square(places - mean)).sum(axis=0)
     return float(np.hypot(*(mean - truth[:2]))), float(np.sqrt(variance.sum()))
+
+
+def _passed(truth: Floats, fields: PlaceFields, states: Indices) -> Floats:
+    arcs, advance = fields.arcs(truth), fields.path.advance
+    centres = fields.arcs(fields.centres)
+    past = np.array([[advance(centre, arc) for centre in centres] for arc in arcs])
+    progress = np.cumsum([0.0, *map(advance, arcs, arcs[1:])])
+    still_to_go = progress[states] - progress[:, None]
+    passed: Floats = past[states] - still_to_go[:, :, None]
+    return passed

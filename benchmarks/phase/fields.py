@@ -1,11 +1,10 @@
 """Place fields: discs along the lap."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Bools, Floats, Reals
 from deqmcl_gym.world.path import Path
 
 
@@ -15,7 +14,7 @@ class PlaceFields:
 
     Attributes:
         path: the closed path that they lie on.
-        centres: (k, 2) px.
+        centres: (K, 2) px.
         radius: px.
     """
 
@@ -32,7 +31,7 @@ class PlaceFields:
 
         Args:
             path: closed.
-            count: k.
+            count: K.
             start: arc length from which the lap is driven, px.
         """
         arcs = start + path.length * (np.arange(count) + 0.5) / count
@@ -45,29 +44,13 @@ class PlaceFields:
         """Number of fields."""
         return len(self.centres)
 
-    def mass(self, points: Reals, weights: Floats) -> Floats:
-        """P(x in the field) of weighted poses (n, ≥ 2), for each field, (k,)."""
+    def inside(self, points: Reals) -> Bools:
+        """Whether each of n points (n, ≥ 2) is in each field, (K, n)."""
         x, y = np.asarray(points[:, :2], dtype=np.float64).T
         off_x, off_y = x - self.centres[:, :1], y - self.centres[:, 1:]
-        inside = off_x * off_x + off_y * off_y < self.radius * self.radius
-        mass: Floats = np.where(inside, weights, 0.0).sum(axis=1)
-        return mass
+        inside: Bools = off_x * off_x + off_y * off_y < self.radius * self.radius
+        return inside
 
-    def past_centres(self, points: Reals) -> Floats:
-        """How far each point (n, ≥ 2) is past each field's centre along the lap, px, (n, k).
-
-        Negative before it, the shorter way round.
-        """
-        homes = self._arcs(self.centres)
-        return np.array(
-            [[self.path.advance(home, arc) for home in homes] for arc in self._arcs(points)]
-        )
-
-    def progress(self, points: Reals) -> Floats:
-        """How far along the lap each of a row of points (n, ≥ 2) is past the first, px, (n,)."""
-        arcs = self._arcs(points)
-        steps = [self.path.advance(*pair) for pair in pairwise(arcs)]
-        return np.cumsum([0.0, *steps])
-
-    def _arcs(self, points: Reals) -> list[float]:
-        return [self.path.arc((x, y)) for x, y in np.asarray(points)[:, :2].tolist()]
+    def arcs(self, points: Reals) -> list[float]:
+        """Arc length on the path of each point (n, ≥ 2), px."""
+        return [self.path.arc((x, y)) for x, y in points[:, :2].tolist()]

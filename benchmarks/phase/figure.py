@@ -2,10 +2,14 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchmarks.phase.cycles import Cycles
@@ -23,12 +27,8 @@ from benchmarks.phase.panels import (
     draw_table,
     number_fields,
 )
-from benchmarks.phase.precession import Precession
+from benchmarks.phase.precession import Lap
 from deqmcl_gym.maps import PolygonMap
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MASS = "mean mass in the field"
 _DISTANCE = "RMS distance of belief and truth (px)"
@@ -42,50 +42,22 @@ _STYLE: Any = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panel:
-    """One row of the figure.
-
-    Attributes:
-        title: of the method.
-        words: what came out, in a few words.
-        cycles: its lap.
-        precession: measured on it.
-    """
-
-    title: str
-    words: str
-    cycles: Cycles
-    precession: Precession
-
-
 def phase_figure(
-    perfect: Panel,
-    methods: Sequence[Panel],
-    fields: PlaceFields,
-    floor_plan: PolygonMap,
-    title: str,
+    laps: Sequence[Lap], fields: PlaceFields, floor_plan: PolygonMap, title: str
 ) -> bytes:
-    """Return the figure as PNG: the perfect queue and the map first, then a row per method."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    rows = [perfect, *methods]
+    """Return the figure as PNG: the perfect queue's lap with the map, then a row per method."""
+    perfect = laps[0]
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(11, 1.3 + 2.15 * len(rows)), dpi=100, layout="constrained")
-        heights = [1.0] * len(rows) + [0.09]
-        axes = figure.subplots(
-            len(rows) + 1, 3, width_ratios=(2.1, 1, 1.15), height_ratios=heights, squeeze=False
-        )
-        extent, farthest = _extent(perfect.cycles), _farthest(methods)
-        for row, panel in zip(axes[:-1], rows, strict=True):
-            draw_cycles(row[0], panel.cycles)
-            row[0].set_title(f"{panel.title}: {panel.words}", loc="left", fontweight="bold")
-            mass = draw_precession(
-                row[1], panel.cycles, panel.precession, perfect.precession, extent
-            )
-        for row, panel in zip(axes[1:-1], methods, strict=True):
-            table = draw_table(row[2], panel.cycles, farthest)
+        figure = Figure(figsize=(11, 1.3 + 2.15 * len(laps)), dpi=100, layout="constrained")
+        shares: Any = {"width_ratios": (2.1, 1, 1.15), "height_ratios": [*[1.0] * len(laps), 0.09]}
+        axes = figure.subplots(len(laps) + 1, 3, squeeze=False, **shares)
+        extent, farthest = _extent(perfect.cycles), _farthest(laps[1:])
+        for row, lap in zip(axes[:-1], laps, strict=True):
+            draw_cycles(row[0], lap.cycles)
+            row[0].set_title(f"{lap.title}: {lap.words}", loc="left", fontweight="bold")
+            mass = draw_precession(row[1], lap.cycles, lap.precession, perfect.precession, extent)
+        for row, lap in zip(axes[1:-1], laps[1:], strict=True):
+            table = draw_table(row[2], lap.cycles, farthest)
         number_fields(axes[0][0], perfect.cycles)
         draw_map(axes[0][2], fields, floor_plan)
         _label(axes[:-1])
@@ -93,7 +65,10 @@ def phase_figure(
         figure.colorbar(mass, cax=axes[-1][1], orientation="horizontal", label=_MASS)
         figure.colorbar(table, cax=axes[-1][2], orientation="horizontal", label=_DISTANCE)
         figure.suptitle(title, fontsize=11)
-        return _png(figure)
+        buffer = io.BytesIO()
+        metadata, smaller = {"Software": None}, {"optimize": True}
+        figure.savefig(buffer, format="png", metadata=metadata, pil_kwargs=smaller)
+    return buffer.getvalue()
 
 
 def _label(axes: NDArray[Any]) -> None:
@@ -101,18 +76,15 @@ def _label(axes: NDArray[Any]) -> None:
         row[0].set_ylabel("theta phase (°)")
         row[1].set_yticks([90, 180, 270], ["past", "now", "future"], rotation=90, va="center")
         row[1].tick_params(axis="y", length=0)
-    for column, words in enumerate(("robot past the field's centre (px)", "step s of the state")):
-        axes[-1][column + 1].set_xlabel(words)
     axes[-1][0].set_xlabel("theta cycle = step t")
+    axes[-1][1].set_xlabel("robot past the field's centre (px)")
+    axes[-1][2].set_xlabel("step s of the state")
     for row in axes[1:]:
         row[2].set_ylabel("scans up to t")
     axes[1][2].set_title("Table of the queue, x[s] | o[1:t]", loc="left")
 
 
-def _legend(axes: "Axes") -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
+def _legend(axes: Axes) -> None:
     axes.set_axis_off()
     axes.legend(
         handles=[
@@ -133,16 +105,10 @@ def _legend(axes: "Axes") -> None:
 def _extent(perfect: Cycles) -> float:
     """The farthest from a field's centre, px, that the robot is while the queue tells of it."""
     active = np.nan_to_num(perfect.activity) > 0
-    return float(np.abs(perfect.passed()[active]).max(initial=1.0))
+    return float(np.abs(perfect.passed[active]).max(initial=1.0))
 
 
-def _farthest(methods: Sequence[Panel]) -> float:
+def _farthest(laps: Sequence[Lap]) -> float:
     """Upper end of the colours: all but the farthest 2 % of the cells, px."""
-    values = np.concatenate([p.cycles.distance[p.cycles.held] for p in methods])
+    values = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps])
     return float(np.quantile(values, 0.98)) if values.size else 1.0
-
-
-def _png(figure: "Figure") -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
-    return buffer.getvalue()

@@ -2,17 +2,15 @@
 
 import math
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from tabulate import tabulate
 
-from benchmarks.phase.cycles import Cycles
 from benchmarks.phase.fields import PlaceFields
-from benchmarks.phase.precession import Precession
+from benchmarks.phase.precession import Lap
 from benchmarks.tables.text import csv_text
 
-PERFECT = "perfect queue"
 _NONE = "n/a"
 
 _SHOWN = """
@@ -43,83 +41,58 @@ about right precesses, however it came to know it. It is one lap, so no ranking 
 """
 
 
-def told(found: Precession) -> str:
-    """Precession in a few words."""
-    if math.isnan(found.first):
-        return "no field is active"
-    if math.isnan(found.slope):
-        return f"fires at {found.first:.0f}° only, no precession"
-    return f"fires from {found.first:.0f}° to {found.last:.0f}°"
-
-
-def table(rows: Mapping[str, Precession], style: str) -> str:
-    """Return the numbers of each method as a table."""
+def table(laps: Sequence[Lap], style: str) -> str:
+    """Return the numbers of each lap as a table."""
     header = ["method", "phases", "slope °/px", "r", "late by px"]
     header += [f"in the right field: {part}" for part in ("past", "present", "future")]
-    body = [
-        [
-            name,
-            _NONE if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°",
-            "none" if math.isnan(row.slope) else f"{row.slope:#.3g}",
-            _number(row.correlation, ".2f"),
-            _number(late(row), "+.1f"),
-            *(_number(share, ".2f") for share in (row.past, row.present, row.future)),
-        ]
-        for name, row in rows.items()
-    ]
+    body = []
+    for lap in laps:
+        row = lap.precession
+        phases = _NONE if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°"
+        slope = "none" if math.isnan(row.slope) else f"{row.slope:#.3g}"
+        numbers = [_number(row.correlation), _number(row.late, "+.1f")]
+        numbers += map(_number, (row.past, row.present, row.future))
+        body.append([lap.title, phases, slope, *numbers])
     align = ("left", "left", *["right"] * 6)
     return tabulate(body, header, tablefmt=style, disable_numparse=True, colalign=align)
 
 
-def late(row: Precession) -> float:
-    """Where the line is at the middle of the cycle, px past the centre; NaN of nothing."""
-    return row.position + (0.0 if math.isnan(row.slope) else (180 - row.centre) / row.slope)
-
-
-def page(
-    title: str, rows: Mapping[str, Precession], fields: PlaceFields, command: Sequence[str]
-) -> str:
+def page(title: str, laps: Sequence[Lap], fields: PlaceFields, command: Sequence[str]) -> str:
     """Return phase.md: the numbers, what is to be seen, what is claimed and what not."""
     return (
-        f"# {title}\n\n```\n{shlex.join(command)}\n```\n\n{table(rows, 'github')}\n\n"
+        f"# {title}\n\n```\n{shlex.join(command)}\n```\n\n{table(laps, 'github')}\n\n"
         f"{len(fields)} place fields of radius {fields.radius:.1f} px along the planned lap "
         f"(`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
     )
 
 
-def cycles_csv(laps: Mapping[str, Cycles]) -> str:
+def fields_csv(fields: PlaceFields) -> str:
+    """Return the place fields: number, centre, arc length on the path, radius, px."""
+    places = np.column_stack([fields.centres, fields.arcs(fields.centres)]).tolist()
+    rows = (
+        [i, *(f"{value:.6g}" for value in (*place, fields.radius))]
+        for i, place in enumerate(places, 1)
+    )
+    return csv_text(["field", "x", "y", "arc", "radius"], rows)
+
+
+def cycles_csv(laps: Sequence[Lap]) -> str:
     """Return what the queues hold: a row per method, step and offset."""
-    count = next(iter(laps.values())).activity.shape[2]
+    count = laps[0].cycles.activity.shape[2]
     header = ["method", "step", "offset", "state", "phase_deg", "error_px", "spread_px"]
     return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
 
 
-def fields_csv(fields: PlaceFields) -> str:
-    """Return the place fields: number, centre, arc length on the path, radius, px."""
-    header = ["field", "x", "y", "arc", "radius"]
-    arcs = [fields.path.arc((x, y)) for x, y in fields.centres.tolist()]
-    places = zip(fields.centres.tolist(), arcs, strict=True)
-    return csv_text(
-        header,
-        (
-            [i + 1, f"{x:.6g}", f"{y:.6g}", f"{arc:.6g}", f"{fields.radius:.6g}"]
-            for i, ((x, y), arc) in enumerate(places)
-        ),
-    )
-
-
-def _rows(laps: Mapping[str, Cycles]) -> Iterable[list[object]]:
-    for name, cycles in laps.items():
+def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
+    for lap in laps:
+        cycles = lap.cycles
         phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
+        values = np.dstack([cycles.error, cycles.spread, cycles.activity])
         for t, column in np.argwhere(cycles.held).tolist():
             k = column - cycles.reach
-            numbers = (cycles.error[t, column], cycles.spread[t, column])
-            mass = cycles.activity[t, column].tolist()
-            yield [
-                name, t, k, t + k, phases[column],
-                *(f"{value:.4g}" for value in (*numbers, *mass)),
-            ]  # fmt: skip
+            numbers = (f"{value:.4g}" for value in values[t, column].tolist())
+            yield [lap.name, t, k, t + k, phases[column], *numbers]
 
 
-def _number(value: float, style: str) -> str:
+def _number(value: float, style: str = ".2f") -> str:
     return _NONE if math.isnan(value) else format(value, style)

@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from benchmarks.phase.cycles import Cycles
+from benchmarks.tables.table_1 import TITLES
 from deqmcl_gym.numerics.types import Floats
+
+PERFECT = "perfect queue"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,16 +22,15 @@ class Precession:
         slope: degrees per px, negative if fields fire earlier as the robot goes on; NaN of one
             phase.
         correlation: of phase and position, weighted by activity.
-        position, centre: mean of position, px, and of phase, degrees: the line goes through them.
+        late: where the line is at 180°, px past the centre; of one phase: the mean position.
         past, present, future: mean mass in the field where the robot truly is at that state.
     """
 
-    first: float
-    last: float
-    slope: float
-    correlation: float
-    position: float
-    centre: float
+    first: float = math.nan
+    last: float = math.nan
+    slope: float = math.nan
+    correlation: float = math.nan
+    late: float = math.nan
     past: float
     present: float
     future: float
@@ -41,51 +44,61 @@ def precession(cycles: Cycles) -> Precession:
     round nothing is cut off: at each phase the whole pass through the field is seen, whereas at a
     given position only some of the phases that belong to it lie between 0° and 360°.
     """
-    line = _line(np.nan_to_num(cycles.activity), cycles.phases, np.nan_to_num(cycles.passed()))
-    right = right_mass(cycles)
-    signs = np.sign(cycles.offsets)
-    return Precession(
-        **line,
-        past=_mean(right[:, signs < 0]),
-        present=_mean(right[:, signs == 0]),
-        future=_mean(right[:, signs > 0]),
+    past, present, future = (
+        _mean(cycles.right[:, np.sign(cycles.offsets) == sign]) for sign in (-1, 0, 1)
     )
+    return Precession(**_line(cycles), past=past, present=present, future=future)
 
 
-def _line(weight: Floats, phases: Floats, passed: Floats) -> dict[str, float]:
-    """Regress position (T + 1, 2R + 1, fields) on phase (2R + 1,); weights as positions."""
-    line = dict.fromkeys(("first", "last", "slope", "correlation", "position", "centre"), math.nan)
-    active = weight.any(axis=(0, 2))
-    if not active.any():
-        return line
-    line["first"], line["last"] = phases[active][[0, -1]].tolist()
-    share = weight / weight.sum()
+def _line(cycles: Cycles) -> dict[str, float]:
+    """Regress position on phase."""
+    activity = np.nan_to_num(cycles.activity)
+    active = cycles.phases[activity.any(axis=(0, 2))]
+    if not active.size:
+        return {}
+    share = activity / activity.sum()
     over_phase = share.sum(axis=(0, 2))
-    line["centre"] = centre = float((over_phase * phases).sum())
-    line["position"] = position = float((share * passed).sum())
-    if active.sum() < 2:
-        return line
-    off_phase, off_place = phases - centre, passed - position
-    covariance = float(((share * off_place).sum(axis=(0, 2)) * off_phase).sum())
-    spread_phase = float((over_phase * np.square(off_phase)).sum())
-    spread_place = float((share * np.square(off_place)).sum())
-    if covariance:
-        line["slope"] = spread_phase / covariance
-        line["correlation"] = covariance / math.sqrt(spread_phase * spread_place)
-    return line
-
-
-def right_mass(cycles: Cycles) -> Floats:
-    """Mass in the field where the robot truly is at t + k, (T + 1, 2R + 1); NaN if in none."""
-    right = np.full(cycles.error.shape, np.nan)
-    for column, k in enumerate(cycles.offsets.tolist()):
-        steps = np.arange(max(0, -k), cycles.steps + 1 - max(0, k))
-        homes = cycles.home[steps + k]
-        inside = homes >= 0
-        right[steps[inside], column] = cycles.activity[steps[inside], column, homes[inside]]
-    return right
+    centre, position = (over_phase * cycles.phases).sum(), (share * cycles.passed).sum()
+    line = {"first": active[0], "last": active[-1], "late": position}
+    off_phase, off_place = cycles.phases - centre, cycles.passed - position
+    covariance = ((share * off_place).sum(axis=(0, 2)) * off_phase).sum()
+    if active.size > 1 and covariance:
+        of_phase, of_place = (over_phase * off_phase**2).sum(), (share * off_place**2).sum()
+        line["slope"] = slope = of_phase / covariance
+        line["correlation"] = covariance / math.sqrt(of_phase * of_place)
+        line["late"] += (180 - centre) / slope
+    return {name: float(value) for name, value in line.items()}
 
 
 def _mean(values: Floats) -> float:
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else math.nan
+
+
+@dataclass(frozen=True)
+class Lap:
+    """The lap of a localizer, or of the perfect queue, under its name."""
+
+    name: str
+    cycles: Cycles
+
+    @property
+    def title(self) -> str:
+        """Its name in words."""
+        title = TITLES.get(self.name, self.name)
+        return title[:1].upper() + title[1:]
+
+    @cached_property
+    def precession(self) -> Precession:
+        """Measured on it."""
+        return precession(self.cycles)
+
+    @property
+    def words(self) -> str:
+        """Its precession in a few words."""
+        found = self.precession
+        if math.isnan(found.first):
+            return "no field is active"
+        if math.isnan(found.slope):
+            return f"fires at {found.first:.0f}° only, no precession"
+        return f"fires from {found.first:.0f}° to {found.last:.0f}°"
