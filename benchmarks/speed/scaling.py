@@ -14,6 +14,9 @@ from benchmarks.speed.timing import Effort, Job, rates
 from deqmcl_gym.maps import PolygonMap
 
 POSES = 2_000
+_SEGMENTS = (8, 16, 32, 64, 128, 256, 512)
+_BEAMS = (1, 2, 4, 8, 16, 32, 64)
+_LAGS = (0, 5, 10, 20, 40, 80)
 
 
 @dataclass(frozen=True)
@@ -47,30 +50,11 @@ def curves(*, largest: int) -> tuple[Curve, ...]:
     by_particles, by_beams = f"MCL step, B = {BEAMS}", f"MCL step, N = {FEW:,}"
     by_lag = f"DEQ-MCL step, N = {FEW:,}, B = {BEAMS}"
     return (
-        Curve(
-            by_segments,
-            "PolygonMap.ranges",
-            "segments",
-            (8, 16, 32, 64, 128, 256, 512),
-            lambda walls: rays.our_job(pillared_room(walls), POSES),
-            "rays/s",
-        ),
+        Curve(by_segments, "PolygonMap.ranges", "segments", _SEGMENTS, _rays_among, "rays/s"),
         Curve(by_particles, "mcl", "particles", clouds, lambda n: our_job("mcl", particles=n)),
         Curve(by_particles, "NumPy", "particles", clouds, numpy_job),
-        Curve(
-            by_beams,
-            "mcl",
-            "beams",
-            (1, 2, 4, 8, 16, 32, 64),
-            lambda beams: our_job("mcl", particles=FEW, beams=beams),
-        ),
-        Curve(
-            by_lag,
-            "deq-mcl",
-            "lag",
-            (0, 5, 10, 20, 40, 80),
-            lambda lag: our_job("deq-mcl", particles=FEW, lag=lag),
-        ),
+        Curve(by_beams, "mcl", "beams", _BEAMS, lambda b: our_job("mcl", particles=FEW, beams=b)),
+        Curve(by_lag, "deq-mcl", "lag", _LAGS, lambda k: our_job("deq-mcl", particles=FEW, lag=k)),
     )
 
 
@@ -93,3 +77,7 @@ def pillared_room(segments: int) -> PolygonMap:
         outer=((0, 0), (400, 0), (400, 400), (0, 400)),
         obstacles=tuple((square + centre).tolist() for centre in centres),
     )
+
+
+def _rays_among(segments: int) -> Job:
+    return rays.our_job(pillared_room(segments), POSES)
