@@ -7,15 +7,13 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-import reference
 
-from benchmarks.speed import rays, scaling, trials, worlds
+from benchmarks.speed import steps, trials, worlds
 from benchmarks.speed.command import FIGURES, PEERS
 from benchmarks.speed.figure import Figure, Published, Side, measured
-from benchmarks.speed.lap import bearings_of, fan, free_poses, recorded_lap
+from benchmarks.speed.lap import fan
 from benchmarks.speed.timing import Effort, Job, rates
 from benchmarks.trials.attempt import Outcome
-from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
 ONCE = Effort(repeats=1, seconds=0.0)
@@ -69,24 +67,25 @@ def test_docs_explain_every_figure():
     assert [f.name for f in (*FIGURES, *PEERS) if f"`{f.name}`" not in words] == []
 
 
-def test_pymunk_is_asked_for_the_same_ranges():
-    poses, bearings = free_poses(PAPER_ROOM, 200), bearings_of(16)
-    seen = np.reshape(rays.pymunk_queries(poses, bearings)(), (200, 16))
-    around = [reference.ranges(PAPER_ROOM.walls, poses, bearings + s * 2e-6) for s in (-1, 0, 1)]
-    slack = 1e-3  # the ends of rays of 1,000 px, in float32
-    assert (seen >= np.min(around, axis=0) - slack).all()
-    assert (seen <= np.max(around, axis=0) + slack).all()
-
-
 def test_a_localizers_share_of_a_trial_is_the_time_that_the_trial_counts(monkeypatch):
     outcome = Outcome(record={}, seconds=0.25)
     monkeypatch.setattr(trials, "attempt", lambda trial, key: outcome)
     assert rates([trials.trial_job("mcl", localizer_only=True)], ONCE) == [4.0]
 
 
-def test_no_beam_of_the_scan_without_clipped_beams_is():
-    scan = recorded_lap().scans[0]
-    assert ((scan > 0) & (scan < fan(16).max_range)).all()
+def test_all_beams_of_one_scan_are_clipped_and_none_of_the_other(monkeypatch):
+    seen = []
+
+    class Scan:
+        def __init__(self, **_):
+            self.log_likelihood = lambda _, ranges: seen.append(ranges)
+
+    monkeypatch.setattr(steps, "LidarScan", Scan)
+    for clipped in (True, False):
+        steps.scan_job(clipped=clipped).call()
+    every, none = seen
+    assert (every == fan(16).max_range).all()
+    assert ((none > 0) & (none < fan(16).max_range)).all()
 
 
 class Rooms:
@@ -127,12 +126,3 @@ def test_a_single_env_is_driven_along_its_plan():
     for _ in range(150):
         job.call()
     assert told == planned[:150].tolist()
-
-
-@pytest.mark.parametrize("segments", [8, 16, 64, 512])
-def test_the_pillared_room_has_as_many_walls_as_asked_for_and_pillars_apart(segments):
-    room = scaling.pillared_room(segments)
-    assert len(room.walls) == segments
-    assert room.free(free_poses(room, 100)).all()
-    corners = np.array(room.obstacles).reshape(-1, 2)
-    assert ((corners > 0) & (corners < 400)).all()
