@@ -77,11 +77,6 @@ def write_png(path: Path, image: Image) -> None:
 
 def write_webp(path: Path, frames: Sequence[Image], milliseconds: int) -> None:
     """Write RGB images as an animated, endless WebP, whole or not at all."""
-    write_bytes(path, webp(frames, milliseconds))
-
-
-def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
-    """Return RGB images as an animated, endless WebP."""
     animation = cv2.Animation()
     animation.frames = [np.ascontiguousarray(frame[:, :, ::-1]) for frame in frames]
     animation.durations = [milliseconds] * len(frames)
@@ -90,7 +85,7 @@ def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
     done, content = cv2.imencodeanimation(".webp", animation, quality)
     if not done:
         raise RuntimeError("OpenCV could not encode the animation.")
-    return content.tobytes()
+    write_bytes(path, content.tobytes())
 
 
 def side_by_side(images: Sequence[Image]) -> Image:

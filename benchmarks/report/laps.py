@@ -4,7 +4,6 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import zip_longest
 from typing import Any
 
 import PIL.Image
@@ -93,17 +92,9 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
 
 def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
     rows = [_frames(trial) for trial in trials]
-    blanks = [row[-1] for row in rows]  # who ends first waits
-    frames = [
-        side_by_side(
-            [
-                image if image is not None else last
-                for image, last in zip(images, blanks, strict=True)
-            ]
-        )
-        for images in zip_longest(*rows)
-    ]
-    images = [PIL.Image.fromarray(frame) for frame in frames]
+    longest = max(map(len, rows))
+    padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
+    images = [PIL.Image.fromarray(side_by_side(frames)) for frames in zip(*padded, strict=True)]
     animation, still = io.BytesIO(), io.BytesIO()
     # a quarter of the time of OpenCV's encoder, a sixth larger: less effort, and no key frames,
     # which only players that seek have a use for
