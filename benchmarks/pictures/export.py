@@ -50,7 +50,8 @@ def npz(trace: Trace) -> bytes:
     arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
     for offset, kept in trace.offsets.items():
         name = f"t{offset:+d}" if offset else "t"
-        arrays |= {f"{name}/{key}": value for key, value in vars(kept).items()}
+        columns = vars(kept) | kept.values
+        arrays |= {f"{name}/{key}": columns[key] for key in columns if key != "values"}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     return buffer.getvalue()

@@ -5,11 +5,13 @@ from hashlib import sha256
 from pathlib import Path
 
 import cv2
+import PIL
 
 from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
+from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
-from benchmarks.trials.metrics import cloud_moments, state_error
+from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Params, Trial
@@ -34,10 +36,15 @@ def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -
 
 def paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of those methods that are among the trials, unless they are there."""
-    shown = [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
-    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__]
+    shown = chosen(trials)
+    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__, PIL.__version__]
     digest = sha256("\n".join(source).encode()).hexdigest()
     return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))
+
+
+def chosen(trials: Sequence[Trial]) -> list[Trial]:
+    """Return trial 0 of each method that is shown."""
+    return [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
 
 
 def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
@@ -97,6 +104,6 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"
-    mean, variance = cloud_moments(*points)
-    error = state_error(mean[None], truth[None])[0]
-    return f"error {error:.1f}, SD {(variance[0] + variance[1]) ** 0.5:.1f} px"
+    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
+    error = state_error(row[None, :4], truth[None])[0]
+    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} px"

@@ -12,7 +12,7 @@ from benchmarks.pictures.frames import write_webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.episode import scenario_of, task_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
@@ -25,7 +25,8 @@ def run_lap(trial: Trial, out: Path) -> str:
     writable_folder(out)
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
-    trace = trace_of(episode, trial.offsets, room_of(trial.scenario))
+    setup = scenario_of(trial)
+    trace = trace_of(episode, trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
@@ -42,9 +43,9 @@ def run_lap(trial: Trial, out: Path) -> str:
     for name, text in tracks.items():
         write_text(out / name, text)
     lines = [
-        f"{state_name(row.offset):>8}: error {row.error:6.2f}, position RMSE "
-        f"{row.position_rmse:6.2f} px, heading RMSE {np.degrees(row.heading_rmse):5.1f} deg"
-        for row in scores(trace, trial.lag)
+        f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
+        f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+        for row in scores(trace, trial.lag, setup.thresholds)
     ]
     return "\n".join(
         [

@@ -7,7 +7,7 @@ from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, estimates, picture
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.series import lap_errors, milliseconds_per_step, profile
-from benchmarks.trials.scoring import LEVELS
+from benchmarks.trials.metrics import LEVELS
 
 Looks = Mapping[str, Look]  # by label
 

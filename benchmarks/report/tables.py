@@ -13,7 +13,7 @@ from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
-from benchmarks.trials.scoring import LEVELS
+from benchmarks.trials.metrics import LEVELS
 
 DETECTION = "Does its quality tell when it is far off?"
 

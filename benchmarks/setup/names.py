@@ -1,6 +1,7 @@
 """Scenarios and agents by name: of ours, ``room.toml``, ``file.py:NAME`` or ``module:NAME``."""
 
 import importlib
+import os
 import pkgutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -139,9 +140,7 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
 def _absolute(name: str, folder: Path) -> str:
     """Make the path in a name absolute, from ``folder``; ~ is the home folder."""
-    if name.endswith(".toml"):
-        return str((folder / Path(name).expanduser()).absolute())
-    place, colon, attribute = name.rpartition(":")
-    if place.endswith(".py"):
-        return str((folder / Path(place).expanduser()).absolute()) + colon + attribute
-    return name
+    path, colon, attribute = (name, "", "") if name.endswith(".toml") else name.rpartition(":")
+    if not path.endswith((".toml", ".py")):
+        return name
+    return os.path.abspath(folder / Path(path).expanduser()) + colon + attribute

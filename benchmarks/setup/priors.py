@@ -6,7 +6,7 @@ from types import MappingProxyType
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.units import LENGTH, POSE
 from deqmcl_gym.validation import number, pose
-from localizers import GaussianPrior, Prior
+from localizers import GaussianPrior, Prior, UniformPrior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,6 @@ class Uniform:
 
     def of(self, room: RoomEnv) -> Prior:
         """Return p(x_0) in a room."""
-        from localizers import UniformPrior
-
         return UniformPrior(floor_plan=room.floor_plan, radius=room.world.robot.radius)
 
 

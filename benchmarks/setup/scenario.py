@@ -13,25 +13,11 @@ from deqmcl_gym.maps.units import pixel, scaled
 from deqmcl_gym.validation import InputError, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
-from localizers import (
-    BeamModel,
-    CensoredGaussianUniform,
-    GaussianUniform,
-    OdometryMotion,
-    Prior,
-    RobotModel,
-)
-from localizers.models.beams import BeamDensity
+from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
+from localizers.models.beams import BEAM_MODELS, BeamDensity
 
 T = TypeVar("T")
 
-BEAM_MODELS = MappingProxyType(
-    {
-        "gaussian-uniform": GaussianUniform,
-        "censored-gaussian-uniform": CensoredGaussianUniform,
-        "beam-model": BeamModel,
-    }
-)
 _KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(own.name for own in fields(World))
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -125,16 +111,18 @@ def _grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict
     Raises:
         InputError: unknown part, or one that is given both ways.
     """
-    groups: dict[str, Any] = {}
+    whole: dict[str, Any] = {}
+    keyed: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         part, _, key = name.partition(".")
         one_of(what, part, parts)
-        known = groups.setdefault(part, {} if key else value)
-        if isinstance(known, dict) != bool(key):
-            raise InputError(f"{part} is given whole and by key: give only one of them.")
         if key:
-            known[key] = value
-    return groups
+            keyed.setdefault(part, {})[key] = value
+        else:
+            whole[part] = value
+    for part in whole.keys() & keyed.keys():
+        raise InputError(f"{part} is given whole and by key: give only one of them.")
+    return whole | keyed
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -165,7 +165,9 @@ class Sweep:
         base |= {group: dict(getattr(self, group)) for group in GROUPS}
         for name, value in point.items():
             group, _, rest = name.partition(".")
-            if rest:
+            if isinstance(value, Mapping):  # a part beside "none": {look_ahead = 25.0}
+                base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
+            elif rest:
                 base[group][rest] = value
             else:
                 base[name] = value

@@ -1,10 +1,9 @@
 """One trial, run to its record or to the reason why there is none."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.episode import room_of, trial_moments
+from benchmarks.trials.episode import scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
@@ -22,7 +21,8 @@ class Outcome:
 
 def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
-    return trace_of(trial_moments(trial), trial.offsets, room_of(trial.scenario, trial.world))
+    room = scenario_of(trial).room()
+    return trace_of(trial_moments(trial, room), trial.offsets, task_of(room))
 
 
 def attempt(trial: Trial, key: str) -> Outcome:
@@ -38,22 +38,12 @@ def attempt(trial: Trial, key: str) -> Outcome:
                 "run the command again, with the same on every machine"
             )
         trace = trial_trace(trial)
-        result = {"trial": trial.canonical()} | record(trace, trial.lag)
+        kept = record(trace, trial.lag, scenario_of(trial).thresholds)
     except Exception as error:
         words = " ".join(str(error).split())
         return Outcome(reason=f"{type(error).__name__}: {words}")
-    reason = _worthless(result)
-    return Outcome(reason=reason) if reason else Outcome(record=result, seconds=trace.seconds)
-
-
-def _worthless(result: dict[str, Any]) -> str | None:
-    """Say why a record is no success: nothing done, or an estimate that is no number."""
-    if result["steps_done"] == 0:
-        return "it processed 0 steps"
-    if "0" not in result["curves"]:
-        return "its belief holds no points of the present"
-    for offset, curve in result["curves"].items():
-        for state, error in enumerate(curve["error"], curve["first_state"]):
-            if not math.isfinite(error):
-                return f"its belief of state {state} at offset {offset} is not finite"
-    return None
+    if trace.steps == 0:
+        return Outcome(reason="it processed 0 steps")
+    if 0 not in trace.offsets:
+        return Outcome(reason="its belief holds no points of the present")
+    return Outcome(record={"trial": trial.canonical()} | kept, seconds=trace.seconds)

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
+from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.spec import Params, Trial
 from deqmcl_gym.envs.room import RoomEnv
@@ -77,10 +78,10 @@ def moments(
         yield Moment(step, truth, ranges, belief, time.perf_counter() - started)
 
 
-def trial_moments(trial: Trial) -> Iterator[Moment]:
-    """Run a trial; yield each step."""
+def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:
+    """Run a trial in its room, made here if none is given; yield each step."""
     setup = scenario_of(trial)
-    room = setup.room()
+    room = setup.room() if room is None else room
     env = disturbed(room, trial.disturbance)
     robot = setup.robot_model(room)
     localizer = make(trial.localizer, robot, **dict(trial.params))
@@ -108,6 +109,15 @@ def room_of(name: str, world: Params = ()) -> RoomEnv:
         InputError: unknown scenario or name, or a bad value.
     """
     return scenario(name).changed(dict(world)).room()
+
+
+def task_of(room: RoomEnv) -> Task:
+    """Return what scoring must know of a room."""
+    return Task(
+        floor_plan=room.floor_plan,
+        radius=room.world.robot.radius,
+        max_range=room.lidar.max_range,
+    )
 
 
 def check_setting(trial: Trial) -> None:

@@ -1,95 +1,75 @@
-"""Scores of a belief, all derived from its weighted points. Units: px, rad, nats.
+"""The scores of a trial: each a ``Metric`` with its unit, all of them in ``METRICS``.
 
-The paper's state for scoring is (x, y, cos θ, sin θ), px and unitless mixed.
+The paper's state for scoring is (x, y, cos θ, sin θ), lengths and unitless numbers mixed.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.trials import kernels
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.trials.clouds import Clouds, Task
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
-# Smallest variances that entropy is computed from: (0.1 px)² and 10⁻⁶.
-VARIANCE_FLOOR = np.array([1e-2, 1e-2, 1e-6, 1e-6])
-# Added to the variances of x, y and θ before a distance is measured in them: px², px², rad².
-COVARIANCE_FLOOR = np.array([1e-2, 1e-2, 1e-6])
-# Particles whose mutual distances stand for those of the whole cloud in the energy score.
-PAIRED = 128
+LEVELS = (50, 80, 95)  # of the credible regions, per cent
 
 
-class CloudScores(NamedTuple):
-    """A belief about one state, scored against the truth; NaN is not available.
+@dataclass(frozen=True, kw_only=True)
+class Estimates:
+    """What beliefs at one offset say of the states s ≥ 1, and the truth: what metrics are made of.
 
     Attributes:
-        mean: of x, y, cos θ, sin θ, (4,).
-        variance: of the same, (4,).
-        energy: energy score of the position, px.
-        rank: weight nearer to the mean than the truth is, 0 to 1.
-        nees: normalised estimation error squared of (x, y, θ), 3 degrees of freedom.
+        truth: true poses, (k, 3).
+        means, variances: of (x, y, cos θ, sin θ), (k, 4).
+        values: further numbers of each state, (k,); see ``trace.OffsetTrace``.
+        common: whether L ≤ s ≤ T - L, the states that every offset estimates, (k,).
+        thresholds: of the scenario.
+        unit: of lengths.
     """
 
-    mean: Floats
-    variance: Floats
-    energy: float
-    rank: float
-    nees: float
+    truth: Floats
+    means: Floats
+    variances: Floats
+    values: dict[str, Floats]
+    common: Bools
+    thresholds: Thresholds
+    unit: str
+
+    @cached_property
+    def error(self) -> Floats:
+        """E of each state, (k,)."""
+        return state_error(self.means, self.truth)
+
+    @cached_property
+    def distance(self) -> Floats:
+        """Of the estimate to the truth in (x, y), (k,)."""
+        return position_error(self.means, self.truth)
 
 
-def components(poses: Reals) -> Floats:
-    """(x, y, cos θ, sin θ) of poses (n, 3), (n, 4)."""
-    x, y, heading = np.asarray(poses, dtype=np.float64).T
-    return np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
+@dataclass(frozen=True)
+class Metric:
+    """A score of one trial at one offset.
 
-
-def cloud_moments(poses: Reals, weights: Floats) -> tuple[Floats, Floats]:
-    """Weighted mean and variance of (x, y, cos θ, sin θ), (4,) each; one point has none (NaN).
-
-    Args:
-        poses: (n, 3) px, px, rad.
-        weights: with sum 1, (n,).
+    Attributes:
+        name: in records and tables.
+        unit: "length" (the map's unit), "length²", "rad", "share", "nats" or "" (a number).
+        words: what it is; a mean over the states if it does not say otherwise.
+        of: the score; NaN is not available.
+        each: what is measured of the belief about each state, (k,), if ``of`` needs it:
+            ``Estimates.values`` has it by the metric's name.
     """
-    return _moments(_rows(poses), _doubles(weights))
 
-
-def cloud_scores(poses: Reals, weights: Floats, truth: Floats) -> CloudScores:
-    """Moments of a belief and what they and its points say of the truth.
-
-    With X, X' drawn from the belief and z the truth, in (x, y):
-
-    - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
-      particles; the second of the pairs of ``PAIRED`` of them, at equal steps of the cumulative
-      weight: of one cloud it is right to a few per cent, its mean over a lap to 1 %. Of one point
-      the score is its distance to the truth.
-    - rank P(D(X) < D(z)), D the Mahalanobis distance to the belief's mean under its covariance. The
-      credible region of level p, the p of the weight nearest to the mean, covers the truth if
-      rank ≤ p. No shape is assumed: the distances are ranked among the belief's own.
-    - NEES dᵀ P⁻¹ d, d = truth - estimate in (x, y, θ), θ about the direction of the mean and
-      wrapped, P the second moments of the belief about the estimate. On average 3 if the truth is
-      a draw from the belief.
-
-    ``COVARIANCE_FLOOR`` keeps a collapsed cloud from dividing by zero.
-
-    Args:
-        poses: (n, 3) px, px, rad.
-        weights: with sum 1, (n,).
-        truth: the true pose, (3,).
-    """
-    rows, shares = _rows(poses), _doubles(weights)
-    mean, variance = _moments(rows, shares)
-    true = _doubles(truth)
-    if shares.size == 1:
-        chosen = np.empty(0, np.intp)
-        return CloudScores(
-            mean, variance, kernels.energy(rows, shares, true, chosen), math.nan, math.nan
-        )
-    chosen = np.empty(PAIRED, np.intp)
-    kernels.thinned(shares, chosen)
-    energy = kernels.energy(rows, shares, true, chosen)
-    rank, nees = kernels.rank_and_nees(rows, shares, mean, true, COVARIANCE_FLOOR)
-    return CloudScores(mean, variance, energy, rank, nees)
+    name: str
+    unit: str
+    words: str
+    of: Callable[[Estimates], float]
+    each: Callable[[Clouds, Task], Floats] | None = None
 
 
 def state_error(means: Floats, truth: Reals) -> Floats:
@@ -99,12 +79,14 @@ def state_error(means: Floats, truth: Reals) -> Floats:
         means: estimates of (x, y, cos θ, sin θ), (k, 4).
         truth: true poses, (k, 3).
     """
-    error: Floats = np.sqrt(np.square(means - components(truth)).sum(axis=1))
+    x, y, heading = np.asarray(truth, dtype=np.float64).T
+    true = np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
+    error: Floats = np.sqrt(np.square(means - true).sum(axis=1))
     return error
 
 
 def position_error(means: Floats, truth: Floats) -> Floats:
-    """Distance of estimate and truth in (x, y), px, (k,)."""
+    """Distance of estimate and truth in (x, y), (k,)."""
     error: Floats = np.sqrt(np.square(means[:, :2] - truth[:, :2]).sum(axis=1))
     return error
 
@@ -120,14 +102,23 @@ def heading_error(means: Floats, truth: Floats) -> Floats:
     return error
 
 
-def entropy(variances: Floats) -> Floats:
-    """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, f = VARIANCE_FLOOR, nats, (k,).
+def entropy(variances: Floats, unit: str) -> Floats:
+    """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, nats, (k,).
 
-    The entropy of a Gaussian with these variances and no correlation. The paper gives no formula.
+    The entropy of a Gaussian with these variances and no correlation, f = (0.1 px)² and 10⁻⁶. The
+    paper gives no formula.
     """
-    floored = np.maximum(variances, VARIANCE_FLOOR)  # NaN stays NaN
+    position = 1e-2 * pixel(unit) ** 2
+    floored = np.maximum(variances, [position, position, 1e-6, 1e-6])  # NaN stays NaN
     total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
     return total
+
+
+def wall_share(clouds: Clouds, task: Task) -> Floats:
+    """Weight on poses where the robot does not fit, (k,)."""
+    outside = np.flatnonzero(~task.floor_plan.free(clouds.poses.T, task.radius))
+    cuts = [0, *np.searchsorted(outside, clouds.ends).tolist()]
+    return np.array([clouds.weights[outside[a:b]].sum() for a, b in pairwise(cuts)])
 
 
 def rms(values: Floats) -> float:
@@ -140,18 +131,50 @@ def mean(values: Floats) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
-def _moments(rows: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    out = np.empty((2, 4))
-    kernels.moments(rows, weights, out)
-    if weights.size == 1:
-        out[1] = np.nan
-    return out[0], out[1]
+def _mean_of(name: str) -> Callable[[Estimates], float]:
+    """Return the mean of a value over the states."""
+    return lambda found: mean(found.values[name])
 
 
-def _rows(poses: Reals) -> Floats:
-    """Poses (n, 3) as contiguous rows (3, n)."""
-    return np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
+def _variance_of(column: int) -> Callable[[Estimates], float]:
+    return lambda found: mean(found.variances[:, column])
 
 
-def _doubles(values: Reals) -> Floats:
-    return np.ascontiguousarray(values, dtype=np.float64)
+def _coverage(level: int) -> Metric:
+    def inside(found: Estimates) -> float:
+        rank = found.values["rank"]
+        return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
+
+    return Metric(f"coverage_{level}", "share", f"states in the {level} % credible region", inside)
+
+
+def _lost(found: Estimates) -> float:
+    last = found.distance[-found.thresholds.lost_steps :]
+    return float(last.mean() > found.thresholds.lost) if last.size else math.nan
+
+
+def _sd(values: Floats) -> float:
+    return float(values.std()) if values.size else math.nan
+
+
+def _heading_rmse(found: Estimates) -> float:
+    return rms(heading_error(found.means, found.truth))
+
+
+METRICS = (
+    Metric("error", "", "error e", lambda found: mean(found.error)),
+    Metric("error_window", "", "e, common states", lambda found: mean(found.error[found.common])),
+    Metric("error_sd_steps", "", "SD of e over the states", lambda found: _sd(found.error)),
+    Metric("entropy", "nats", "entropy", lambda found: mean(entropy(found.variances, found.unit))),
+    Metric("var_x", "length²", "variance of x", _variance_of(0)),
+    Metric("var_y", "length²", "variance of y", _variance_of(1)),
+    Metric("var_cos", "", "variance of cos θ", _variance_of(2)),
+    Metric("var_sin", "", "variance of sin θ", _variance_of(3)),
+    Metric("position_rmse", "length", "position RMSE", lambda found: rms(found.distance)),
+    Metric("heading_rmse", "rad", "heading RMSE", _heading_rmse),
+    Metric("wall_share", "share", "weight in walls", _mean_of("wall_share"), wall_share),
+    Metric("energy_score", "length", "energy score", _mean_of("energy")),
+    *map(_coverage, LEVELS),
+    Metric("nees", "", "NEES; 3 if consistent", _mean_of("nees")),
+    Metric("lost", "share", "lost at the end", _lost),
+)

@@ -1,75 +1,46 @@
-"""From a trace to the scores of one trial: one row per offset."""
+"""From a trace to the record of one trial: its scores, one row per offset, and its curves."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from benchmarks.trials import metrics
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
 from deqmcl_gym.numerics.types import Floats
 
-LEVELS = (50, 80, 95)  # of the credible regions, per cent
-LOST_STEPS = 20  # a trial is lost if over its last steps …
-LOST_DISTANCE = 50.0  # … the mean position error is above this, px
+SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scores:
-    """Scores at one offset k; means over the states s = 1 … T that it estimates.
+def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any]]:
+    """Score each offset of a trace by every metric; NaN is not available.
 
-    Attributes:
-        offset: k, steps; the belief at t about x_{t+k}.
-        error: mean of e over the states.
-        error_window: mean of e over the states L ≤ s ≤ T - L, the same for every offset.
-        error_sd_steps: SD of e over the states (ddof 0).
-        entropy: mean, nats.
-        var_x, var_y, var_cos, var_sin: mean variances, px² and unitless.
-        position_rmse: px.
-        heading_rmse: rad.
-        wall_share: mean weight on poses where the robot does not fit.
-        energy_score: mean energy score of the position, px.
-        coverage_50, coverage_80, coverage_95: share of states inside the credible region.
-        nees: mean normalised estimation error squared of (x, y, θ); 3 if consistent.
-        lost: 1 if the mean position error of the last 20 states is above 50 px, else 0.
+    Args:
+        trace: what was believed.
+        lag: L; it sets the states that every offset estimates.
+        thresholds: what counts as lost.
+
+    Returns:
+        A row per offset: "offset" and ``SCORE_NAMES``.
     """
-
-    offset: int
-    error: float
-    error_window: float
-    error_sd_steps: float
-    entropy: float
-    var_x: float
-    var_y: float
-    var_cos: float
-    var_sin: float
-    position_rmse: float
-    heading_rmse: float
-    wall_share: float
-    energy_score: float
-    coverage_50: float
-    coverage_80: float
-    coverage_95: float
-    nees: float
-    lost: float
+    return [
+        {"offset": offset} | {metric.name: metric.of(estimates) for metric in METRICS}
+        for offset, kept in trace.offsets.items()
+        for estimates in [_estimates(trace, kept, lag, thresholds)]
+    ]
 
 
-SCORE_NAMES = tuple(name for name in Scores.__annotations__ if name != "offset")
-
-
-def scores(trace: Trace, lag: int) -> list[Scores]:
-    """Score each offset of a trace; ``lag`` = L sets the common window."""
-    return [_scores(trace, offset, kept, lag) for offset, kept in trace.offsets.items()]
-
-
-def record(trace: Trace, lag: int) -> dict[str, Any]:
+def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
     """Return a trial's result as JSON-able values: scores, error curves, qualities, counts."""
     return {
-        "scores": [_finite(asdict(row)) for row in scores(trace, lag)],
+        "unit": trace.unit,
+        "thresholds": asdict(thresholds),
+        "scores": [_finite(row) for row in scores(trace, lag, thresholds)],
         "curves": {
             str(offset): {
                 "first_state": int(kept.states[0]),
-                "error": [_sig(e) for e in _errors(trace, kept)],
+                "error": [_sig(e) for e in state_error(kept.means, trace.truth[kept.states])],
             }
             for offset, kept in trace.offsets.items()
         },
@@ -88,52 +59,22 @@ def profile(trace: Trace, lag: int) -> dict[int, float]:
     for offset, (states, means) in held.items():
         shared = (states >= lag) & (states <= trace.steps - lag) & (states % PROFILE_STRIDE == 0)
         if shared.any():
-            e = metrics.state_error(means[shared], trace.truth[states[shared]])
-            errors[offset] = metrics.mean(e)
+            errors[offset] = mean(state_error(means[shared], trace.truth[states[shared]]))
     return errors
 
 
-def _scores(trace: Trace, offset: int, kept: OffsetTrace, lag: int) -> Scores:
-    truth = trace.truth[kept.states]
+def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds) -> Estimates:
     scored = kept.states >= 1
-    window = scored & (kept.states >= lag) & (kept.states <= trace.steps - lag)
-    error = _errors(trace, kept)
-    variance = kept.variances[scored]
-    spread = [metrics.mean(column) for column in variance.T]
-    apart = metrics.position_error(kept.means, truth)
-    rank = kept.rank[scored]
-    inside = [np.where(np.isnan(rank), np.nan, rank <= level / 100) for level in LEVELS]
-    coverage = [metrics.mean(covered) for covered in inside]
-    return Scores(
-        offset=offset,
-        error=metrics.mean(error[scored]),
-        error_window=metrics.mean(error[window]),
-        error_sd_steps=float(error[scored].std()) if scored.any() else np.nan,
-        entropy=metrics.mean(metrics.entropy(variance)),
-        var_x=spread[0],
-        var_y=spread[1],
-        var_cos=spread[2],
-        var_sin=spread[3],
-        position_rmse=metrics.rms(apart[scored]),
-        heading_rmse=metrics.rms(metrics.heading_error(kept.means, truth)[scored]),
-        wall_share=metrics.mean(kept.wall_share[scored]),
-        energy_score=metrics.mean(kept.energy[scored]),
-        coverage_50=coverage[0],
-        coverage_80=coverage[1],
-        coverage_95=coverage[2],
-        nees=metrics.mean(kept.nees[scored]),
-        lost=_lost(apart[scored]),
+    states = kept.states[scored]
+    return Estimates(
+        truth=trace.truth[states],
+        means=kept.means[scored],
+        variances=kept.variances[scored],
+        values={name: values[scored] for name, values in kept.values.items()},
+        common=(states >= lag) & (states <= trace.steps - lag),
+        thresholds=thresholds,
+        unit=trace.unit,
     )
-
-
-def _lost(distances: Floats) -> float:
-    if not distances.size:
-        return np.nan
-    return float(distances[-LOST_STEPS:].mean() > LOST_DISTANCE)
-
-
-def _errors(trace: Trace, kept: OffsetTrace) -> Floats:
-    return metrics.state_error(kept.means, trace.truth[kept.states])
 
 
 def _rated(quality: Floats) -> list[float | None] | None:

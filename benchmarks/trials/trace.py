@@ -1,22 +1,26 @@
 """What is kept of an episode: per offset and state, what was believed and how it fits the truth."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.metrics import CloudScores, cloud_moments, cloud_scores
-from deqmcl_gym.envs.room import RoomEnv
+from benchmarks.trials.metrics import METRICS
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from localizers import Belief, quality_of
-
-Points = tuple[Reals, Floats]
+from localizers.models.scan_kernels import count_usable
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
+_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
+_CALIBRATION = ("energy", "rank", "nees")
+_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
+
+Table = Floats  # one row per state, (k, c)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,24 +31,22 @@ class OffsetTrace:
         states: s, (k,), ascending.
         means: of x, y, cos θ, sin θ, (k, 4).
         variances: of the same, (k, 4); NaN for a belief of one point.
-        wall_share: weight on poses where the robot does not fit, (k,).
-        energy, rank, nees: see ``metrics.CloudScores``, (k,); NaN where not available.
+        values: (k,) each, NaN where not available: energy, rank and nees (``clouds.calibration``),
+            and what metrics ask ``each`` state for, under their names.
     """
 
     states: Indices
     means: Floats
     variances: Floats
-    wall_share: Floats
-    energy: Floats
-    rank: Floats
-    nees: Floats
+    values: dict[str, Floats]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trace:
     """An episode as arrays.
 
     Attributes:
+        unit: of lengths.
         truth: the true poses x_0 … x_T, (T + 1, 3).
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
@@ -55,6 +57,7 @@ class Trace:
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
 
+    unit: str
     truth: Floats
     offsets: dict[int, OffsetTrace]
     scans_used: int
@@ -69,74 +72,125 @@ class Trace:
         return len(self.truth) - 1
 
 
-def trace_of(episode: Iterable[Moment], offsets: Iterable[int], room: RoomEnv) -> Trace:
-    """Run an episode in a room to its end and keep its trace at these offsets.
-
-    A belief about a future state waits for the truth of that state.
-    """
-    fits = partial(room.floor_plan.free, radius=room.world.robot.radius)
-    max_range = room.lidar.max_range
-    rows: dict[int, list[tuple[int, CloudScores, float]]] = {k: [] for k in offsets}
-    profile: dict[int, list[tuple[int, Floats]]] = {k: [] for k in _between(rows)}
-    waiting: dict[int, list[tuple[int, Points]]] = {}
-    truth: list[Floats] = []
-    quality: list[float] = []
-    scans_used, seconds = 0, 0.0
-    belief: Belief | None = None
+def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> Trace:
+    """Run an episode to its end and keep its trace at these offsets."""
+    asked = tuple(offsets)
+    lap = _Lap(task.max_range)
+    scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
+    sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        belief = moment.belief
-        truth.append(np.asarray(moment.truth, dtype=np.float64))
-        rated = quality_of(belief)
-        quality.append(np.nan if rated is None else rated)
-        if moment.step > 0:
-            seconds += moment.seconds
-            with np.errstate(invalid="ignore"):
-                scans_used += bool(((moment.ranges >= 0) & (moment.ranges <= max_range)).any())
-        for offset in rows:
-            state = moment.step + offset
-            if state >= 0 and (points := belief.points(offset)) is not None:
-                waiting.setdefault(max(state, moment.step), []).append((offset, points))
-        for offset, (poses, weights) in waiting.pop(moment.step, ()):
-            state = moment.step + min(offset, 0)
-            in_wall = float(weights[~fits(poses)].sum())
-            rows[offset].append((state, cloud_scores(poses, weights, truth[state]), in_wall))
-        for offset, kept in profile.items():
-            state = moment.step + offset
-            if state >= 0 and state % PROFILE_STRIDE == 0 and (points := belief.points(offset)):
-                kept.append((state, cloud_moments(*points)[0]))
+        for collector in (lap, scored, sampled):
+            collector.see(moment)
     return Trace(
-        truth=np.array(truth),
-        offsets={offset: _stacked(kept) for offset, kept in rows.items() if kept},
-        scans_used=scans_used,
-        seconds=seconds,
-        quality=np.array(quality),
-        events=_events(belief),
-        profile={
-            offset: (np.array([state for state, _ in known]), np.array([m for _, m in known]))
-            for offset, kept in profile.items()
-            if (known := [row for row in kept if row[0] < len(truth)])
-        },
+        unit=task.floor_plan.unit,
+        truth=np.array(lap.truth, np.float64),
+        offsets={k: _offset_trace(*table) for k, table in scored.tables().items()},
+        scans_used=lap.scans_used,
+        seconds=lap.seconds,
+        quality=np.array(lap.quality),
+        events=_events(lap.belief),
+        profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 
 
-def _between(offsets: Iterable[int]) -> list[int]:
-    """Offsets at equal steps as far as the outermost of those scored, these left out."""
-    scored = set(offsets)
-    lag = max(map(abs, scored), default=0)
-    step = max(1, lag // _PROFILE_OFFSETS)
-    return [k for k in range(-lag, lag + 1) if k % step == 0 and k not in scored]
+class _Lap:
+    """Collects the truth, qualities, and what is counted."""
+
+    def __init__(self, max_range: float) -> None:
+        self._max_range = max_range
+        self.truth: list[Reals] = []
+        self.quality: list[float] = []
+        self.scans_used, self.seconds = 0, 0.0
+        self.belief: Belief | None = None
+
+    def see(self, moment: Moment) -> None:
+        self.belief = moment.belief
+        self.truth.append(moment.truth)
+        quality = quality_of(moment.belief)
+        self.quality.append(np.nan if quality is None else quality)
+        if moment.step > 0:
+            self.seconds += moment.seconds
+            ranges = np.asarray(moment.ranges, np.float64)
+            self.scans_used += count_usable(ranges, self._max_range) > 0
 
 
-def _stacked(rows: list[tuple[int, CloudScores, float]]) -> OffsetTrace:
+class _Beliefs:
+    """Collects what is believed at some offsets about every n-th state.
+
+    A belief about a future state waits for the truth of that state; then it waits for others, to
+    be measured with them in one pass.
+    """
+
+    def __init__(
+        self,
+        offsets: Iterable[int],
+        truth: Sequence[Reals],
+        measure: Callable[[Clouds], Table],
+        stride: int = 1,
+    ) -> None:
+        self._offsets, self._truth = tuple(offsets), truth
+        self._measure, self._stride = measure, stride
+        self._ahead: dict[int, list[Cloud]] = {}
+        self._due: list[Cloud] = []
+        self._points = 0  # of those due
+        self._labels: list[tuple[int, int]] = []
+        self._tables: list[Table] = []
+
+    def see(self, moment: Moment) -> None:
+        for offset in self._offsets:
+            state = moment.step + offset
+            if state < 0 or state % self._stride:
+                continue
+            if (points := moment.belief.points(offset)) is not None:
+                cloud = cloud_of(state, offset, points)
+                self._ahead.setdefault(max(state, moment.step), []).append(cloud)
+        for cloud in self._ahead.pop(moment.step, ()):
+            self._due.append(cloud)
+            self._points += cloud.weights.size
+        if self._points >= _BATCH:
+            self._measure_due()
+
+    def tables(self) -> dict[int, tuple[Indices, Table]]:
+        """By offset: the states and a row of each; what is held of no state is left out."""
+        self._measure_due()
+        if not self._tables:
+            return {}
+        states, offsets = np.array(self._labels).T
+        table = np.concatenate(self._tables)
+        own = {k: np.flatnonzero(offsets == k) for k in self._offsets}
+        return {k: (states[rows], table[rows]) for k, rows in own.items() if rows.size}
+
+    def _measure_due(self) -> None:
+        if self._due:
+            truth = [self._truth[cloud.state] for cloud in self._due]
+            self._tables.append(self._measure(joined(self._due, truth)))
+            self._labels += [(cloud.state, cloud.offset) for cloud in self._due]
+            self._due, self._points = [], 0
+
+
+def _measured(clouds: Clouds, task: Task) -> Table:
+    """Moments, calibration, and what metrics ask each state for, side by side."""
+    spread = moments(clouds)
+    asked = [each(clouds, task) for each in _EACH.values()]
+    return np.column_stack(
+        [spread, calibration(clouds, spread[:, :4], task.floor_plan.unit), *asked]
+    )
+
+
+def _offset_trace(states: Indices, table: Table) -> OffsetTrace:
     return OffsetTrace(
-        states=np.array([state for state, _, _ in rows]),
-        means=np.array([scores.mean for _, scores, _ in rows]),
-        variances=np.array([scores.variance for _, scores, _ in rows]),
-        wall_share=np.array([in_wall for _, _, in_wall in rows]),
-        energy=np.array([scores.energy for _, scores, _ in rows]),
-        rank=np.array([scores.rank for _, scores, _ in rows]),
-        nees=np.array([scores.nees for _, scores, _ in rows]),
+        states=states,
+        means=table[:, :4].copy(),
+        variances=table[:, 4:8].copy(),
+        values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
     )
+
+
+def _between(offsets: Sequence[int]) -> list[int]:
+    """Offsets at equal steps as far as the outermost of those scored, these left out."""
+    lag = max(map(abs, offsets), default=0)
+    step = max(1, lag // _PROFILE_OFFSETS)
+    return [k for k in range(-lag, lag + 1) if k % step == 0 and k not in offsets]
 
 
 def _events(belief: Any) -> dict[str, int]:

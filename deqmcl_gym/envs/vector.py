@@ -202,9 +202,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         if among is not self._all:
             for values in told.values():
                 values[~among] = 0
-        masks = np.empty((len(_MASKS), among.size), np.bool_)
-        masks[:] = among
-        told.update(zip(_MASKS, masks, strict=True))
+        told.update({mask: among.copy() for mask in _MASKS})
         return told
 
     def _chosen(self, options: object) -> Bools:

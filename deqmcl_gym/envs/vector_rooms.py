@@ -3,7 +3,6 @@
 import numpy as np
 
 from deqmcl_gym.envs import vector_kernels as kernels
-from deqmcl_gym.envs.vector_kernels import Moved
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
 from deqmcl_gym.world.setting import SKIN, Setting
@@ -76,15 +75,17 @@ class Rooms:
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
 
-    def move(self, commands: Singles, resting: Bools) -> Moved:
-        """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
+    def move(self, commands: Singles, resting: Bools) -> tuple[Floats, Bools, Bools, Bools]:
+        """Turn and drive the robots that are not ``resting``: one step of noisy motion.
+
+        Returns:
+            ``kernels.Moved``: rewards, collided, terminated, truncated.
+        """
         n = resting.size
-        rewards, collided = np.empty(n), np.empty(n, np.bool_)
-        terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
-        moved = Moved(rewards, collided, terminated, truncated)
+        moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
         noise = self._motion
         noise.fill()
-        kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, tuple(moved))
+        kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, moved)
         return moved
 
     def observe(self, rooms: Indices | None = None) -> None:

@@ -99,6 +99,9 @@ class Queue(_Slots):
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
+        if past == 0:  # what is forgotten need not be linked to
+            first, future = self.present + 1, self.future.pop()
+            return Queue(self.slots[first:], self.links[first:], self.pending, future=future)
         before, present = self.past.push(self.links[self.present]), self.present + 1
         if present <= past:
             return self._replace(present=present, past=before, future=self.future.pop())

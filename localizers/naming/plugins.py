@@ -62,18 +62,39 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         InputError: there is no such module, file or attribute, or its code fails while importing.
     """
     named = f"the {kind} {name!r}"
-    module = _module(reference, named)
-    found: Any = module
-    attribute = reference.rpartition(":")[2]
-    for part in attribute.split("."):
-        if not _has(found, part, named):
-            own = _offered(module)
-            raise InputError(
-                f"{named} is not there: {reference.rpartition(':')[0]} has no "
-                f"{attribute!r}{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
-            )
-        found = getattr(found, part)
-    return found
+    place, _, attribute = reference.rpartition(":")
+    if not place or not all(part.isidentifier() for part in attribute.split(".")):
+        raise InputError(
+            f"{named} leads to {reference!r}, but must be package.module:NAME or "
+            "path/to/file.py:NAME."
+        )
+    path = Path(place).expanduser().absolute() if _is_path(place) else None
+    source = b"" if path is None else _source(path, named)
+    try:
+        module = importlib.import_module(place) if path is None else _run(path, source)
+        found: Any = module
+        for part in attribute.split("."):
+            if not hasattr(found, part):  # a module may run code of its own to find out
+                break
+            found = getattr(found, part)
+        else:
+            return found
+    except SyntaxError as error:
+        raise InputError(
+            f"{named} has a syntax error in {error.filename}, line {error.lineno}: {error.msg}."
+        ) from error
+    except (Exception, SystemExit) as error:  # whatever a plug-in raises while importing
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if path is None and missing and f"{place}.".startswith(f"{missing}."):
+            raise _no_module(named, missing) from None
+        raise InputError(
+            f"{named} cannot be imported, its own code raised {raised(error, str(path))}."
+        ) from error
+    own = _offered(module)
+    raise InputError(
+        f"{named} is not there: {place} has no {attribute!r}"
+        f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
+    )
 
 
 def reference_digest(reference: str) -> str | None:
@@ -92,7 +113,8 @@ def reference_digest(reference: str) -> str | None:
     folders = [] if found is None else found.submodule_search_locations or []
     if not folders:
         return None if found is None else file_digest(found.origin)
-    return _digest((path, path.relative_to(root)) for root in folders for path in _sources(root))
+    sources = ((path, root) for root in folders for path in sorted(Path(root).rglob("*.py")))
+    return _digest((path, path.relative_to(root)) for path, root in sources)
 
 
 def file_digest(path: str | None) -> str | None:
@@ -112,37 +134,6 @@ def raised(error: BaseException, file: str | None = None) -> str:
     return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
 
 
-def _module(reference: str, named: str) -> ModuleType:
-    """Import what stands before the colon."""
-    place, _, attribute = reference.rpartition(":")
-    if not place or not all(part.isidentifier() for part in attribute.split(".")):
-        raise InputError(
-            f"{named} leads to {reference!r}, but must be package.module:NAME or "
-            "path/to/file.py:NAME."
-        )
-    path = Path(absolute_name(reference).rpartition(":")[0]) if _is_path(place) else None
-    source = b"" if path is None else _source(path, named)
-    try:
-        return importlib.import_module(place) if path is None else _run(path, source)
-    except SyntaxError as error:
-        raise InputError(
-            f"{named} has a syntax error in {error.filename}, line {error.lineno}: "
-            f"{error.msg}."
-        ) from error
-    except (Exception, SystemExit) as error:  # whatever a plug-in raises while importing
-        missing = error.name if isinstance(error, ModuleNotFoundError) else None
-        if path is None and missing and f"{place}.".startswith(f"{missing}."):
-            raise _no_module(named, missing) from None
-        raise InputError(
-            f"{named} cannot be imported, its own code raised "
-            f"{raised(error, str(path))}."
-        ) from error
-
-
-def _sources(folder: str) -> list[Path]:
-    return sorted(Path(folder).rglob("*.py"))
-
-
 def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
     """Digest of files under the names they are to be known by."""
     digest = hashlib.sha256()
@@ -155,24 +146,13 @@ def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
     return digest.hexdigest()
 
 
-def _has(thing: Any, attribute: str, named: str) -> bool:
-    """Whether there is such an attribute; a module may run code of its own to find out."""
-    try:
-        return hasattr(thing, attribute)
-    except (Exception, SystemExit) as error:
-        raise InputError(
-            f"{named} cannot be imported, its own code raised {raised(error)}."
-        ) from error
-
-
 def _source(path: Path, named: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
         beside = sorted(file.name for file in path.parent.glob("*.py"))
         raise InputError(
-            f"{named} cannot be read: {path}: {error.strerror}"
-            f"{_nearest(path.name, beside)}."
+            f"{named} cannot be read: {path}: {error.strerror}{_nearest(path.name, beside)}."
         ) from None
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.trials.episode import Moment, room_of
+from benchmarks.trials.episode import Moment, room_of, task_of
 from benchmarks.trials.trace import trace_of
 
-ROOM = room_of("paper")
+TASK = task_of(room_of("paper"))
 FREE, IN_WALL = (50.0, 50.0, 0.0), (175.0, 150.0, 0.0)  # a corner of the loop; the inner rectangle
 USABLE = np.array([100.0])
 
@@ -52,4 +52,4 @@ def mean_error(states, offset):
 
 def traced(steps, offsets, scored=None, **how):
     """The trace of such an episode, at the offsets ``scored`` (all of them)."""
-    return trace_of(episode(steps, offsets, **how), scored or offsets, ROOM)
+    return trace_of(episode(steps, offsets, **how), scored or offsets, TASK)

@@ -43,9 +43,9 @@ def runs(monkeypatch):
     """The trials that were run rather than found."""
     ran = []
 
-    def noted(trial: Trial):
+    def noted(trial: Trial, room):
         ran.append(trial)
-        return trial_moments(trial)
+        return trial_moments(trial, room)
 
     monkeypatch.setattr(attempt, "trial_moments", noted)
     return ran
@@ -196,10 +196,10 @@ def test_a_belief_that_is_not_finite_fails_the_trial_and_names_the_state(tmp_pat
 
 
 class NowhereBetween(Nowhere):
-    """A belief that is finite where it is scored, and not between: seen by the profile alone."""
+    """A belief whose error is finite where it is scored, and not between: in the profile alone."""
 
     def points(self, offset=0):
-        x = 1.0 if offset in (-4, 0, 4) else math.nan
+        x = 1.0 if offset in (-4, 0, 4) else 1e300  # its square is infinite
         return np.array([[x, 50, 0]]), np.ones(1)
 
 
@@ -237,7 +237,7 @@ def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
         trial=0,
     )
     first = list(trial_moments(trial))[:1]
-    monkeypatch.setattr(attempt, "trial_moments", lambda _: first)
+    monkeypatch.setattr(attempt, "trial_moments", lambda *_: first)
     with pytest.raises(TrialsFailedError, match="it processed 0 steps"):
         run([trial], tmp_path)
 

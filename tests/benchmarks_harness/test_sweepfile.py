@@ -132,7 +132,10 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[[vary]]\nlag = 3', ["lag", "3", "list"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
     ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
-    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nscenario = ["paper"]', ["lag: 2", "scenario: 1"]),
+    (
+        'localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nscenario = ["paper"]',
+        ["lag: 2", "scenario: 1"],
+    ),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\nlog = [1]', ["'log'", "did you mean 'lag'?"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),

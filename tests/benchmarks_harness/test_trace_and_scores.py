@@ -8,7 +8,7 @@ import pytest
 from fake_episode import (
     FREE,
     IN_WALL,
-    ROOM,
+    TASK,
     USABLE,
     FakeBelief,
     mean_error,
@@ -17,6 +17,7 @@ from fake_episode import (
     truth_of,
 )
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
 from benchmarks.trials.trace import trace_of
@@ -24,12 +25,17 @@ from deqmcl_gym.validation import InputError
 
 T, L = 10, 3
 OFFSETS = (0, -L, L)
+USUAL = Thresholds()
 # sums of up to ten terms around 10² … 10⁴ with the roundings of x = 100 + s + error
 CLOSE = {"rel": 1e-12}
 
 
-def scored(trace, lag=L):
-    return {row.offset: row for row in scores(trace, lag)}
+def scored(trace, lag=L, thresholds=USUAL):
+    return {row["offset"]: row for row in scores(trace, lag, thresholds)}
+
+
+def recorded(trace, lag=L, thresholds=USUAL):
+    return json.loads(json.dumps(record(trace, lag, thresholds), allow_nan=False))
 
 
 @pytest.mark.parametrize(
@@ -44,18 +50,22 @@ def test_the_error_at_an_offset_is_the_mean_over_the_states_from_1_that_it_estim
     offset, states
 ):
     row = scored(traced(T, OFFSETS))[offset]
-    assert row.error == pytest.approx(mean_error(states, offset), **CLOSE)
+    assert row["error"] == pytest.approx(mean_error(states, offset), **CLOSE)
 
 
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_the_window_is_the_same_for_every_offset(offset):
     row = scored(traced(T, OFFSETS))[offset]
-    assert row.error_window == pytest.approx(mean_error(range(L, T - L + 1), offset), **CLOSE)
+    assert row["error_window"] == pytest.approx(mean_error(range(L, T - L + 1), offset), **CLOSE)
 
 
 def test_without_a_lag_the_window_is_the_whole_lap():
-    (row,) = scores(traced(T, (0,)), 0)
-    assert row.error_window == row.error == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+    row = scored(traced(T, (0,)), 0)[0]
+    assert (
+        row["error_window"]
+        == row["error"]
+        == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+    )
 
 
 @pytest.mark.parametrize("missing", [-L, L])
@@ -73,7 +83,7 @@ def test_an_offset_held_at_some_steps_only_is_scored_there_only():
 def test_states_after_the_end_of_the_lap_are_not_scored_even_if_believed_in():
     everything = FakeBelief({k: (truth_of(0)[None], np.ones(1)) for k in OFFSETS})
     moments = [Moment(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
-    trace = trace_of(moments, OFFSETS, ROOM)
+    trace = trace_of(moments, OFFSETS, TASK)
     assert trace.offsets[L].states.tolist() == [*range(L, T + 1)]
     assert trace.offsets[-L].states.tolist() == [*range(T - L + 1)]
 
@@ -82,8 +92,8 @@ def test_states_after_the_end_of_the_lap_are_not_scored_even_if_believed_in():
 def test_a_lag_longer_than_the_episode_leaves_the_present_and_no_window(lag):
     rows = scored(traced(T, (0, -lag, lag)), lag)
     assert set(rows) == {0}
-    assert rows[0].error == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
-    assert math.isnan(rows[0].error_window)
+    assert rows[0]["error"] == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
+    assert math.isnan(rows[0]["error_window"])
 
 
 def test_position_and_heading_scores_are_roots_of_mean_squares_from_state_1():
@@ -92,8 +102,8 @@ def test_position_and_heading_scores_are_roots_of_mean_squares_from_state_1():
 
     row = scored(traced(T, (0,), points=off))[0]
     rms = math.sqrt(sum(s * s for s in range(1, T + 1)) / T)
-    assert row.position_rmse == pytest.approx(5 * rms, **CLOSE)
-    assert row.heading_rmse == pytest.approx(0.01 * rms, **CLOSE)
+    assert row["position_rmse"] == pytest.approx(5 * rms, **CLOSE)
+    assert row["heading_rmse"] == pytest.approx(0.01 * rms, **CLOSE)
 
 
 def test_variances_and_entropy_are_means_over_steps_from_state_1():
@@ -101,19 +111,19 @@ def test_variances_and_entropy_are_means_over_steps_from_state_1():
         return truth_of(state) + np.array([[state, 0, 0], [-state, 0, 0]]), np.full(2, 0.5)
 
     row = scored(traced(T, (0,), points=pair))[0]
-    assert row.var_x == pytest.approx(sum(s * s for s in range(1, T + 1)) / T, **CLOSE)
-    assert [row.var_y, row.var_cos, row.var_sin] == pytest.approx([0, 0, 0], abs=1e-30)
+    assert row["var_x"] == pytest.approx(sum(s * s for s in range(1, T + 1)) / T, **CLOSE)
+    assert [row["var_y"], row["var_cos"], row["var_sin"]] == pytest.approx([0, 0, 0], abs=1e-30)
     constant = 2 * math.log(2 * math.pi * math.e) + 0.5 * math.log(1e-2 * 1e-6 * 1e-6)
     expected = constant + sum(math.log(s) for s in range(1, T + 1)) / T
-    assert row.entropy == pytest.approx(expected, **CLOSE)
+    assert row["entropy"] == pytest.approx(expected, **CLOSE)
 
 
-def test_a_belief_of_one_point_has_errors_but_neither_variance_nor_entropy():
+def test_a_belief_of_one_point_is_scored_by_its_distance_alone():
     row = scored(traced(T, (0,)))[0]
-    assert math.isfinite(row.error)
-    assert math.isfinite(row.position_rmse)
-    for unknown in (row.var_x, row.var_y, row.var_cos, row.var_sin, row.entropy):
-        assert math.isnan(unknown)
+    assert row["energy_score"] == row["error"] == pytest.approx(mean_error(range(1, T + 1), 0))
+    assert math.isfinite(row["position_rmse"])
+    needs_a_spread = ("var_x", "var_y", "var_cos", "var_sin", "entropy", "coverage_50", "nees")
+    assert all(math.isnan(row[name]) for name in needs_a_spread)
 
 
 def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
@@ -121,15 +131,25 @@ def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
         shares = (0.0, 1.0) if state == 0 else (0.7, 0.3)
         return np.array([FREE, IN_WALL]), np.array(shares)
 
-    assert scored(traced(T, (0,), points=partly))[0].wall_share == pytest.approx(0.3, **CLOSE)
+    assert scored(traced(T, (0,), points=partly))[0]["wall_share"] == pytest.approx(0.3, **CLOSE)
 
 
-@pytest.mark.parametrize(("astray", "lost"), [(13, 1.0), (12, 0.0)])
-def test_a_trial_is_lost_if_its_last_20_states_are_on_average_more_than_50_px_off(astray, lost):
-    def off(state, offset):  # 80 px in the last states: 13 · 80 / 20 = 52, 12 · 80 / 20 = 48
+@pytest.mark.parametrize(
+    ("astray", "thresholds", "lost"),
+    [
+        (13, USUAL, 1.0),  # 80 px in the last states: 13 · 80 / 20 = 52
+        (12, USUAL, 0.0),  # 12 · 80 / 20 = 48
+        (12, Thresholds(lost=47.0), 1.0),
+        (12, Thresholds(lost_steps=19), 1.0),  # 12 · 80 / 19 = 50.5
+    ],
+)
+def test_a_trial_is_lost_if_its_last_states_are_on_average_further_off_than_the_threshold(
+    astray, thresholds, lost
+):
+    def off(state, offset):
         return truth_of(state)[None] + [80.0 * (state > 40 - astray), 0, 0], np.ones(1)
 
-    assert scored(traced(40, (0,), points=off))[0].lost == lost
+    assert scored(traced(40, (0,), points=off), L, thresholds)[0]["lost"] == lost
 
 
 def test_coverage_is_the_share_of_states_whose_truth_is_ranked_inside():
@@ -143,13 +163,7 @@ def test_coverage_is_the_share_of_states_whose_truth_is_ranked_inside():
     ranks = [(0.0, 0.2, 0.2, 0.6, 1.0)[s % 5] for s in range(1, 11)]
     for level in (50, 80, 95):
         expected = sum(rank <= level / 100 for rank in ranks) / 10
-        assert getattr(row, f"coverage_{level}") == pytest.approx(expected, **CLOSE)
-
-
-def test_the_energy_score_of_one_point_is_the_mean_distance_and_calibration_is_unknown():
-    row = scored(traced(T, (0,)))[0]
-    assert row.energy_score == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
-    assert all(math.isnan(value) for value in (row.coverage_50, row.coverage_95, row.nees))
+        assert row[f"coverage_{level}"] == pytest.approx(expected, **CLOSE)
 
 
 def test_the_profile_has_every_offset_over_the_same_states():
@@ -166,9 +180,27 @@ def test_the_profile_holds_only_the_offsets_that_a_method_holds():
     assert set(profile(trace, 8)) == {0, -2, -8}
 
 
+def test_a_belief_is_scored_as_it_was_when_it_was_given():
+    class Reused:  # one array for all steps, written into before each
+        poses, weights = np.empty((1, 3)), np.ones(1)
+
+        def points(self, offset=0):
+            return self.poses, self.weights
+
+    def moments():
+        for t in range(T + 1):
+            Reused.poses[:] = np.add(truth_of(t), (t, 0, 0))
+            yield Moment(t, truth_of(t), USABLE, Reused(), 0.0)
+
+    error = recorded(trace_of(moments(), OFFSETS, TASK))["curves"]
+    assert error["0"]["error"] == [*range(T + 1)]
+    assert error[str(L)]["error"] == [abs(t - L) for t in range(T - L + 1)]
+    assert error[str(-L)]["error"] == [t + 2 * L for t in range(T - L + 1)]
+
+
 def test_scans_used_counts_those_after_the_start_with_at_least_one_usable_beam():
     nan, inf = math.nan, math.inf
-    limit = ROOM.lidar.max_range
+    limit = TASK.max_range
     beams = [
         (10.0, 10.0),  # of t = 0: shown to nobody
         (10.0, 10.0),
@@ -203,19 +235,18 @@ def rated(*qualities):
         Moment(t, truth_of(t), USABLE, RatedBelief({0: one_point(t, 0)}, quality), 0.0)
         for t, quality in enumerate(qualities)
     ]
-    return trace_of(moments, (0,), ROOM)
+    return trace_of(moments, (0,), TASK)
 
 
 def test_the_quality_is_kept_of_every_step_and_recorded_from_the_first_with_all_digits():
     trace = rated(0.99, 0.25, None, 1 - 2**-53)
     assert np.array_equal(trace.quality, [0.99, 0.25, math.nan, 1 - 2**-53], equal_nan=True)
-    written = json.loads(json.dumps(record(trace, 0)))
-    assert written["quality"] == [0.25, None, 1 - 2**-53]
+    assert recorded(trace, 0)["quality"] == [0.25, None, 1 - 2**-53]
 
 
 def test_where_no_belief_gives_a_quality_none_is_recorded():
-    assert record(traced(T, OFFSETS), L)["quality"] is None
-    assert record(rated(0.99, None, None), 0)["quality"] is None  # nothing of a scan is known
+    assert recorded(traced(T, OFFSETS), L)["quality"] is None
+    assert recorded(rated(0.99, None, None), 0)["quality"] is None  # nothing of a scan is known
 
 
 @pytest.mark.parametrize("quality", [1.5, -0.1, math.nan, "good"])
@@ -225,16 +256,17 @@ def test_a_quality_that_is_no_probability_fails_the_trial(quality):
 
 
 def test_a_record_is_strict_json_with_null_for_what_is_unknown():
-    result = record(traced(T, OFFSETS), L)
-    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    result = recorded(traced(T, OFFSETS), L, Thresholds(far=40.0))
     (present,) = (row for row in result["scores"] if row["offset"] == 0)
-    assert set(present) == {"offset", *SCORE_NAMES}
+    assert [*present] == ["offset", *SCORE_NAMES]
     assert present["entropy"] is None
     assert result["steps_done"] == result["scans_used"] == T
+    assert result["unit"] == "px"
+    assert result["thresholds"] == {"far": 40.0, "lost": 50.0, "lost_steps": 20}
 
 
 def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error():
-    curves = record(traced(T, OFFSETS), L)["curves"]
+    curves = recorded(traced(T, OFFSETS))["curves"]
     assert {k: v["first_state"] for k, v in curves.items()} == {"0": 0, "-3": 0, "3": L}
     # written with six digits: relative rounding at most 5e-6
     assert curves["3"]["error"] == pytest.approx([5 * 2.0**s for s in range(L, T + 1)], rel=5e-6)

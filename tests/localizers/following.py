@@ -9,9 +9,6 @@ import numpy as np
 import localizers
 from localizers.inference.localizer import FilterLocalizer
 
-FAMILY = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl")  # of ``particles``
-UNDRAWN = ("dead-reckoning", "grid")  # no randomness
-
 Drive = tuple[np.ndarray, np.ndarray]
 
 

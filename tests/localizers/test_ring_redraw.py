@@ -53,7 +53,7 @@ def deq(pilots: int, strategy: str = "always", beta: float = 1.0):
 )
 def test_after_a_redraw_the_target_is_gamma_of_the_new_plan(drive, pilots, strategy):
     ring = deq(pilots, strategy)
-    assert worst(z_scores(ring, DRIVES[drive], 1.0, replicates=4_000)) < 5
+    assert worst(z_scores(ring, DRIVES[drive], 1.0, replicates=2_000)) < 5
 
 
 @pytest.mark.slow

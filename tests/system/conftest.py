@@ -35,7 +35,7 @@ def file(tmp_path_factory):
 def ran(monkeypatch):
     """Trials that were run rather than found."""
     found, run = [], attempt.trial_moments
-    monkeypatch.setattr(attempt, "trial_moments", lambda t: found.append(t) or run(t))
+    monkeypatch.setattr(attempt, "trial_moments", lambda t, room: found.append(t) or run(t, room))
     return found
 
 

@@ -8,9 +8,9 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, process, python
 
 import localizers
-from benchmarks import paper
 from benchmarks.cli import main
-from benchmarks.commands import COMMANDS
+from benchmarks.commands import COMMANDS, paper
+from benchmarks.setup.names import agent_names, scenario, scenario_names
 from benchmarks.sweeps.suites import SUITES
 
 HELP = [
@@ -106,7 +106,7 @@ def test_a_run_that_fails_says_why_on_one_line(capsys, monkeypatch, tmp_path, er
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(paper, "run_paper", fail)
+    monkeypatch.setattr(paper, "run", fail)
     assert main(["paper", "--out", str(tmp_path)]) == code
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", said)
@@ -116,34 +116,9 @@ def test_debug_shows_where_a_run_failed(monkeypatch, tmp_path):
     def fail(*_, **__):
         raise RuntimeError("it went wrong")
 
-    monkeypatch.setattr(paper, "run_paper", fail)
+    monkeypatch.setattr(paper, "run", fail)
     with pytest.raises(RuntimeError, match="it went wrong"):
         main(["paper", "--debug", "--out", str(tmp_path)])
-
-
-def test_the_defaults_are_those_of_the_paper(monkeypatch, tmp_path):
-    asked = []
-
-    def note(experiment, out, *, jobs, command):
-        asked.append((experiment, out.as_posix(), jobs, command))
-        return ""
-
-    monkeypatch.setattr(paper, "run_paper", note)
-    monkeypatch.chdir(tmp_path)
-    assert main(["paper"]) == 0
-    experiment, out, jobs, command = asked[0]
-    assert vars(experiment) == {
-        "scenario": "paper",
-        "localizers": (
-            *("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning"),
-        ),
-        "trials": 10,
-        "seed": 0,
-        "particles": 1000,
-        "lag": 20,
-    }
-    assert (out, command) == ("results/paper", ["deqmcl", "paper"])
-    assert jobs >= 1
 
 
 def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_cannot_be_loaded(
@@ -159,7 +134,9 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     monkeypatch.setattr(localizers, "parameters", parameters)
     assert exit_code("list") == 0
     said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), "paper", "matched", "sharp", "guided"):
+    for words in (*SUITES, *localizers.names(), *scenario_names(), *agent_names()):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
+    for name in scenario_names():
+        assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
     assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)

@@ -10,8 +10,10 @@ from localizers.naming import registry
 FULL_DISK = """
 import resource, signal, sys
 from benchmarks.cli import main
-from benchmarks.pictures import gallery
-gallery.write_figures = lambda *_: []
+from benchmarks.pictures import figures
+from benchmarks.report import writing
+figures.write_figures = lambda *_: []
+writing.no_report = lambda: "not here"
 out, quota = sys.argv[1], int(sys.argv[2])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 def run(trials):
@@ -52,7 +54,7 @@ def test_a_full_disk_leaves_earlier_files_intact_and_nothing_half_written(full_d
         assert json.loads(after[name])["steps_done"] == 204
         assert after[name] == files(out)[name]
     assert not [name for name in after if "tmp" in name]
-    assert after["table.csv"].endswith(b",1\n")  # of one trial
+    assert after["table.md"].startswith(b"# Table 1, scenario paper: 1 world")
 
 
 def test_once_there_is_room_again_the_run_goes_on_and_ends_as_if_nothing_had_been(
@@ -61,7 +63,7 @@ def test_once_there_is_room_again_the_run_goes_on_and_ends_as_if_nothing_had_bee
     _, out = full_disk
     few = ("--localizers", "mcl,dead-reckoning", "--particles", "10", "--jobs", "1")
     assert exit_code("paper", "--trials", "3", *few, "--out", tmp_path) == 0
-    for name in ("table.csv", "trials.csv", "table.md"):
+    for name in ("results.csv", "trials.csv", "table.md"):
         assert files(out)[name] == files(tmp_path)[name]
 
 
@@ -76,13 +78,13 @@ def test_a_failing_localizer_fails_the_run_in_one_line_and_the_others_trials_are
     few = ("--trials", "2", "--localizers", "broken,dead-reckoning", "--jobs", "1")
     assert exit_code("paper", *few, "--out", tmp_path) == 3
     printed = capsys.readouterr()
-    assert printed.out == ""
+    assert printed.out.startswith("The paper's experiment: 2 of 4 trials finished, 2 failed.\n")
     assert printed.err == (
         "deqmcl: 2 of 4 trials failed, the rest is kept; first: broken, trial 0: ArithmeticError: "
         "broken from the start (--debug shows where)\n"
     )
     assert len([name for name in files(tmp_path) if name.startswith("trials/")]) == 2
-    assert not (tmp_path / "table.csv").exists()  # no table of half an experiment
+    assert not (tmp_path / "table.md").exists()  # no Table 1 of half an experiment
 
 
 def test_a_localizer_that_refuses_its_parameters_is_bad_input_and_nothing_is_written(

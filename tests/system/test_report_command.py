@@ -34,15 +34,14 @@ LOOK = """<script>addEventListener("load", () => {
 def reported(small_run, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reported") / "results"
     shutil.copytree(small_run[1], folder)
+    for path in (folder / "report.html", folder / "results.md", folder / "results.csv"):
+        path.unlink()
     assert exit_code("report", folder) == 0
     return folder
 
 
 def test_a_report_is_written_beside_the_results(reported, small_run):
-    before, after = files(small_run[1]), files(reported)
-    new = {name for name in set(after) - set(before) if not name.startswith("images/")}
-    assert new == {"results.csv", "results.md", "report.html"}
-    assert all(after[name] == before[name] for name in before if name.startswith("trials/"))
+    assert files(reported) == files(small_run[1])  # as the run itself has written it
 
 
 def test_the_report_can_be_written_elsewhere_and_is_the_same(reported, tmp_path, capsys):
@@ -80,8 +79,6 @@ INCOMPLETE = (
     '{"identity": null}',
     '{"identity": {"sweep": null}}',
     '{"identity": {"sweep": {"title": "one", "localizers": ["mcl"]}}}',
-    '{"configuration": {}}',
-    '{"configuration": {"scenario": "paper"}}',
     '{"configuration": {"scenario": "paper"}, "command": ["deqmcl", "paper"]}',
 )
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import trial_trace
 from benchmarks.trials.metrics import state_error
@@ -89,12 +90,12 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     (trial,) = paper_suite(
         scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
     )
-    (row,) = scores(trial_trace(trial), 20)
+    (row,) = scores(trial_trace(trial), 20, Thresholds())
     errors = [line["error"] for line in curve(out)[0] if line["state"] >= 1]
     assert len(errors) == 204
-    assert sum(errors) / 204 == pytest.approx(row.error, rel=1e-12)  # a sum of 204 floats
+    assert sum(errors) / 204 == pytest.approx(row["error"], rel=1e-12)  # a sum of 204 floats
     (said,) = re.findall(r"x\[t\]: error +([\d.]+), position RMSE", done.stdout)
-    assert float(said) == pytest.approx(row.error, abs=0.005)  # two decimals
+    assert float(said) == pytest.approx(row["error"], abs=0.005)  # two decimals
     assert done.stdout.startswith("MCL, scenario paper, seed 3: 204 steps\n")
 
 

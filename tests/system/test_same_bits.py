@@ -11,6 +11,7 @@ import pytest
 # Every number of one trial of each localizer, by its exact bits.
 DIGEST = """
 import hashlib, json
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.scoring import record
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import trial_trace
@@ -25,8 +26,9 @@ for scenario in ("paper", "sharp"):
         trace = trial_trace(trial)
         arrays = [trace.truth.tobytes()]
         for kept in trace.offsets.values():
-            arrays += [kept.means.tobytes(), kept.variances.tobytes(), kept.wall_share.tobytes()]
-        words = json.dumps(record(trace, trial.lag), sort_keys=True).encode()
+            columns = [kept.means, kept.variances, *kept.values.values()]
+            arrays += [column.tobytes() for column in columns]
+        words = json.dumps(record(trace, trial.lag, Thresholds()), sort_keys=True).encode()
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
         digests[f"{scenario} {trial.localizer}"] = digest
 print(json.dumps(digests))

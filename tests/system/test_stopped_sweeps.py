@@ -55,7 +55,9 @@ class Running:
         return found
 
     def workers(self):
-        return [p for p in self.pids() if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+        """Those forked from the process that has loaded what they need."""
+        parents = {p: int(Path(f"/proc/{p}/stat").read_text().split()[3]) for p in self.pids()}
+        return [p for p, parent in parents.items() if parents.get(parent) == self.process.pid]
 
     def wait_for_trials(self, count):
         until(lambda: len(list((self.out / "trials").glob("*.json"))) >= count, self.process)

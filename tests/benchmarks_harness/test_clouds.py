@@ -1,0 +1,211 @@
+"""Moments, energy score, rank of the truth and NEES of clouds against plain forms; what is none."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
+from deqmcl_gym.validation import InputError
+
+PI = math.pi
+TRUTH = np.array([110.0, 50.0, -3.1])
+
+
+def cloud(n, seed):
+    """A correlated cloud about (100, 60, 3.0): headings on both sides of π."""
+    rng = np.random.default_rng(seed)
+    z = rng.normal(size=(n, 3))
+    poses = np.column_stack(
+        [100 + 30 * z[:, 0], 60 + 10 * z[:, 0] + 15 * z[:, 1], 3.0 + 0.3 * z[:, 2] + 0.1 * z[:, 1]]
+    )
+    poses[:, 2] = (poses[:, 2] + PI) % (2 * PI) - PI
+    return poses, rng.dirichlet(np.ones(n))
+
+
+def together(*beliefs, truth=TRUTH):
+    return joined([cloud_of(0, 0, points) for points in beliefs], [truth] * len(beliefs))
+
+
+def spread(poses, weights):
+    """Mean and variance of one cloud."""
+    (row,) = moments(together((poses, weights)))
+    return row[:4], row[4:]
+
+
+def calibrated(poses, weights, truth=TRUTH, unit="px"):
+    """Energy score, rank, NEES of one cloud."""
+    clouds = together((poses, weights), truth=truth)
+    return calibration(clouds, moments(clouds)[:, :4], unit)[0]
+
+
+def test_the_moments_of_a_cloud_are_those_of_plain_loops():
+    poses, weights = cloud(200, 0)
+    poses = poses.astype(np.float32)
+    mean, variance = [0.0] * 4, [0.0] * 4
+    points = [
+        (float(x), float(y), math.cos(float(a)), math.sin(float(a))) for x, y, a in poses.tolist()
+    ]
+    for w, point in zip(weights.tolist(), points, strict=True):
+        for i in range(4):
+            mean[i] += w * point[i]
+    for w, point in zip(weights.tolist(), points, strict=True):
+        for i in range(4):
+            variance[i] += w * (point[i] - mean[i]) ** 2
+    ours = spread(poses, weights)
+    # float64 sums of 200 terms: relative rounding below 200 * 2e-16, of terms up to 4e4
+    assert ours[0] == pytest.approx(mean, rel=1e-12, abs=1e-12)
+    assert ours[1] == pytest.approx(variance, rel=1e-12, abs=1e-12)
+
+
+def test_float32_poses_lose_nothing_in_the_moments():
+    # naive float32 would give a variance of a unit in the last place of 10⁶: off by percents
+    poses = np.array([[1000.0, 0, 0], [1000.25, 0, 0]], dtype=np.float32)
+    mean, variance = spread(poses, np.full(2, 0.5))
+    assert mean[0] == 1000.125
+    assert variance[0] == 0.125**2
+
+
+def test_headings_of_179_and_minus_179_degrees_average_to_180():
+    poses = np.array([[0, 0, math.radians(179)], [0, 0, math.radians(-179)]])
+    mean, _ = spread(poses, np.full(2, 0.5))
+    assert abs(math.atan2(mean[3], mean[2])) == pytest.approx(PI, abs=1e-12)
+
+
+def test_one_point_has_its_distance_as_energy_score_and_nothing_that_needs_a_spread():
+    one = np.array([[3.0, 4.0, PI / 2]]), np.ones(1)
+    mean, variance = spread(*one)
+    assert mean == pytest.approx([3, 4, 0, 1], abs=1e-15)
+    energy, rank, nees = calibrated(*one, truth=np.zeros(3))
+    assert energy == 5.0
+    assert np.isnan([*variance, rank, nees]).all()
+
+
+def plain_energy(poses, weights, truth):
+    """Σ w |x - z| - ½ ΣΣ w w' |x - x'| over all pairs."""
+    xy = poses[:, :2]
+    apart = np.linalg.norm(xy[:, None] - xy[None], axis=2)
+    return weights @ np.linalg.norm(xy - truth[:2], axis=1) - 0.5 * weights @ apart @ weights
+
+
+@pytest.mark.parametrize("n", [2, 3, 50, 1000])
+def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
+    # 128 points in systematic order estimate E|X - X'| with an SD below 2 √(Var h₁ / 128), where
+    # h₁(x) = E|x - X'| varies by about a third of its mean: 6 %; the mean of 40 clouds: 1 %.
+    # The bound is five of these.
+    ratios = []
+    for seed in range(40):
+        poses, weights = cloud(n, seed)
+        near = weights @ np.linalg.norm(poses[:, :2] - TRUTH[:2], axis=1)
+        ours = near - calibrated(poses, weights)[0]
+        ratios.append(ours / (near - plain_energy(poses, weights, TRUTH)))
+    assert np.mean(ratios) == pytest.approx(1, abs=0.05)
+
+
+def test_the_energy_score_of_two_points_is_known_by_hand():
+    poses = np.array([[0.0, 0, 0], [10.0, 0, 0]])
+    energy, _, _ = calibrated(poses, np.full(2, 0.5), np.array([5.0, 12.0, 0.0]))
+    # both are 13 away; the 64 + 64 copies have 64 · 64 of 128 · 127 / 2 pairs 10 apart
+    assert energy == pytest.approx(13 - 0.5 * 10 * 64 * 64 / (64 * 127), rel=1e-12)
+
+
+def test_rank_and_nees_are_those_of_numpys_linear_algebra():
+    for seed in range(20):
+        poses, weights = cloud(300, seed)
+        mean = weights @ poses[:, :2]
+        angle = math.atan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))
+        turned = (poses[:, 2] - angle + PI) % (2 * PI) - PI
+        off = np.column_stack([poses[:, :2] - mean, turned])
+        p = (weights[:, None] * off).T @ off + np.diag(covariance_floor("px"))
+        d = np.array([*(TRUTH[:2] - mean), (TRUTH[2] - angle + PI) % (2 * PI) - PI])
+        inverse = np.linalg.inv(p[:2, :2])
+        own = np.einsum("ni,ij,nj->n", off[:, :2], inverse, off[:, :2])
+        _, rank, nees = calibrated(poses, weights)
+        assert nees == pytest.approx(d @ np.linalg.inv(p) @ d, rel=1e-9)
+        nearer = weights[own < d[:2] @ inverse @ d[:2]].sum()
+        assert rank == pytest.approx(nearer, abs=1e-12)
+
+
+def test_a_truth_drawn_from_the_belief_has_uniform_rank_and_nees_3():
+    # 2000 draws: each coverage has SD √(p (1 - p) / 2000) ≤ 0.0112; χ²₃ has SD √6, its mean of
+    # 2000 0.055. Bounds five SD: a false alarm in 10⁶. The belief's own sampling error (1000
+    # particles) adds at most 3 / 1000 to the mean of NEES.
+    rng = np.random.default_rng(3)
+    found = []
+    for _ in range(2000):
+        draws = rng.normal(0, (20, 5, 0.2), size=(1001, 3))
+        found.append(calibrated(draws[1:], np.full(1000, 1e-3), draws[0]))
+    _, rank, nees = np.array(found).T
+    for level in (0.5, 0.8, 0.95):
+        assert np.mean(rank <= level) == pytest.approx(level, abs=0.056)
+    assert np.mean(nees) == pytest.approx(3, abs=0.28)
+
+
+def test_coverage_needs_no_gaussian_shape():
+    # a ring: the Gaussian 50 % ellipse, radius² 1.39 of variance ½, would hold none of it
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0, 2 * PI, 1001)
+    radius = 10 + 0.1 * rng.normal(size=1001)
+    poses = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(1001)])
+    _, on_it, _ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * (10 / radius[0]))
+    _, inside, _ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * 0.5)
+    assert 0.2 < on_it < 0.8
+    assert inside == 0.0
+
+
+@pytest.mark.parametrize(("unit", "pixel"), [("px", 1.0), ("m", 0.02)])
+def test_a_collapsed_cloud_is_scored_by_the_floors_alone_which_go_with_the_unit(unit, pixel):
+    poses, truth = np.zeros((5, 3)), np.array([0.3 * pixel, 0.4 * pixel, 0.0])
+    energy, rank, nees = calibrated(poses, np.full(5, 0.2), truth, unit)
+    assert nees == pytest.approx(0.25 / 1e-2, rel=1e-9)
+    assert rank == 1.0
+    assert energy == pytest.approx(0.5 * pixel, rel=1e-12)
+    assert spread(poses, np.full(5, 0.2))[1] == pytest.approx([0] * 4, abs=1e-30)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_cloud_gives_the_same_in_any_layout_and_company(dtype):
+    poses, weights = cloud(100, 0)
+    poses = poses.astype(dtype)
+    columns = np.ascontiguousarray(poses.T).T
+    clouds = together(cloud(7, 1), (columns, weights), (poses[:1], np.ones(1)))
+    spreads = moments(clouds)
+    assert np.array_equal(spreads[1], np.concatenate(spread(poses, weights)))
+    assert np.array_equal(calibration(clouds, spreads[:, :4], "px")[1], calibrated(poses, weights))
+
+
+POSES, WEIGHTS = cloud(4, 0)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        (POSES[:, :2], WEIGHTS),
+        (POSES, WEIGHTS[:3]),
+        (POSES, WEIGHTS[:, None]),
+        (np.empty((0, 3)), np.empty(0)),
+        (POSES[0], 1.0),
+        (POSES, None),
+        (POSES, WEIGHTS, 0),
+        POSES,
+        5,
+    ],
+)
+def test_points_of_another_shape_are_refused(points):
+    with pytest.raises(InputError, match=r"state 7 at offset -2 .* must be poses \(n, 3\)"):
+        cloud_of(7, -2, points)
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [2 * WEIGHTS, np.ones(4), np.zeros(4), np.log(WEIGHTS), WEIGHTS * np.nan, [2, 0, 0, -1]],
+)
+def test_weights_that_are_negative_or_do_not_add_up_to_1_are_refused(weights):
+    with pytest.raises(InputError, match="add up to 1"):
+        moments(together((POSES, WEIGHTS), (POSES, weights)))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_pose_that_is_not_finite_is_refused(value):
+    with pytest.raises(InputError, match="state 0 at offset 0 is not finite"):
+        moments(together((POSES, WEIGHTS), (POSES * [1, value, 1], WEIGHTS)))

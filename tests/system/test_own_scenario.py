@@ -1,0 +1,92 @@
+"""A scenario of one's own, in a file of 15 lines, through every command that takes one."""
+
+import json
+from pathlib import Path
+
+import pytest
+from deqmcl_command import exit_code, files
+from sweep_command import lines
+
+ROOM = """\
+words = "a hall of 8 by 6 m with a pillar, and a driver who sees the true pose"
+base = "paper"
+[env.floor_plan]
+unit = "m"
+outer = [[0, 0], [8, 0], [8, 6], [0, 6]]
+obstacles = [[[3, 2], [5, 2], [5, 4], [3, 4]]]
+[env.driver]
+look_ahead = 0.6
+[assumed.scan]
+kind = "beam-model"
+sigma = 1.0
+[prior]
+sd_position = 0.3
+[thresholds]
+lost = 2.0
+"""
+FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
+
+
+@pytest.fixture
+def room(tmp_path, monkeypatch):
+    assert len(ROOM.splitlines()) == 15
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "room.toml"
+    path.write_text(ROOM)
+    return path
+
+
+def test_run_and_phase_take_it(room, capsys):
+    assert exit_code("run", *FEW, "--localizer", "mcl", "--out", "lap") == 0
+    assert "position RMSE" in capsys.readouterr().out
+    assert (Path("lap") / "lap.webp").stat().st_size > 0
+    assert exit_code("phase", *FEW, "--localizers", "deq-mcl", "--out", "phase") == 0
+    assert (Path("phase") / "phase.png").stat().st_size > 0
+
+
+def test_paper_takes_it_on_one_and_two_processes_and_another_folder(room, monkeypatch):
+    methods = ("--localizers", "mcl,deq-mcl,dead-reckoning", "--trials", "2")
+    assert exit_code("paper", *FEW, *methods, "--jobs", "1", "--out", "one") == 0
+    (room.parent / "elsewhere").mkdir()
+    monkeypatch.chdir(room.parent / "elsewhere")
+    there = ("--scenario", "../room.toml", *FEW[2:])
+    assert exit_code("paper", *there, *methods, "--jobs", "2", "--out", "../two") == 0
+    one, two = files(room.parent / "one"), files(room.parent / "two")
+    assert one["trials.csv"] == two["trials.csv"]
+    assert one["results.csv"] == two["results.csv"]
+    assert str(room).encode() in one["trials.csv"]
+    assert "report.html" in one
+
+
+def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
+    Path("sweep.toml").write_text(
+        'localizers = ["mcl"]\ntrials = 1\nlag = 3\nparams.particles = 20\n'
+        '[[vary]]\nscenario = ["room.toml", "room.toml", "paper"]\n'
+        'world.driver = ["none", {look_ahead = 1.0}, "none"]\n'
+        'assumed.prior.kind = ["gaussian", "gaussian", "gaussian"]\n'
+    )
+    assert exit_code("sweep", "sweep.toml", "--jobs", "1", "--out", "out") == 0
+    rows = [row for row in lines(Path("out")) if row["offset"] == "0"]
+    assert [Path(row["scenario"]).name for row in rows] == ["room.toml", "room.toml", "paper"]
+    assert rows[0]["error"] != rows[1]["error"]
+
+
+def test_an_edited_file_makes_results_of_another_key_and_is_named(room, capsys):
+    few = ("paper", *FEW, "--localizers", "mcl", "--trials", "1", "--jobs", "1", "--out", "out")
+    assert exit_code(*few) == 0
+    plug_ins = json.loads(Path("out/manifest.json").read_text())["identity"]["plug-ins"]
+    assert list(plug_ins) == [str(room)]
+    room.write_text(ROOM.replace("0.3", "0.4"))
+    capsys.readouterr()
+    assert exit_code(*few) == 2
+    assert f"plug-ins.{room} was" in capsys.readouterr().err
+
+
+def test_a_mistake_in_it_is_said_in_one_sentence_and_nothing_is_written(room, capsys):
+    room.write_text(ROOM.replace("[env.driver]", "[env.drivr]"))
+    for command in (("run", "--localizer", "mcl"), ("phase",), ("paper",)):
+        assert exit_code(*command, *FEW, "--out", "out") == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"deqmcl: {room}: unknown part of the world 'drivr': did you mean")
+        assert said.count("\n") == 1
+    assert [path.name for path in room.parent.iterdir()] == ["room.toml"]
