@@ -153,6 +153,8 @@ class Queue(NamedTuple):
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""
+        if index == len(self.slots) - 1:
+            return self.pending
         if index > self.present:
             return compose(self.future.composed(index - self.present), self.pending)
         order = compose(self.future.composed(), self.pending)
