@@ -30,7 +30,8 @@ def one_of(what: str, name: object, valid: Iterable[str]) -> str:
         return name
     nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
     hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-    raise InputError(f"unknown {what} {name!r}: {hint}allowed are {', '.join(names) or 'none'}.")
+    allowed = ", ".join(names) or "none"
+    raise InputError(f"unknown {what} {name!r}: {hint}allowed values: {allowed}.")
 
 
 def number(

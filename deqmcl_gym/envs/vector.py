@@ -111,7 +111,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         chosen = self._chosen(options)
         rooms = np.flatnonzero(chosen)
         self._begin(rooms, self._checked_seeds(seed))
-        self._rooms.look(rooms)
+        self._rooms.observe(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
         return self._rooms.scans.copy(), self._info(chosen, nothing, np.zeros_like(chosen))
 
@@ -134,7 +134,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
             self._begin(again)
             commands[again] = 0.0
         rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
-        self._rooms.look()
+        self._rooms.observe()
         self._ended = terminated | truncated
         final: Info = {}
         if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
@@ -182,7 +182,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         said = self._info(ended, commands.copy(), collided.copy())
         final: Info = {"final_obs": last, "final_info": said}
         self._begin(rooms)
-        self._rooms.look(rooms)
+        self._rooms.observe(rooms)
         commands[ended], collided[ended] = 0.0, False
         return final | {f"_{key}": ended.copy() for key in final}
 

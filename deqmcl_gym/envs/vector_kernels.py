@@ -3,6 +3,8 @@
 The rule is that of ``deqmcl_gym.world.physics``: turn, then drive; stop just before contact.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
@@ -12,7 +14,7 @@ from deqmcl_gym.world.path_kernels import follow
 
 
 def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as :func:`drive` takes them.
+    """Return walls (x₀, y₀, x₁, y₁) as :class:`Rules` has them.
 
     Returns:
         (x₀, y₀, unit x, unit y, length), (S, 5).
@@ -22,46 +24,118 @@ def sides(walls: Floats) -> Floats:
     return np.hstack([walls[:, :2], along / length, length])
 
 
+class Robots(NamedTuple):
+    """The robots of n rooms; what changes from step to step.
+
+    Attributes:
+        poses: x, y, θ in [-π, π), (n, 3).
+        starts: where they began, (n, 3).
+        gaps: how far each can drive in any direction without meeting a wall, at least, (n,); 0 if
+            nobody knows.
+        arcs: arc length of the path's point nearest to each, (n,).
+        progress: along the path since reset, (n,).
+        steps: carried out, (n,).
+    """
+
+    poses: Floats
+    starts: Floats
+    gaps: Floats
+    arcs: Floats
+    progress: Floats
+    steps: Indices
+
+
+class Rules(NamedTuple):
+    """What is the same in all rooms and at every step.
+
+    Attributes:
+        noise: σ_dd, σ_φφ, σ_φd.
+        walls: as :func:`sides` returns them; free space to their left.
+        radius: of the robots.
+        skin: how far before a contact they stop.
+        edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
+        length: of the path.
+        penalty: for a contact.
+        near: how near to the start a lap ends; negative if episodes do not end with it.
+        most: steps of a plan.
+        limit: steps of an episode.
+    """
+
+    noise: tuple[float, float, float]
+    walls: Floats
+    radius: float
+    skin: float
+    edges: Floats
+    length: float
+    penalty: float
+    near: float
+    most: int
+    limit: int
+
+
+class Moved(NamedTuple):
+    """What came of a step.
+
+    Attributes:
+        rewards: progress along the path less the penalty, (n,).
+        collided: whether a wall stopped the robot, (n,).
+        terminated: whether the plan is used up or, where that counts, the lap is done, (n,).
+        truncated: whether the episode is as long as it may be, (n,).
+    """
+
+    rewards: Floats
+    collided: Bools
+    terminated: Bools
+    truncated: Bools
+
+
 @compiled
-def drive(
-    poses: Floats,
-    gaps: Floats,
+def step(
+    robots: tuple[Any, ...],
+    rules: tuple[Any, ...],
     commands: Singles,
     normals: Floats,
     at: Indices,
     resting: Bools,
-    noise: tuple[float, float, float],
-    walls: Floats,
-    radius: float,
-    skin: float,
-    steps: Indices,
-    collided: Bools,
+    moved: tuple[Any, ...],
 ) -> None:
-    """Turn and drive the robots that are not ``resting``, in place: one step.
+    """Turn and drive the robots that are not ``resting``; say what came of it.
 
     Args:
-        poses: x, y, θ in [-π, π), (n, 3).
-        gaps: how far each robot can drive in any direction without meeting a wall, at least, (n,);
-            0 if nobody knows.
+        robots: :class:`Robots`, as a plain tuple like the other two: numba takes it faster.
+        rules: :class:`Rules`.
         commands: distance, turn, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
         at: the row of these that each robot takes, (n,); goes on to the next one.
         resting: which robots stay, (n,).
-        noise: σ_dd, σ_φφ, σ_φd.
-        walls: as :func:`sides` returns them; free space to their left.
-        radius: of the robots.
-        skin: how far before the contact they stop.
-        steps: carried out, (n,); one more.
-        collided: filled in: whether a wall stopped the robot, (n,).
+        moved: :class:`Moved`, filled in.
     """
-    of_drive, of_turn, of_drift = noise
+    those, of_all, said = Robots(*robots), Rules(*rules), Moved(*moved)
+    _drive(those, of_all, commands, normals, at, resting, said.collided)
+    _evaluate(those, of_all, said)
+
+
+@compiled
+def _drive(
+    robots: Robots,
+    rules: Rules,
+    commands: Singles,
+    normals: Floats,
+    at: Indices,
+    resting: Bools,
+    collided: Bools,
+) -> None:
+    of_drive, of_turn, of_drift = rules.noise
+    poses, gaps, walls, radius, skin = (
+        robots.poses, robots.gaps, rules.walls, rules.radius, rules.skin,
+    )  # fmt: skip
     for i in range(resting.size):
         collided[i] = False
         if resting[i]:
             continue
         normal_drive, normal_turn = normals[i, at[i]]
         at[i] += 1
-        steps[i] += 1
+        robots.steps[i] += 1
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
         sd_turn = of_turn * abs(turn) + of_drift * distance
         heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, TURN)
@@ -126,47 +200,14 @@ def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radi
 
 
 @compiled
-def judge(
-    poses: Floats,
-    starts: Floats,
-    arcs: Floats,
-    sums: Floats,
-    steps: Indices,
-    collided: Bools,
-    edges: Floats,
-    length: float,
-    penalty: float,
-    near: float,
-    most: int,
-    limit: int,
-    rewards: Floats,
-    terminated: Bools,
-    truncated: Bools,
-) -> None:
-    """What a step is worth, and whether the episode ends with it.
-
-    Args:
-        poses, starts: where the robots are and where they began, (n, 2+).
-        arcs: arc length of the path's point nearest to where they were, (n,); to where they are.
-        sums: progress along the path since reset, (n,); this step's is added.
-        steps: carried out, (n,).
-        collided: whether a wall stopped the robot, (n,).
-        edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
-        length: of the path.
-        penalty: for a contact.
-        near: how near to the start a lap ends; negative if episodes do not end with it.
-        most: steps of a plan.
-        limit: steps of an episode.
-        rewards: filled in, (n,).
-        terminated: filled in: whether the plan is used up or the lap is done, (n,).
-        truncated: filled in: whether the episode has reached its limit, (n,).
-    """
-    for i in range(arcs.size):
-        x, y = poses[i, 0], poses[i, 1]
-        arcs[i], progress = follow(x, y, arcs[i], edges, length)
-        sums[i] += progress
-        rewards[i] = progress - penalty * collided[i]
-        dx, dy = x - starts[i, 0], y - starts[i, 1]
-        around = np.rint(sums[i] / length) >= 1.0
-        terminated[i] = (steps[i] >= most) | (around & (np.sqrt(dx * dx + dy * dy) <= near))
-        truncated[i] = steps[i] >= limit
+def _evaluate(robots: Robots, rules: Rules, moved: Moved) -> None:
+    for i in range(robots.steps.size):
+        x, y = robots.poses[i, 0], robots.poses[i, 1]
+        robots.arcs[i], gone = follow(x, y, robots.arcs[i], rules.edges, rules.length)
+        robots.progress[i] += gone
+        moved.rewards[i] = gone - rules.penalty * moved.collided[i]
+        dx, dy = x - robots.starts[i, 0], y - robots.starts[i, 1]
+        around = np.rint(robots.progress[i] / rules.length) >= 1.0
+        home = np.sqrt(dx * dx + dy * dy) <= rules.near
+        moved.terminated[i] = (robots.steps[i] >= rules.most) | (around & home)
+        moved.truncated[i] = robots.steps[i] >= rules.limit

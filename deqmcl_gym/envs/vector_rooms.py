@@ -1,7 +1,5 @@
 """The robots of many rooms as flat arrays: all that changes between two resets."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from deqmcl_gym.envs import vector_kernels as kernels
@@ -11,53 +9,55 @@ from deqmcl_gym.world.setting import SKIN, Setting
 from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
-class Moved(NamedTuple):
-    """What came of a step.
-
-    Attributes:
-        rewards: progress along the path less the penalty, (n,).
-        collided: whether a wall stopped the robot, (n,).
-        terminated: whether the plan is used up or, where that counts, the lap is done, (n,).
-        truncated: whether the episode is as long as it may be, (n,).
-    """
-
-    rewards: Floats
-    collided: Bools
-    terminated: Bools
-    truncated: Bools
-
-
 class Rooms:
-    """What :class:`deqmcl_gym.world.episode.Episode` is for one room, for n of them.
-
-    Attributes:
-        poses: the true poses (x, y, θ), (n, 3).
-        steps: carried out, (n,).
-    """
+    """What :class:`deqmcl_gym.world.episode.Episode` is for one room, for n of them."""
 
     def __init__(self, setting: Setting, number: int, limit: int) -> None:
         """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
-        world, lidar = setting.world, setting.world.lidar
-        self._setting = setting
-        self._path = setting.course.path
-        most = len(setting.course.actions)
-        noise, radius = world.noise, world.robot.radius
-        near = radius if setting.ends_at_goal else -1.0
-        walls = kernels.sides(world.floor_plan.walls)
-        # as the two kernels of a step take them
-        self._driving = ((noise.drive, noise.turn, noise.drift), walls, radius, SKIN * world.pixel)
-        self._judging = (
-            self._path.edges, self._path.length, setting.penalty, near, most, limit,
-        )  # fmt: skip
+        world, course = setting.world, setting.course
+        self._setting, self._path = setting, course.path
+        noise, radius, most = world.noise, float(world.robot.radius), len(course.actions)
+        rules = kernels.Rules(
+            noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
+            walls=kernels.sides(world.floor_plan.walls),
+            radius=radius,
+            skin=SKIN * world.pixel,
+            edges=course.path.edges,
+            length=course.path.length,
+            penalty=setting.penalty,
+            near=radius if setting.ends_at_goal else -1.0,
+            most=most,
+            limit=limit,
+        )
         self._motion = NormalTable(number, 2, most)
-        self._lidars = LidarSensors(world.floor_plan, lidar, number, most + 1)
-        self.poses = np.tile(setting.course.start, (number, 1))
-        self.steps = np.zeros(number, np.intp)
-        self._starts = self.poses.copy()
+        self._lidars = LidarSensors(world.floor_plan, world.lidar, number, most + 1)
+        start = np.tile(course.start, (number, 1))
+        gaps, arcs, progress = np.zeros((3, number))
+        self._robots = kernels.Robots(
+            poses=start,
+            starts=start.copy(),
+            gaps=gaps,
+            arcs=arcs,
+            progress=progress,
+            steps=np.zeros(number, np.intp),
+        )
+        self._fixed = tuple(self._robots), tuple(rules)  # as the kernel takes them
         self._every = np.arange(number)
-        self._arcs = np.zeros(number)
-        self._progress = np.zeros(number)
-        self._gaps = np.zeros(number)
+
+    @property
+    def poses(self) -> Floats:
+        """The true poses (x, y, θ), (n, 3)."""
+        return self._robots.poses
+
+    @property
+    def steps(self) -> Indices:
+        """Steps carried out, (n,)."""
+        return self._robots.steps
+
+    @property
+    def scans(self) -> Singles:
+        """The last ones, (n, B)."""
+        return self._lidars.scans
 
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
@@ -66,38 +66,31 @@ class Rooms:
             InputError: no start drawn is free; then all rooms stay as they were.
         """
         starts = [self._setting.start(*episode) for episode in episodes]
-        self.poses[rooms] = self._starts[rooms] = np.array(starts)
-        self._arcs[rooms] = np.array([self._path.arc((x, y)) for x, y, _ in starts])
-        self._progress[rooms] = self._gaps[rooms] = 0.0
-        self.steps[rooms] = 0
+        robots = self._robots
+        robots.poses[rooms] = robots.starts[rooms] = np.array(starts)
+        robots.arcs[rooms] = np.array([self._path.arc((x, y)) for x, y, _ in starts])
+        robots.gaps[rooms] = robots.progress[rooms] = 0.0
+        robots.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
 
-    def move(self, commands: Singles, resting: Bools) -> Moved:
-        """Turn and drive the robots that are not ``resting``: one step of noisy motion."""
-        n = resting.size
-        rewards, collided = np.empty(n), np.empty(n, np.bool_)
-        terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
-        self._motion.fill()
-        kernels.drive(
-            self.poses, self._gaps, commands, self._motion.drawn, self._motion.at, resting,
-            *self._driving, self.steps, collided,
-        )  # fmt: skip
-        kernels.judge(
-            self.poses, self._starts, self._arcs, self._progress, self.steps, collided,
-            *self._judging, rewards, terminated, truncated,
-        )  # fmt: skip
-        return Moved(rewards, collided, terminated, truncated)
+    def move(self, commands: Singles, resting: Bools) -> tuple[Floats, Bools, Bools, Bools]:
+        """Turn and drive the robots that are not ``resting``: one step of noisy motion.
 
-    def look(self, rooms: Indices | None = None) -> None:
+        Returns:
+            ``kernels.Moved``: rewards, collided, terminated, truncated.
+        """
+        n = resting.size
+        moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
+        noise = self._motion
+        noise.fill()
+        kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, moved)
+        return moved
+
+    def observe(self, rooms: Indices | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
         if rooms is None:
             self._lidars.scan(self._every, self.poses)
         else:
             self._lidars.scan(rooms, self.poses[rooms])
-
-    @property
-    def scans(self) -> Singles:
-        """The last ones, (n, B)."""
-        return self._lidars.scans

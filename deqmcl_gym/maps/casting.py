@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from deqmcl_gym.maps import ray_kernels
 from deqmcl_gym.maps.cells import Cells, cells_of
 from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
+from deqmcl_gym.maps.ray_kernels import AllWalls
 from deqmcl_gym.numerics.types import Floats, Singles
 
 # px: walls are cast this much longer at both ends, so that no ray slips between two at a corner
@@ -28,30 +30,30 @@ EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
 NOWHERE: Box = (math.inf, math.inf, math.inf, math.inf)
 
 
-class AllWalls(NamedTuple):
-    """All walls against all rays, side by side in SIMD lanes; fields as in ``ray_kernels.cast``."""
+@dataclass(frozen=True)
+class AllAtOnce:
+    """All walls against all rays, side by side in SIMD lanes."""
 
-    outer: Singles
-    room: Singles
-    box: Singles
-    boxes: Singles
-    upright: Singles
-    level: Singles
-    oblique: Singles
+    walls: AllWalls
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        kernel = ray_kernels.look if poses.shape[1] < FEW_POSES else ray_kernels.cast
-        kernel(poses, bearings, *self, out)
+        kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast
+        kernel(poses, bearings, self._arrays, out)
+
+    @cached_property
+    def _arrays(self) -> tuple[Singles, ...]:
+        return tuple(self.walls)
 
     @property
     def tries(self) -> int:
         """How many boxes and walls each ray is tried against."""
-        rectangles = sum(bool(np.isfinite(rectangle[0])) for rectangle in (self.room, self.box))
-        return rectangles + sum(map(len, self[3:]))
+        rectangles = sum(bool(np.isfinite(box[0])) for box in (self.walls.room, self.walls.box))
+        return rectangles + sum(map(len, self.walls[3:]))
 
 
-class CellByCell(NamedTuple):
+@dataclass(frozen=True)
+class CellByCell:
     """Each ray against the walls in the cells it crosses."""
 
     outer: Singles
@@ -60,16 +62,16 @@ class CellByCell(NamedTuple):
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        ray_kernels.cast_through(poses, bearings, self.outer, self.walls, *self.cells, out)
+        ray_kernels.cast_through(poses, bearings, self.outer, self.walls, self.cells, out)
 
 
 def caster_of(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> Caster:
     """Return the faster caster for these walls; ``px`` is a pixel in their unit."""
-    brute = all_walls(outer, obstacles, px)
+    brute = all_at_once(outer, obstacles, px)
     return brute if brute.tries < MANY_WALLS else cell_by_cell(outer, obstacles, px)
 
 
-def all_walls(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllWalls:
+def all_at_once(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllAtOnce:
     """Sort walls by what is known of their direction, which saves arithmetic."""
     room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
     polygons = zip((outer, *obstacles), (room, *found), strict=True)
@@ -80,7 +82,7 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllWal
     overlap = OVERLAP * px
     low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
     low_y, high_y = np.minimum(y0, y1) - overlap, np.maximum(y0, y1) + overlap
-    return AllWalls(
+    walls32 = AllWalls(
         outer=_outer(outer),
         room=np.array(EVERYWHERE if room is None else room, np.float32),
         box=boxes[0],
@@ -89,6 +91,7 @@ def all_walls(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllWal
         level=_singles([y0, low_x, high_x])[level],
         oblique=_directed(walls[~(upright | level)], overlap),
     )
+    return AllAtOnce(walls32)
 
 
 def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> CellByCell:

@@ -1,32 +1,17 @@
 """How far each square of a grid is from all walls: most steps need no closer look than that."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps.kernels import Clearance
 from deqmcl_gym.numerics.types import Singles
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
 # Share of the map's size that is kept off every bound. float32 resolves coordinates to 6e-8 of it,
 # and a distance to a wall is a handful of operations on them.
 _MARGIN = 1e-4
-
-
-class Clearance(NamedTuple):
-    """A grid of squares around a map, as ``kernels.feasible`` takes it.
-
-    Attributes:
-        corner: lower left corner of the grid (x, y).
-        per_side: squares per length.
-        bounds: no point of the square is nearer to a wall than this, negative where it is not free
-            space; 0 where there may be a wall; (rows, columns).
-    """
-
-    corner: Singles
-    per_side: np.float32
-    bounds: Singles
 
 
 def clearance_of(walls: Singles) -> Clearance:

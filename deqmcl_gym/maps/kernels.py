@@ -5,7 +5,7 @@ branches, so that the compiler turns the inner loop into SIMD code. The arithmet
 (see ``deqmcl_gym.numerics``): every processor gives the same bits.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,21 @@ BLOCK = 512
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
+
+
+class Clearance(NamedTuple):
+    """How far each square of a grid around a map is from all walls.
+
+    Attributes:
+        corner: lower left corner of the grid (x, y).
+        per_side: squares per length.
+        bounds: no point of the square is nearer to a wall than this, negative where it is not free
+            space; 0 where there may be a wall; (rows, columns).
+    """
+
+    corner: Singles
+    per_side: np.float32
+    bounds: Singles
 
 
 @compiled
@@ -127,12 +142,11 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
 
 
 @compiled
-def _look_up(
-    points: Singles, corner: Singles, per_side: Single, bounds: Singles, squares: Ints, out: Singles
-) -> None:
-    """Fill in the bound of the square (and its index) that each point is in; see ``Clearance``."""
-    rows, columns = bounds.shape
-    x, y, left, low = points[0], points[1], corner[0], corner[1]
+def _look_up(points: Singles, grid: Clearance, squares: Ints, out: Singles) -> None:
+    """Fill in the bound of the square (and its index) that each point is in."""
+    rows, columns = grid.bounds.shape
+    x, y, left, low = points[0], points[1], grid.corner[0], grid.corner[1]
+    per_side = grid.per_side
     last_column, last_row = np.float32(columns - 1), np.float32(rows - 1)
     for i in range(out.size):
         column, row = (x[i] - left) * per_side, (y[i] - low) * per_side
@@ -141,7 +155,7 @@ def _look_up(
         column = column if column < last_column else last_column
         row = row if row < last_row else last_row
         squares[i] = np.int32(row) * np.int32(columns) + np.int32(column)
-    flat = bounds.ravel()
+    flat = grid.bounds.ravel()
     for i in range(out.size):
         out[i] = flat[squares[i]]
 
@@ -152,9 +166,7 @@ def feasible(
     ends: Singles,
     walls: Singles,
     radius: np.float32,
-    corner: Singles,
-    per_side: np.float32,
-    bounds: Singles,
+    clearance: tuple[Any, ...],
     out: Bools,
 ) -> None:
     """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
@@ -166,15 +178,16 @@ def feasible(
     Args:
         starts, ends, walls: as ``sweep``.
         radius: of the disc.
-        corner, per_side, bounds: ``deqmcl_gym.maps.clearance.Clearance``.
+        clearance: a :class:`Clearance`, as a plain tuple: numba takes it faster.
         out: (n,).
     """
     n = starts.shape[1]
     from_x, from_y, to_x, to_y = starts[0], starts[1], ends[0], ends[1]
     before, after = np.empty(n, np.float32), np.empty(n, np.float32)
     unsure = np.empty(n, np.int32)
-    _look_up(starts, corner, per_side, bounds, unsure, before)
-    _look_up(ends, corner, per_side, bounds, unsure, after)
+    grid = Clearance(*clearance)
+    _look_up(starts, grid, unsure, before)
+    _look_up(ends, grid, unsure, after)
     for i in range(n):
         dx, dy = to_x[i] - from_x[i], to_y[i] - from_y[i]
         spare = before[i] + after[i] - (radius + radius)
@@ -205,9 +218,7 @@ def roll_out(
     moves: Singles,
     walls: Singles,
     radius: np.float32,
-    corner: Singles,
-    per_side: np.float32,
-    bounds: Singles,
+    clearance: tuple[Any, ...],
     collisions: Ints,
     out: Singles,
 ) -> None:
@@ -218,7 +229,7 @@ def roll_out(
     Args:
         poses: rows x, y, θ, (3, n).
         moves: distances and turns, (F, 2, n); as ``drive``.
-        walls, radius, corner, per_side, bounds: as ``feasible``.
+        walls, radius, clearance: as ``feasible``.
         collisions: how many steps of each collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
     """
@@ -231,7 +242,7 @@ def roll_out(
         hits[:] = 0
         for step in range(len(moves)):
             drive(before, moves[step, 0, start:end], moves[step, 1, start:end], after)
-            feasible(before, after, walls, radius, corner, per_side, bounds, clear)
+            feasible(before, after, walls, radius, clearance, clear)
             for i in range(end - start):
                 hits[i] += not clear[i]
             if len(out) > 1 or step == len(moves) - 1:

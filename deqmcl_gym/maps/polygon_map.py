@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import kernels
 from deqmcl_gym.maps.casting import caster_of
-from deqmcl_gym.maps.clearance import Clearance, clearance_of
+from deqmcl_gym.maps.clearance import clearance_of
 from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
@@ -84,7 +84,7 @@ class PolygonMap:
         """See ``Map.collides``."""
         before, after = _rows(starts, 2), _rows(ends, 2)
         clear = np.empty(after.shape[1], np.bool_)
-        kernels.feasible(before, after, self._walls32, np.float32(radius), *self._clearance, clear)
+        kernels.feasible(before, after, self._walls32, np.float32(radius), self._clearance, clear)
         return ~clear
 
     def rolled_out(
@@ -104,7 +104,7 @@ class PolygonMap:
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
-        kernels.roll_out(poses, moves, self._walls32, size, *self._clearance, hits, paths)
+        kernels.roll_out(poses, moves, self._walls32, size, self._clearance, hits, paths)
         return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
@@ -117,7 +117,7 @@ class PolygonMap:
             np.equal(windings, 1, out=free)
         else:
             kernels.feasible(
-                centres, centres, self._walls32, np.float32(radius), *self._clearance, free
+                centres, centres, self._walls32, np.float32(radius), self._clearance, free
             )
         return free
 
@@ -133,8 +133,8 @@ class PolygonMap:
         return np.ascontiguousarray(self.walls, dtype=np.float32)
 
     @cached_property
-    def _clearance(self) -> Clearance:
-        return clearance_of(self._walls32)
+    def _clearance(self) -> tuple[Any, ...]:
+        return tuple(clearance_of(self._walls32))
 
     @cached_property
     def caster(self) -> Caster:

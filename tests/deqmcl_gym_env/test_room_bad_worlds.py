@@ -34,44 +34,26 @@ def refused(text: str, **kwargs) -> str:
         ((175, 7, 0), "start.pose is (175, 7, 0)"),  # nearer to the wall than the radius
         ((-50, 50, 0), "start.pose is (-50, 50, 0)"),
         ((math.nan, 50, 0), "start.pose is [nan, 50.0, 0.0]"),
-        ((math.inf, 50, 0), "start.pose is [inf, 50.0, 0.0]"),
         ((175, 50, 90), "90° would be 1.571"),
-        ((175, 50, -7), "from -2π to 2π"),
-        ((175, 50), "start.pose has shape 2, but must be 3 finite numbers"),
         ("here", "start.pose is 'here'"),
-        (5, "start.pose has shape a single number"),
     ],
 )
 def test_a_bad_start_pose_is_refused_by_name(pose, text):
     refused(text, start={"pose": pose})
 
 
-@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf, "1", True, [1.0]])
-@pytest.mark.parametrize(
-    ("part", "field"),
-    [
-        ("robot", "radius"), ("robot", "max_distance"), ("robot", "max_turn"),
-        ("noise", "drive"), ("noise", "turn"), ("noise", "drift"),
-        ("start", "sd_position"), ("start", "sd_heading"),
-        ("lidar", "field_of_view"), ("lidar", "max_range"), ("lidar", "sigma"),
-        ("lap", "step"), ("lap", "turn"),
-    ],
-)  # fmt: skip
-def test_what_is_no_size_is_refused_by_name(part, field, value):
-    refused(f"{part}.{field} is ", **{part: {field: value}})
-
-
 @pytest.mark.parametrize(
     ("part", "field", "value"),
     [
-        ("robot", "max_distance", 0), ("robot", "max_turn", 0), ("robot", "max_turn", 3.2),
-        ("lidar", "field_of_view", 0), ("lidar", "field_of_view", 6.3), ("lidar", "max_range", 0),
-        ("lidar", "beams", 0), ("lidar", "beams", -1), ("lidar", "beams", 1.5),
-        ("lidar", "beams", 10**9), ("lap", "step", 0), ("lap", "turn", 0), ("lap", "turn", 3.2),
+        ("robot", "radius", -0.1), ("robot", "max_distance", 0), ("robot", "max_turn", 3.2),
+        ("noise", "drive", -0.1), ("noise", "turn", math.nan), ("noise", "drift", math.inf),
+        ("start", "sd_position", "1"), ("start", "sd_heading", True), ("lidar", "beams", 0),
+        ("lidar", "field_of_view", 6.3), ("lidar", "max_range", 0), ("lidar", "sigma", -0.1),
+        ("lap", "step", 0), ("lap", "turn", 3.2),
     ],
 )  # fmt: skip
-def test_sizes_just_outside_their_range_are_refused_by_name(part, field, value):
-    refused(f"{part}.{field} is {value}", **{part: {field: value}})
+def test_a_size_just_outside_its_range_or_none_at_all_is_refused_by_name(part, field, value):
+    refused(f"{part}.{field} is {value!r}", **{part: {field: value}})
 
 
 @pytest.mark.parametrize(
@@ -99,19 +81,9 @@ def test_a_robot_wider_than_the_passage_is_refused():
     ("floor_plan", "text"),
     [
         ({"outer": []}, "the outer wall"),
-        ({"outer": OUTER[:2]}, "the outer wall has 2 corners"),  # open
-        ({"outer": [[0, 0], [350, 0], [350, math.nan]]}, "the outer wall is"),
-        ({"outer": [*OUTER, OUTER[-1]]}, "edge of zero length at (0, 300)"),
-        ({"outer": [[0, 0], [350, 300], [350, 0], [0, 300]]}, "the outer wall crosses itself"),
-        ({"outer": None}, "the outer wall is None"),
-        ({"outer": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}, "the outer wall has shape 3 x 3"),
         ({"obstacles": []}, "the outer wall is None"),
-        ({"outer": OUTER, "obstacles": [OUTER[:2]]}, "obstacle 0 has 2 corners"),
-        ({"outer": OUTER, "obstacles": [[[-9, -9], [360, -9], [360, 309], [-9, 309]]]},
-         "the floor plan has no free space"),
         ({"outer": OUTER, "obstacles": [[[100, -9], [200, -9], [200, 99], [100, 99]]]},
          "the obstacle corner (100, -9) lies on or outside the outer wall"),
-        ({"outer": OUTER, "obstacles": 5}, "obstacles is 5"),
         ({"outer": OUTER, "walls": []}, "unknown key in floor_plan 'walls'"),
         ([OUTER], "floor_plan is"),
     ],

@@ -34,12 +34,6 @@ def test_the_env_checker_has_nothing_to_say(kwargs):
         check_env(env.unwrapped)  # instantiates every declared render mode, too
 
 
-def test_the_id_names_the_module_and_the_version():
-    assert deqmcl_gym.ENV_ID == "deqmcl_gym/Room-v0"
-    assert isinstance(gym.make(deqmcl_gym.ENV_ID).unwrapped, RoomEnv)
-    assert isinstance(gym.make(ROOM_ID).unwrapped, RoomEnv)
-
-
 def test_the_entry_point_is_text_so_that_the_spec_is_json():
     spec = gym.spec(deqmcl_gym.ENV_ID)
     assert spec.entry_point == "deqmcl_gym.envs.room:RoomEnv"

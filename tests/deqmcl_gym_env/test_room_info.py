@@ -114,11 +114,3 @@ def test_what_is_done_to_returned_arrays_matters_to_nobody():
         np.testing.assert_array_equal(spoiled.render(), other.render())
     for told, then in kept:
         np.testing.assert_equal({key: np.array(value) for key, value in told.items()}, then)
-
-
-def test_the_action_array_of_the_caller_is_neither_kept_nor_changed():
-    env = calm()
-    given = np.float32([5, 0])
-    info = env.step(given)[4]
-    given[0] = 1.0
-    np.testing.assert_array_equal(info["action"], np.float32([5, 0]))

@@ -13,7 +13,7 @@ from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap, Robot, Start
+from deqmcl_gym.world.config import Driver, Lap, Start
 from deqmcl_gym.world.presets import WORLDS
 
 M = 0.02  # to the px
@@ -132,8 +132,3 @@ def test_a_room_too_large_in_metres_for_a_picture_is_refused_with_its_size_in_pi
     wide = {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"}
     with pytest.raises(InputError, match="would have 9016 x 9016 pixels"):
         RoomEnv(floor_plan=wide, render_mode="rgb_array")
-
-
-def test_a_robot_as_the_world_has_it_is_not_converted():
-    robot = Robot(radius=0.2, max_distance=0.3)
-    assert RoomEnv(floor_plan=metres(PAPER), robot=robot).world.robot == robot

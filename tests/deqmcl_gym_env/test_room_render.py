@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from room_cases import SEVERAL, calm, drive
+from room_cases import SEVERAL, calm
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
@@ -17,8 +17,6 @@ from deqmcl_gym.world.drawing import (
     WHITE,
     Drawing,
     View,
-    with_strip,
-    write_legend,
 )
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
@@ -62,29 +60,12 @@ def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up(pose):
     assert math.pi * 14**2 - 64 <= pixels_of(frame, GRAY) <= math.pi * 16**2
 
 
-def test_the_nose_points_along_the_heading():
-    room = calm(start={"pose": (50, 150, math.pi / 2)}, render_mode="rgb_array")
-    frame = room.render()
-    assert max(at(frame, 50, 154)) < 60  # dark, upwards
-    assert at(frame, 50, 146) == GRAY
-
-
 def test_obstacles_are_pale_walls_dark_and_the_floor_white():
     frame = calm(render_mode="rgb_array").render()
     assert at(frame, 150, 120) == PALE
     assert max(at(frame, 100, 120)) < 60  # a side of the obstacle
     assert max(at(frame, 0, 120)) < 60  # the outer wall
     assert at(frame, 30, 120) == WHITE
-
-
-def test_a_frame_follows_the_robot():
-    env = calm(render_mode="rgb_array", ends_at_goal=False)
-    before = env.render()
-    drive(env, [(10, 0)] * 3)
-    after = env.render()
-    assert at(before, 175, 54) == GRAY
-    assert at(after, 205, 54) == GRAY
-    assert at(after, 175, 54) != GRAY
 
 
 def test_rendering_changes_nothing_and_every_frame_is_fresh():
@@ -121,12 +102,6 @@ def test_points_outside_the_frame_are_left_out_without_wrapping_around():
     assert pixels_of(image[:, :2], PINK) == pixels_of(image, PINK) == 2 * 3
 
 
-def test_an_empty_cloud_draws_nothing():
-    blank = Drawing(View(PAPER_ROOM)).image
-    image = Drawing(View(PAPER_ROOM)).points(np.empty((0, 3)), PINK).image
-    np.testing.assert_array_equal(image, blank)
-
-
 def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
     blank = Drawing(View(PAPER_ROOM)).image
     fan = [-math.pi / 2, 0.0, math.pi / 2]
@@ -147,28 +122,3 @@ def test_drawing_leaves_its_inputs_and_other_drawings_alone():
     first.points(cloud, PINK).path(cloud, LIGHT_BLUE).robot(cloud[0], 8.0).number(3)
     np.testing.assert_array_equal(cloud, kept)
     np.testing.assert_array_equal(second.image, Drawing(view).image)
-
-
-def test_the_step_number_stands_at_the_top_left():
-    blank = Drawing(View(PAPER_ROOM)).image
-    one, two = (Drawing(View(PAPER_ROOM)).number(step).image for step in (150, 170))
-    rows, columns = np.nonzero((one != blank).any(axis=2))
-    assert rows.max() < blank.shape[0] / 8
-    assert columns.max() < blank.shape[1] / 8
-    assert (one != two).any()
-
-
-def test_a_legend_shows_each_colour_below_the_picture_and_changes_nothing_else():
-    picture = Drawing(View(PAPER_ROOM)).image
-    height = picture.shape[0]
-    tall = with_strip(picture, 30)
-    assert tall.shape == (height + 30, *picture.shape[1:])
-    assert (tall[height:] == 255).all()
-    write_legend(tall, [("present", ORANGE), ("past", PINK)], (10, height + 20))
-    np.testing.assert_array_equal(tall[:height], picture)
-    assert not (picture == ORANGE).all(axis=2).any()
-    # Dots of radius 6: at least the disc of radius 5 inside the smoothed rim.
-    for color in (ORANGE, PINK):
-        assert pixels_of(tall[height:], color) > math.pi * 5**2
-    columns = [np.nonzero((tall == color).all(axis=2))[1] for color in (ORANGE, PINK)]
-    assert columns[0].max() < columns[1].min()  # in their order, side by side

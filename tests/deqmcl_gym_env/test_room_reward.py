@@ -7,7 +7,6 @@ import pytest
 from room_cases import FLOOR_PLANS, calm, closing_error, drive
 
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.world.setting import COLLISION_PENALTY
 
 FULL = 900.0  # px: the paper's lap, 2 · (250 + 200)
 EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
@@ -39,7 +38,7 @@ def test_the_arc_of_a_point_is_that_of_the_nearest_of_many_points_on_the_path(na
         arc = path.arc(tuple(point.tolist()))
         # Nearer than every sample, and within half a spacing of one that is as near.
         assert math.dist(path.at(arc)[:2], point) <= distances.min() + EXACT
-        i = int(np.abs(path.advance(arc, arcs)).argmin())
+        i = int(np.abs((arcs - arc + path.length / 2) % path.length - path.length / 2).argmin())
         assert distances[i] - distances.min() < spacing
 
 
@@ -61,7 +60,6 @@ def test_a_drive_along_the_lap_earns_its_distance_a_turn_nothing_and_back_is_neg
 
 
 def test_a_collision_costs_ten():
-    assert COLLISION_PENALTY == 10.0
     env = calm(start={"pose": (175, 30, -math.pi / 2)}, ends_at_goal=False)
     said = drive(env, [(10, 0), (10, 0), (10, 0), (10, 0)])
     # Towards the wall y = 0, across the lap: no progress; the rim touches after 22 px.

@@ -8,9 +8,9 @@ from test_ranges import inside_the_outer_wall
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.casting import (
     MANY_WALLS,
-    AllWalls,
+    AllAtOnce,
     CellByCell,
-    all_walls,
+    all_at_once,
     caster_of,
     cell_by_cell,
 )
@@ -18,8 +18,8 @@ from deqmcl_gym.maps.cells import cells_of
 
 
 def test_few_walls_are_all_tried_and_many_are_sorted_into_cells():
-    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles, 1.0), AllWalls)
-    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles, 1.0), AllWalls)
+    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles, 1.0), AllAtOnce)
+    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles, 1.0), AllAtOnce)
     assert isinstance(caster_of(PLANS["forest"].outer, PLANS["forest"].obstacles, 1.0), CellByCell)
 
 
@@ -31,15 +31,15 @@ def test_a_rectangle_counts_as_one_however_many_walls_it_has():
     ]
     room = [(0, 0), (100, 0), (100, 100), (0, 100)]
     assert 4 * len(boxes) > MANY_WALLS > len(boxes) + 1
-    assert isinstance(caster_of(room, boxes, 1.0), AllWalls)
-    assert all_walls(room, boxes, 1.0).tries == len(boxes) + 1
+    assert isinstance(caster_of(room, boxes, 1.0), AllAtOnce)
+    assert all_at_once(room, boxes, 1.0).tries == len(boxes) + 1
 
 
-@pytest.mark.parametrize(("walls", "kind"), [(63, AllWalls), (64, CellByCell)])
+@pytest.mark.parametrize(("walls", "kind"), [(63, AllAtOnce), (64, CellByCell)])
 def test_walls_that_make_no_rectangle_count_one_each(walls, kind):
     angles = np.arange(walls) * 2 * np.pi / walls + 0.1
     ring = [(100 * x, 100 * y) for x, y in zip(np.cos(angles), np.sin(angles), strict=True)]
-    assert all_walls(ring, (), 1.0).tries == walls
+    assert all_at_once(ring, (), 1.0).tries == walls
     assert isinstance(caster_of(ring, (), 1.0), kind)
 
 
@@ -62,7 +62,7 @@ def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
     poses = np.column_stack([anywhere(plan, 20_000, rng), rng.uniform(-np.pi, np.pi, 20_000)])
     poses = inside_the_outer_wall(plan, poses)
     one, other = (
-        cast(maker(plan.outer, plan.obstacles, 1.0), poses) for maker in (all_walls, cell_by_cell)
+        cast(maker(plan.outer, plan.obstacles, 1.0), poses) for maker in (all_at_once, cell_by_cell)
     )
     assert (np.abs(one - other) > 1e-3).mean() < 3e-3
 

@@ -66,18 +66,6 @@ def test_a_step_collides_iff_pymunk_touches_or_it_ends_outside_free_space(name, 
     assert np.flatnonzero((seen != expected) & clear_cut).tolist() == []
 
 
-@pytest.mark.parametrize("radius", [0.01, 3.0, 8.0, 25.0])
-@pytest.mark.parametrize("name", PLANS)
-def test_a_step_collides_iff_the_reference_says_so(name, radius):
-    plan = PLANS[name]
-    starts, ends = random_steps(plan, 10_000, np.random.default_rng(2))
-    clearance = reference.clearance(plan.walls, starts, ends)
-    clear_cut = np.abs(clearance - radius) > BAND
-    expected = (clearance <= radius) | (reference.winding(plan.walls, ends) != 1)
-    seen = plan.collides(starts, ends, radius)
-    assert np.flatnonzero((seen != expected) & clear_cut).tolist() == []
-
-
 @pytest.mark.parametrize("name", PLANS)
 def test_a_point_without_a_radius_collides_iff_it_crosses_a_wall_or_ends_outside_free_space(name):
     plan = PLANS[name]

@@ -30,12 +30,12 @@ def test_a_refusal_is_a_value_error_on_one_line_even_where_it_shows_an_array():
 def test_one_of_returns_the_name_or_names_the_nearest():
     assert validation.one_of("fruit", "pear", ["apple", "pear"]) == "pear"
     assert refusal(validation.one_of, "fruit", "appel", ["apple", "pear"]) == (
-        "unknown fruit 'appel': did you mean 'apple'? allowed are apple, pear."
+        "unknown fruit 'appel': did you mean 'apple'? allowed values: apple, pear."
     )
     assert refusal(validation.one_of, "fruit", "xyz", ["apple"]) == (
-        "unknown fruit 'xyz': allowed are apple."
+        "unknown fruit 'xyz': allowed values: apple."
     )
-    assert refusal(validation.one_of, "fruit", "xyz", []).endswith("allowed are none.")
+    assert refusal(validation.one_of, "fruit", "xyz", []).endswith("allowed values: none.")
 
 
 @pytest.mark.parametrize("name", [None, 3, ["pear"], np.zeros((2, 2))])
