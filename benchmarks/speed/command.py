@@ -10,7 +10,7 @@ from typing import TypeVar
 from tqdm import tqdm
 
 from benchmarks.files import writable_folder, write_bytes, write_text
-from benchmarks.speed import rays, steps, worlds
+from benchmarks.speed import rays, steps, trials, worlds
 from benchmarks.speed.figure import Figure, Measured, UnavailableError, measured
 from benchmarks.speed.plots import ratios_plot, scaling_plot
 from benchmarks.speed.scaling import Measurement, curves, scaled
@@ -27,7 +27,7 @@ from benchmarks.trials.provenance import environment
 
 T = TypeVar("T")
 
-FIGURES = (*rays.FIGURES, *steps.FIGURES, *worlds.FIGURES)
+FIGURES = (*rays.FIGURES, *steps.FIGURES, *trials.FIGURES, *worlds.FIGURES)
 
 RATIOS, CURVES = "speed.png", "scaling.png"
 _SHOWS = {RATIOS: "The ratios as bars, with their targets", CURVES: "The tables as curves"}

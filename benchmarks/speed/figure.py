@@ -8,7 +8,7 @@ from benchmarks.speed.timing import Effort, Job, rates
 
 MICROSECONDS = "µs/step"
 _APART = {"particles": "particles==0.4"}  # wants another NumPy than the extra ``peers``
-Sides = tuple[Job, Job]
+Sides = tuple[Job, Job | float]  # a number is what others say of theirs, in the figure's unit
 
 
 class UnavailableError(Exception):
@@ -74,7 +74,11 @@ def measured(figure: Figure, effort: Effort) -> Measured:
     Raises:
         UnavailableError: with the reason.
     """
-    ours, other = (in_unit(rate, figure.unit) for rate in rates(figure.sides(), effort))
+    job, beside = figure.sides()
+    if isinstance(beside, Job):
+        ours, other = (in_unit(rate, figure.unit) for rate in rates([job, beside], effort))
+    else:
+        ours, other = in_unit(rates([job], effort)[0], figure.unit), beside
     return Measured(figure=figure, ours=ours, other=other)
 
 

@@ -1,8 +1,8 @@
 """MCL in plain NumPy: what we compare with, and the models that peers are given.
 
 Float32, one logarithm per scan, systematic resampling; whole-array operations in blocks that fit
-the cache. Rays are cast in the plain form of ``tests/reference.py``, every ray against every wall,
-or, where the map is made of axis-aligned rectangles, by the slab method that the kernels use.
+the cache. Rays are cast against every wall as a segment, or, where the map is made of axis-aligned
+rectangles, by the slab method that the kernels use.
 """
 
 import math
@@ -26,7 +26,7 @@ Caster = Callable[[Singles, Singles], Singles]  # poses (3, n), bearings (B,) ->
 
 
 def segments(floor_plan: PolygonMap) -> Caster:
-    """Return a caster that tries every wall as a segment, as ``tests/reference.py`` does."""
+    """Return a caster that tries every wall as a segment."""
     return partial(_cast_segments, walls=floor_plan.walls.astype(np.float32))
 
 

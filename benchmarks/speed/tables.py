@@ -10,7 +10,8 @@ from benchmarks.tables.text import csv_text
 
 HOW = (
     "CPU time of one core, medians of turns taken one after the other in one process. "
-    "The ratio is ours over the other's, of rates (more is faster) or of µs (less is faster)."
+    "The ratio is ours over the other's, of rates (more is faster) or of µs (less is faster). "
+    "The other side of amcl_step is a number from another machine."
 )
 
 
@@ -42,7 +43,7 @@ def speed_table(rows: Sequence[Measured], style: str) -> str:
             f"{row.figure.other}: {amount(row.other, row.figure.unit)}",
             ratio(row.ratio),
             row.figure.aim,
-            {True: "yes", False: "no", None: ""}[row.reached],
+            {True: "yes", False: "MISSED", None: ""}[row.reached],
         ]
         for row in rows
     ]
@@ -60,11 +61,12 @@ def terminal_table(rows: Sequence[Measured]) -> str:
             amount(row.other, row.figure.unit),
             ratio(row.ratio),
             row.figure.aim,
+            "MISSED" if row.reached is False else "",
         ]
         for row in rows
     ]
-    right = ("left", "right", "right", "right", "right")
-    header = ["figure", "ours", "other", "ratio", "target"]
+    right = ("left", "right", "right", "right", "right", "left")
+    header = ["figure", "ours", "other", "ratio", "target", ""]
     return tabulate(lines, header, tablefmt="simple", disable_numparse=True, colalign=right)
 
 

@@ -4,6 +4,7 @@ Every side looks its actions up in a table, by the steps since its room began: t
 here, actions drawn beforehand there.
 """
 
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -95,8 +96,8 @@ def _pushes() -> Actions:
     return np.random.default_rng(0).integers(0, 2, 1_000)
 
 
-def _rooms_vs_cartpoles() -> Sides:
-    return rooms_job(FEW), cartpoles_job(FEW)
+def _rooms_vs_cartpoles(size: int) -> Sides:
+    return rooms_job(size), cartpoles_job(size)
 
 
 _OURS = f"Room-v0, {BEAMS} beams"
@@ -111,14 +112,17 @@ FIGURES = (
         target=0.5,
         sides=lambda: (room_job(), cartpole_job()),
     ),
-    Figure(
-        name="vector64_vs_cartpole_vector64",
-        task=f"vector environment steps, {FEW} at a time",
-        ours=f"{_OURS}, {FEW} rooms",
-        other=f"{CARTPOLE}, its own vector env of {FEW}",
-        unit="steps/s",
-        target=1.0,
-        sides=_rooms_vs_cartpoles,
+    *(
+        Figure(
+            name=f"vector{size}_vs_cartpole_vector{size}",
+            task=f"vector environment steps, {size:,} at a time",
+            ours=f"{_OURS}, {size:,} rooms",
+            other=f"{CARTPOLE}, its own vector env of {size:,}",
+            unit="steps/s",
+            target=target,
+            sides=partial(_rooms_vs_cartpoles, size),
+        )
+        for size, target in ((FEW, 1.2), (MANY, None))
     ),
     Figure(
         name="vector1024_vs_single",

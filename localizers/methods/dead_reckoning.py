@@ -10,26 +10,32 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import Prior, RobotModel, checked_action, checked_plan, require_reset
 
+Pose = tuple[float, float, float]
+
 
 @dataclass(frozen=True)
 class _Track:
-    """One pose per step: those driven, then those planned."""
+    """The poses driven, to which later steps only add, and the plan from the present on."""
 
-    poses: Floats
+    driven: list[Pose]
     present: int
+    plan: Floats
 
     def points(self, offset: int = 0) -> tuple[Floats, Floats] | None:
         index = self.present + offset
-        if not 0 <= index < len(self.poses):
+        if not 0 <= index <= self.present + len(self.plan):
             return None
-        return self.poses[index : index + 1].copy(), np.ones(1)
+        pose = self.driven[min(index, self.present)]
+        for action in self.plan[: max(offset, 0)].tolist():
+            pose = _moved(pose, *action)
+        return np.array([pose]), np.ones(1)
 
 
 class DeadReckoning:
-    """Integrates the commands from the prior's mean, and the plan beyond the present."""
+    """Integrates the commands from the prior's mean, and the plan as far as somebody asks."""
 
     def __init__(self) -> None:
-        self._driven: list[tuple[float, float, float]] | None = None
+        self._driven: list[Pose] | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
@@ -38,19 +44,16 @@ class DeadReckoning:
                 f"the prior is {prior!r}, but dead reckoning needs a mean to start from: give a "
                 "GaussianPrior, or another localizer."
             )
-        return self._followed([prior.mean], plan)
+        track = _Track([prior.mean], 0, checked_plan(plan))
+        self._driven = track.driven
+        return track
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
         """Add one command; see ``Localizer.update``."""
         driven = require_reset(self._driven)
-        return self._followed([*driven, _moved(driven[-1], checked_action(action))], plan)
-
-    def _followed(self, driven: list[tuple[float, float, float]], plan: ArrayLike) -> _Track:
-        poses = list(driven)
-        for action in checked_plan(plan):
-            poses.append(_moved(poses[-1], action))
-        self._driven = driven  # only now: a refused plan changes nothing
-        return _Track(np.array(poses), len(driven) - 1)
+        command, ahead = checked_action(action), checked_plan(plan)
+        driven.append(_moved(driven[-1], *command.tolist()))
+        return _Track(driven, len(driven) - 1, ahead)
 
 
 def dead_reckoning(robot: RobotModel) -> DeadReckoning:
@@ -59,8 +62,7 @@ def dead_reckoning(robot: RobotModel) -> DeadReckoning:
     return DeadReckoning()
 
 
-def _moved(pose: tuple[float, float, float], action: Floats) -> tuple[float, float, float]:
+def _moved(pose: Pose, distance: float, turn: float) -> Pose:
     x, y, heading = pose
-    distance, turn = action.tolist()
     heading += turn
     return x + distance * math.cos(heading), y + distance * math.sin(heading), heading

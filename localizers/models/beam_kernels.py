@@ -126,7 +126,7 @@ def four_parts(
             for beam in range(first, min(first + fold, ranges.size)):
                 measured, row = ranges[beam], expected[beam, start:end]
                 for i in range(count):
-                    at[i] = max_range if row[i] > max_range else row[i]
+                    at[i] = max_range if row[i] > max_range else np.float64(row[i])
                 _mass_beyond(at, 0.0, True, sigma, part, power, below)
                 _mass_beyond(at, max_range, False, sigma, part, power, above)
                 always = largest if measured >= max_range else anything
@@ -154,7 +154,7 @@ def _bell(
     """Fill in out and power, of which exp(-½ ((o - ô) / σ)²) is the ``_scaled``, for ô (n,)."""
     scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-t for t = (scale (o - ô))²
     for i in range(expected.size):
-        z = (measured - expected[i]) * scale
+        z = (measured - np.float64(expected[i])) * scale
         part[i], power[i] = _split(z * z)
     _mantissas(part[: expected.size], out)
 
@@ -173,7 +173,7 @@ def _mass_beyond(
     _bell(expected, end, sigma, part, power, out)
     per_sd = 1.0 / sigma if below else -1.0 / sigma
     for i in range(expected.size):
-        z = (end - expected[i]) * per_sd
+        z = (end - np.float64(expected[i])) * per_sd
         a = abs(z)
         tail = _scaled(out[i], power[i]) * _tail(_FARTHEST if a > _FARTHEST else a)
         out[i] = tail if z < 0.0 else 1.0 - tail

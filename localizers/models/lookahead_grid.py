@@ -1,9 +1,9 @@
 """h_t(x) = E[Π g of the planned steps | x_t = x], tabulated on a grid of poses."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from localizers.models.motion import OdometryMotion
 from localizers.models.normal import normal_cdf, normal_pdf
 
 LEAST = np.float32(1e-30)  # keeps every h a normal float32 and its logarithm finite
+_SCALE = np.float32(2.0**64)  # h is computed as h · 2⁶⁴: no product is subnormal, which is slow
 MAX_NODES = 20_000_000
 CACHE_BYTES = 2**27  # of the tables kept for one grid
 # Gauss-Hermite quadrature of the distance driven
@@ -64,27 +65,66 @@ class LookaheadGrid:
     def log_h(self, poses: Singles, window: Floats) -> Floats:
         """Log h of poses (3, n) under a window of actions (F, 2), (n,)."""
         out = np.empty(poses.shape[1])
-        table = _tables(self)(window.tobytes())
-        grid_kernels.log_interpolated(table, poses, *self.origin, self.cell, out)
+        table = _tables(self).of(window, self.around(poses))
+        _, ny, nx = self.shape
+        grid_kernels.log_interpolated(
+            table.h, poses, (*self.origin, self.cell), (ny, nx), table.corner, out
+        )
         return out
 
-    def table(self, window: Floats) -> Singles:
-        """Compute h at the nodes under a window of actions (F, 2), (H, ny, nx)."""
+    def table(self, window: Floats, asked: "Nodes | None" = None) -> "Table":
+        """Compute h under a window of actions (F, 2), at all nodes or at those that are asked for.
+
+        Backwards, each step is done for no more nodes than the ones before it can lead to.
+        """
         headings, ny, nx = self.shape
-        pad = self._reach(window)
-        height, width = ny + 2 * pad, nx + 2 * pad
-        h = np.ones((headings, height * width), np.float32)
-        out = np.ones_like(h)
-        charge = np.float32(math.exp(-self.beta))
-        for action in window[::-1]:
-            distance, turn = action.tolist()
-            sd_distance, sd_turn = self.motion.spread(action)
-            drives = _drives(self, distance, sd_distance, pad)
-            turns = _turn_weights(turn, sd_turn, headings)
-            grid_kernels.stepped_back(h, width, pad, *drives, charge, *turns, LEAST, out)
+        before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
+        turns, spreads = [], [self.motion.spread(action) for action in window]
+        for (distance, turn), (sd, sd_turn) in zip(window.tolist(), spreads, strict=True):
+            turns.append(_turn_weights(turn, sd_turn, headings))
+            far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
+            before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
+        widest, pad = before[-2] if len(before) > 1 else before[0], self._reach(window)
+        rows, columns = widest.high - widest.low, widest.right - widest.left
+        h = np.full((headings, (rows + 2 * pad) * (columns + 2 * pad)), _SCALE)
+        out = h.copy()
+        charge, least = np.float32(math.exp(-self.beta)), LEAST * _SCALE
+        drives: dict[tuple[float, float], Drives] = {}
+        for step in range(len(window))[::-1]:
+            drive, nodes = (float(window[step, 0]), spreads[step][0]), before[step]
+            if drive not in drives:
+                drives[drive] = _among(_drives(self, *drive), widest, pad)
+            grid_kernels.stepped_back(
+                h,
+                columns + 2 * pad,
+                pad,
+                drives[drive],
+                charge,
+                turns[step],
+                least,
+                (nodes.low - widest.low, nodes.high - widest.low),
+                nodes.headings,
+                out,
+            )
             h, out = out, h
-        inner = h.reshape(headings, height, width)[:, pad : pad + ny, pad : pad + nx]
-        return np.ascontiguousarray(inner)
+        nodes, planes = before[0], h.reshape(headings, rows + 2 * pad, -1)
+        left, low = pad + nodes.left - widest.left, pad + nodes.low - widest.low
+        inner = planes[:, low : low + nodes.high - nodes.low]
+        return Table(inner[:, :, left : left + nodes.right - nodes.left] / _SCALE, nodes)
+
+    def around(self, poses: Singles) -> "Nodes":
+        """Return the nodes that h of poses (3, n) is interpolated between."""
+        headings, ny, nx = self.shape
+        x, y, heading = poses.astype(np.float64)
+        xy = (np.stack([x, y]) - np.array(self.origin)[:, None]) / self.cell
+        last = np.array([nx, ny]) - 2
+        left, low = np.clip(xy.min(axis=1), 0, last).astype(np.intp).tolist()
+        right, high = np.clip(xy.max(axis=1), 0, last).astype(np.intp).tolist()
+        turns = heading / (2 * np.pi)
+        first = ((turns - np.floor(turns)) * headings).astype(np.intp)
+        wanted = np.zeros(headings, np.bool_)
+        wanted[[first % headings, (first + 1) % headings]] = True
+        return Nodes(left, low, right + 2, high + 2, wanted)
 
     def _reach(self, window: Floats) -> int:
         """More nodes than any drive of a window goes to a side, counted to the border at most."""
@@ -109,43 +149,101 @@ class LookaheadGrid:
         return self.headings, ny, nx
 
 
-Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
+class Nodes(NamedTuple):
+    """A rectangle of nodes, columns [left, right) and rows [low, high), at some headings, (H,)."""
+
+    left: int
+    low: int
+    right: int
+    high: int
+    headings: Bools
+
+    def led_to(self, far: float, first: int, weights: Singles, shape: tuple[int, int]) -> "Nodes":
+        """Return where a step leads to from here: so many cells ahead, by turns as weighted."""
+        (ny, nx), reach = shape, math.ceil(min(far, max(shape) + 1.0))
+        turned = np.zeros_like(self.headings)
+        ahead = np.flatnonzero(self.headings)[:, None] + (first + np.arange(weights.size))
+        turned[ahead % turned.size] = True
+        left, low = max(self.left - reach, 0), max(self.low - reach, 0)
+        return Nodes(left, low, min(self.right + reach, nx), min(self.high + reach, ny), turned)
+
+    def hold(self, other: "Nodes") -> bool:
+        """Whether all of the others are among these."""
+        columns = self.left <= other.left and other.right <= self.right
+        rows = self.low <= other.low and other.high <= self.high
+        return columns and rows and not bool((other.headings & ~self.headings).any())
+
+
+class Table(NamedTuple):
+    """h at some nodes, (H, rows, columns); of no meaning at headings that were not asked for."""
+
+    h: Singles
+    nodes: Nodes
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """Column and row of the first node."""
+        return self.nodes.left, self.nodes.low
+
+
+class _Tables:
+    """The latest tables of a grid; of a window that is asked for again, the whole one is made."""
+
+    def __init__(self, grid: LookaheadGrid) -> None:
+        size = math.prod(grid.shape) * np.float32().itemsize
+        self._grid, self._most = grid, max(1, CACHE_BYTES // size)
+        self._kept: dict[bytes, Table] = {}  # the one used last comes last
+
+    def of(self, window: Floats, asked: Nodes) -> Table:
+        """Return a table of h under a window of actions (F, 2), at the nodes asked for or more."""
+        key = window.tobytes()
+        table = self._kept.pop(key, None)
+        if table is None:
+            table = self._grid.table(window, asked)
+        elif not table.nodes.hold(asked):
+            table = self._grid.table(window)
+        self._kept[key] = table
+        if len(self._kept) > self._most:
+            del self._kept[next(iter(self._kept))]
+        return table
 
 
 @lru_cache(maxsize=2)
-def _tables(grid: LookaheadGrid) -> Callable[[bytes], Singles]:
-    """Return the table of a window of actions; the latest are kept."""
-    size = math.prod(grid.shape) * np.float32().itemsize
-
-    @lru_cache(maxsize=max(1, CACHE_BYTES // size))
-    def table(window: bytes) -> Singles:
-        return grid.table(np.frombuffer(window).reshape(-1, 2))
-
-    return table
+def _tables(grid: LookaheadGrid) -> _Tables:
+    return _Tables(grid)
 
 
-@lru_cache(maxsize=8)
-def _drives(grid: LookaheadGrid, distance: float, sd: float, pad: int) -> Drives:
-    """Return shifts, their shares and which collide, as ``grid_kernels.stepped_back`` has them."""
+Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
+
+
+@lru_cache(maxsize=32)
+def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
+    """Return shifts, their shares and which collide, as ``stepped_back`` has them, (…, ny, nx)."""
     distances = np.array([distance + sd * z for z in (_SIGMAS if sd > 0 else (0.0,))])
     shares = np.array(_SHARES if sd > 0 else (1.0,), dtype=np.float32)
     angles = np.arange(grid.headings) * (2 * math.pi / grid.headings)
     directions = np.column_stack([arrays.cos(angles), arrays.sin(angles)])
-    shifts = distances[:, None, None] * directions  # (Q, H, 2) px
+    shifts = distances[:, None, None] * directions  # (Q, H, 2)
     _, ny, nx = grid.shape
     x0, y0 = grid.origin
     x, y = np.meshgrid(x0 + grid.cell * np.arange(nx), y0 + grid.cell * np.arange(ny))
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    collides = np.zeros((*shifts.shape[:2], ny, nx + 2 * pad), np.bool_)
+    collides = np.empty((*shifts.shape[:2], ny, nx), np.bool_)
     for q, heading in np.ndindex(shifts.shape[:2]):
         ends = nodes + shifts[q, heading]
-        blocked = grid.floor_plan.collides(nodes, ends, grid.radius)
-        collides[q, heading, :, :nx] = blocked.reshape(ny, nx)
+        collides[q, heading] = grid.floor_plan.collides(nodes, ends, grid.radius).reshape(ny, nx)
     far = max(ny, nx) + 1.0  # from there on all is the border
     shifts = np.clip(shifts / grid.cell, -far, far)
     cells = np.floor(shifts)
-    parts = (shifts - cells).astype(np.float32)
-    return cells.astype(np.int64), parts, shares, collides.reshape(*shifts.shape[:2], -1)
+    return cells.astype(np.int64), (shifts - cells).astype(np.float32), shares, collides
+
+
+def _among(drives: Drives, nodes: Nodes, pad: int) -> Drives:
+    """Return which collide from some of the nodes, their rows ``pad`` longer on either side."""
+    cells, parts, shares, collides = drives
+    seen = collides[..., nodes.low : nodes.high, nodes.left : nodes.right]
+    wide = np.pad(seen, [(0, 0)] * 3 + [(0, 2 * pad)])
+    return cells, parts, shares, wide.reshape(*collides.shape[:2], -1)
 
 
 def _turn_weights(turn: float, sd: float, headings: int) -> tuple[int, Singles]:

@@ -22,14 +22,12 @@ def stepped_back(
     h: Singles,
     width: int,
     pad: int,
-    cells: Ints,
-    parts: Singles,
-    shares: Singles,
-    collides: Bools,
+    drives: tuple[Ints, Singles, Singles, Bools],
     charge: np.float32,
-    first: int,
-    weights: Singles,
+    turns: tuple[int, Singles],
     least: np.float32,
+    box: tuple[int, int],
+    wanted: Bools,
     out: Singles,
 ) -> None:
     """Fill in max(Σ_k w_k d(θ + first + k, ·), least), d(x) = Σ_q p_q g(x, x + s_q) h(x + s_q).
@@ -42,25 +40,33 @@ def stepped_back(
         h: (H, (ny + 2 pad) · width).
         width: nx + 2 pad.
         pad: nodes, more than any shift.
-        cells, parts: the shifts s_q, whole cells and the rest in [0, 1) along x and y, (Q, H, 2).
-        shares: p_q, (Q,).
-        collides: whether x to x + s_q collides, (Q, H, ny · width), from the first node on.
+        drives: the shifts s_q, whole cells and the rest in [0, 1) along x and y, (Q, H, 2) each;
+            p_q, (Q,); whether x to x + s_q collides, (Q, H, ny · width), from the first node on.
         charge: g of a step that does.
-        first: headings from the old to the first new one, counted round the circle.
-        weights: (K,).
+        turns: headings from the old to the first new one, counted round the circle; w, (K,).
         least: see ``LookaheadGrid``.
-        out: as h.
+        box: the first row that is asked for, and the one after the last.
+        wanted: which headings are, (H,).
+        out: as h; right where it is asked for, and finite.
     """
+    cells, parts, shares, collides = drives
+    first, weights = turns
     headings = len(h)
     node = pad * width + pad  # the first one that is no extension
-    last = h.shape[1] - 2 * node
     padded = np.zeros(_TOGETHER * (1 + (weights.size - 1) // _TOGETHER), np.float32)
     padded[: weights.size] = weights  # a weight of 0 changes no bit of a sum
     rows = (first + np.arange(headings + padded.size)) % headings
-    driven, turned = np.empty((headings, _BLOCK), np.float32), np.empty(_BLOCK, np.float32)
-    for start in range(0, last, _BLOCK):
+    passed = np.zeros(headings, np.bool_)
+    for heading in range(headings):
+        for k in range(weights.size):
+            passed[rows[heading + k]] |= wanted[heading]
+    driven, turned = np.zeros((headings, _BLOCK), np.float32), np.empty(_BLOCK, np.float32)
+    last = min(box[1] * width, h.shape[1] - 2 * node)
+    for start in range(box[0] * width, last, _BLOCK):
         end = min(start + _BLOCK, last)
         for heading in range(headings):
+            if not passed[heading]:
+                continue
             total = driven[heading]
             total[:] = _ZERO
             for q in range(shares.size):
@@ -69,12 +75,15 @@ def stepped_back(
                 blocked = collides[q, heading, start:end]
                 _drive(ahead, width, parts[q, heading], blocked, shares[q], charge, total)
         for heading in range(headings):
+            if not wanted[heading]:
+                continue
             turned[:] = _ZERO
             for k in range(0, padded.size, _TOGETHER):
                 _turn(driven, rows[heading + k :], padded[k:], turned)
             _raise(turned, least, out[heading, node + start : node + end])
     for heading in range(headings):
-        _extend(out[heading].reshape(-1, width), pad)
+        if wanted[heading]:
+            _extend(out[heading].reshape(-1, width), pad, box)
 
 
 @compiled
@@ -118,40 +127,50 @@ def _raise(values: Singles, least: np.float32, out: Singles) -> None:
 
 
 @compiled
-def _extend(plane: Singles, pad: int) -> None:
-    """Repeat the border of the plane inside ``pad`` nodes over those."""
+def _extend(plane: Singles, pad: int, box: tuple[int, int]) -> None:
+    """Repeat the border of some rows of the plane inside ``pad`` nodes over those."""
     ny, nx = plane.shape[0] - 2 * pad, plane.shape[1] - 2 * pad
-    for y in range(pad, pad + ny):
+    for y in range(pad + box[0], pad + box[1]):
         for x in range(pad):
             plane[y, x] = plane[y, pad]
             plane[y, pad + nx + x] = plane[y, pad + nx - 1]
     for y in range(pad):
-        for x in range(plane.shape[1]):
-            plane[y, x] = plane[pad, x]
-            plane[pad + ny + y, x] = plane[pad + ny - 1, x]
+        if box[0] == 0:
+            plane[y] = plane[pad]
+        if box[1] == ny:
+            plane[pad + ny + y] = plane[pad + ny - 1]
 
 
 @compiled
 def log_interpolated(
-    h: Singles, poses: Singles, x0: float, y0: float, cell: float, out: Floats
+    h: Singles,
+    poses: Singles,
+    origin: tuple[float, float, float],
+    shape: tuple[int, int],
+    corner: tuple[int, int],
+    out: Floats,
 ) -> None:
     """Fill in log h at each pose, h linear between nodes in x, y and θ and constant outside.
 
     Args:
-        h: (H, ny, nx), heading 0 first.
-        poses: rows x px, y px, θ rad, (3, n).
-        x0, y0: of the first node, px.
-        cell: px.
+        h: of some columns and rows of nodes, (H, ·, ·), heading 0 first.
+        poses: rows x, y, θ rad, (3, n).
+        origin: x and y of the grid's first node, and the way between two.
+        shape: numbers of nodes (ny, nx) of the whole grid.
+        corner: column and row of the first node of h.
         out: (n,).
     """
-    headings, ny, nx = h.shape
+    x0, y0, cell = origin
+    ny, nx = shape
+    headings = h.shape[0]
     for i in range(out.size):
         x = min(max((poses[0, i] - x0) / cell, 0.0), nx - 1.0)
         y = min(max((poses[1, i] - y0) / cell, 0.0), ny - 1.0)
         turns = poses[2, i] / (2.0 * np.pi)
         heading = (turns - np.floor(turns)) * headings
-        left, low, first = min(int(x), nx - 2), min(int(y), ny - 2), int(heading)
-        fx, fy, part = x - left, y - low, heading - first
+        column, row, first = min(int(x), nx - 2), min(int(y), ny - 2), int(heading)
+        fx, fy, part = x - column, y - row, heading - first
+        left, low = column - corner[0], row - corner[1]
         value = 0.0
         for plane, share in ((first, 1.0 - part), (first + 1, part)):
             p = h[plane % headings]

@@ -1,15 +1,25 @@
 """What is compared: the sides do the same, and aims are read the right way round."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 import reference
 
-from benchmarks.speed import rays, scaling, worlds
+from benchmarks.speed import rays, scaling, trials, worlds
 from benchmarks.speed.command import FIGURES
-from benchmarks.speed.figure import MICROSECONDS, Figure, Measured, UnavailableError, in_unit
+from benchmarks.speed.figure import (
+    MICROSECONDS,
+    Figure,
+    Measured,
+    UnavailableError,
+    in_unit,
+    measured,
+)
 from benchmarks.speed.lap import free_poses
-from benchmarks.speed.timing import Job
+from benchmarks.speed.tables import terminal_table
+from benchmarks.speed.timing import Effort, Job
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 PROMISED = {  # and their targets
@@ -28,8 +38,14 @@ PROMISED = {  # and their targets
     "step1k_vs_stonesoup": 10,
     "deq_vs_map_step": 1.5,
     "deq_lag80_vs_lag10": 1.3,
+    "trial_mcl": 2,
+    "trial_deq_mcl": 2,
+    "censored_vs_inside_1": 1.5,
+    "censored_vs_inside_16": 1.5,
+    "amcl_step": 1,
     "env_vs_cartpole": 0.5,
-    "vector64_vs_cartpole_vector64": 1,
+    "vector64_vs_cartpole_vector64": 1.2,
+    "vector1024_vs_cartpole_vector1024": None,
     "vector1024_vs_single": None,
 }
 
@@ -43,8 +59,20 @@ def figure(unit="rays/s", target=None):
 
 def test_all_promised_figures_are_there_with_their_targets():
     assert {f.name: f.target for f in FIGURES} == PROMISED
-    times = {f.name for f in FIGURES if f.unit == MICROSECONDS}
-    assert times == {"deq_vs_map_step", "deq_lag80_vs_lag10"}
+
+
+def test_what_others_say_of_theirs_stands_beside_ours():
+    said = replace(figure(MICROSECONDS, target=1), sides=lambda: (Job(call=int), 5e6))
+    row = measured(said, Effort(repeats=1, seconds=0.0))
+    assert (row.other, row.reached) == (5e6, True)
+    assert "MISSED" in terminal_table([replace(row, ours=6e6)])
+    assert "MISSED" not in terminal_table([row])
+
+
+def test_a_trial_is_one_that_succeeds_and_its_localizer_sees_as_many_steps():
+    whole, alone = trials.trial_sides("mcl")
+    assert whole.call().reason is None
+    assert whole.amount == alone.amount > 100
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from localizers.inference.belief import ParticleBelief
 from localizers.inference.lookahead import Pilots, Tabulated
 from localizers.inference.queue import Queue
 from localizers.inference.rollout import Rollout
-from localizers.models import lookahead_grid
+from localizers.models import lookahead_grid, lookahead_kernels
 from localizers.models.feasibility import FreeSpace
 from localizers.models.lookahead_grid import LEAST, LookaheadGrid
 
@@ -158,38 +158,53 @@ def test_an_action_of_any_size_is_tabulated(room, action):
     assert (log_h < -0.9).all() if leaves else (log_h > -0.9).any()
 
 
-def test_a_window_is_tabulated_once_for_all_localizers_of_an_equal_robot(
+@pytest.mark.parametrize("at", [(50.0, 150.0), (175.0, 20.0), (400.0, -50.0)])
+@pytest.mark.parametrize("spread", [0.5, 25.0, 300.0])
+def test_a_table_of_the_nodes_asked_for_has_the_bits_of_the_whole_one(room, at, spread):
+    rng = RNG(1)
+    grid, plan = grid_of(room, NOISY, cell=10.0, headings=36), np.tile(PLAN, (2, 1))
+    xy = rng.normal(np.array(at)[:, None], spread, (2, 50))
+    poses = np.vstack([xy, rng.normal(-3.0, spread / 100, 50)]).astype(np.float32)
+    parts = []
+    for asked in (grid.around(poses), None):
+        table, out = grid.table(plan, asked), np.empty(50)
+        lookahead_kernels.log_interpolated(
+            table.h, poses, (*grid.origin, grid.cell), grid.shape[1:], table.corner, out
+        )
+        parts.append(out)
+    assert parts[0].tolist() == parts[1].tolist()
+    assert spread > 100 or grid.table(plan, grid.around(poses)).h.size < table.h.size / 2
+
+
+def test_a_window_asked_for_again_is_tabulated_whole_once_for_all_localizers_of_an_equal_robot(
     robot, room, prior, drive, monkeypatch
 ):
-    tabulated = []
+    whole = []
     table = LookaheadGrid.table
 
-    def counting(self, window):
-        tabulated.append(window.tobytes())
-        return table(self, window)
+    def counting(self, window, asked=None):
+        whole.extend([window.tobytes()] if asked is None else [])
+        return table(self, window, asked)
 
     monkeypatch.setattr(LookaheadGrid, "table", counting)
     lookahead_grid._tables.cache_clear()
     same_room = PolygonMap(outer=room.outer, obstacles=room.obstacles)
-    for plan in (room, same_room):
+    for plan in (room, same_room, room):
         again = localizers.RobotModel(
             floor_plan=plan, lidar=robot.lidar, motion=robot.motion, scan=robot.scan
         )
         localizer = localizers.make("mcl-h", again, particles=10, lag=3)
         localizer.reset(prior, drive[0], RNG(0))
         localizer.update(drive[1][0], drive[0][0], drive[0][1:])
-        localizer.update(drive[1][1], drive[0][1], drive[0][1:])  # the plan changed
-    # the first windows of the drive are all alike: eight equal steps ahead
-    assert len(tabulated) == 1
-    localizer.update(drive[1][2], drive[0][2], drive[0][7:])
-    assert len(tabulated) == 2
+        localizer.update(drive[1][1], drive[0][1], drive[0][2:])
+    assert len(whole) == len(set(whole)) == 1  # the drive begins with equal steps: one window
 
 
 @pytest.mark.parametrize(
     ("params", "words"),
     [
-        *[({"cell": bad}, "cell is") for bad in (0, -1, math.nan, "5")],
-        *[({"headings": bad}, "headings is") for bad in (0, 1.5, None)],
+        ({"cell": 0}, "cell is 0"),
+        ({"headings": 0}, "headings is 0"),
         ({"cell": 0.01}, "give a larger cell or fewer headings"),
         ({"form": "twist"}, "did you mean 'twisted'"),
         ({"cel": 2.0}, "did you mean 'cell'"),
