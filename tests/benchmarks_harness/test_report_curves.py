@@ -2,18 +2,19 @@
 
 import xml.etree.ElementTree as ET
 
+import matplotlib as mpl
 from report_cases import finished
 
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.style import looks
-from benchmarks.report.svg import house_style
+from benchmarks.report.svg import HOUSE_STYLE
 from benchmarks.tables.panels import panels
 
 
 def curves(records, quantity=ERROR):
     found = panels(records)
     look = looks(label for panel in found for label in panel.labels.values())
-    with house_style():
+    with mpl.rc_context(HOUSE_STYLE):
         return swept_charts(found, look, quantity)
 
 
