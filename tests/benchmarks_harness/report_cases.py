@@ -49,6 +49,11 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
     }
 
 
+def trials(localizer, errors, **how):
+    """Finished trials with these errors on worlds 0, 1, …"""
+    return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
+
+
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):
     """Results of these records."""
     return Results(
