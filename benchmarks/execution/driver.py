@@ -12,7 +12,7 @@ from benchmarks.trials.spec import Trial
 
 TRIES = 3  # of a trial whose worker dies
 
-_Flying = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
+_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
 
 
 def outcomes(
@@ -29,22 +29,22 @@ def outcomes(
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
-    flying: _Flying = {}
+    in_flight: _InFlight = {}
     hung: list[Future[Outcome]] = []
-    while waiting or flying:
+    while waiting or in_flight:
         if len(hung) == engine.slots:
             raise RuntimeError(
                 f"all {len(hung)} workers hang; finished trials are kept, run the command again "
                 "for the rest."
             )
-        while waiting and len(flying) + len(hung) < engine.slots:
+        while waiting and len(in_flight) + len(hung) < engine.slots:
             key, trial = waiting.popleft()
             future = engine.executor.submit(attempt, trial, key)
-            flying[future] = key, trial, time.monotonic()
+            in_flight[future] = key, trial, time.monotonic()
             if future.done():
                 break  # an engine that runs it here: take it at once
-        for future in _landed(flying, engine):
-            key, trial, _ = flying.pop(future)
+        for future in _landed(in_flight, engine):
+            key, trial, _ = in_flight.pop(future)
             if not future.done():
                 hung.append(future)
                 yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
@@ -57,15 +57,15 @@ def outcomes(
                 yield key, outcome
 
 
-def _landed(flying: _Flying, engine: Engine) -> set[Future[Outcome]]:
+def _landed(in_flight: _InFlight, engine: Engine) -> set[Future[Outcome]]:
     """Wait for futures that are done, or have been in flight for too long."""
     if engine.timeout is None:
-        return wait(flying, return_when=FIRST_COMPLETED).done
-    first = min(started for _, _, started in flying.values())
+        return wait(in_flight, return_when=FIRST_COMPLETED).done
+    first = min(started for _, _, started in in_flight.values())
     patience = max(0.0, first + engine.timeout - time.monotonic())
-    done = wait(flying, timeout=patience, return_when=FIRST_COMPLETED).done
+    done = wait(in_flight, timeout=patience, return_when=FIRST_COMPLETED).done
     late = time.monotonic() - engine.timeout
-    return done or {future for future, (_, _, started) in flying.items() if started <= late}
+    return done or {future for future, (_, _, started) in in_flight.items() if started <= late}
 
 
 def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:

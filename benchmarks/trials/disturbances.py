@@ -24,7 +24,7 @@ def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Params]) -> gym.Env[Any
         arguments = dict(wrapper)
         if "kind" not in arguments:
             raise InputError(
-                f"a disturbance has no kind ({arguments}): allowed are {', '.join(KINDS)}."
+                f"a disturbance has no kind ({arguments}): allowed values: {', '.join(KINDS)}."
             )
         kind = one_of("kind of disturbance", arguments.pop("kind"), KINDS)
         accepted = dict(list(inspect.signature(KINDS[kind]).parameters.items())[1:])

@@ -2,7 +2,10 @@
 
 import csv
 
+import pytest
 from deqmcl_command import exit_code
+
+from benchmarks.report import writing
 
 SMALL = """
 title = "small"
@@ -24,8 +27,13 @@ def write_small(folder, trials=2, particles=15, more=""):
 
 
 def sweep(file, out, *more):
-    """Run the command in this process, on one job unless told otherwise; return its exit code."""
-    return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
+    """Run the command in this process, on one job unless told otherwise; return its exit code.
+
+    It draws no report, which would take longer than the trials.
+    """
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(writing, "no_report", lambda: "it is left out")
+        return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
 
 
 def tables(out):

@@ -18,6 +18,7 @@ def run(file, out, *more, flag):
     return process(*command, *more, env=os.environ | {"TROUBLED_FLAG": str(flag)})
 
 
+@pytest.mark.slow  # every process of the cluster loads all anew
 def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path):
     file, flag = write_small(tmp_path, trials=3), tmp_path / "flag"
     here = run(file, tmp_path / "here", "--jobs", "1", flag=flag)

@@ -41,7 +41,7 @@ def full_disk(tmp_path_factory):
 def test_a_disk_that_is_full_is_said_in_one_line_naming_the_file(full_disk):
     done, out = full_disk
     assert done.stdout.splitlines()[-1] == "codes: 0 3 0", done.stderr
-    assert done.stderr.startswith(f"deqmcl: File too large: {out}/trials/")
+    assert done.stderr.startswith(f"deqmcl: File too large: {out}/")
     assert done.stderr.count("\n") == 1
 
 

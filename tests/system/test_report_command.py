@@ -9,6 +9,7 @@ import subprocess
 import cv2
 import pytest
 from deqmcl_command import METHODS, exit_code, files
+from sweep_command import lines, sweep, write_small
 
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
@@ -72,6 +73,22 @@ def test_missing_trials_are_counted(reported, tmp_path, capsys):
     expected = "9 of 12 trials finished, 3 not run yet: this report is partial."
     assert capsys.readouterr().out.startswith(expected)
     assert expected in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
+    more = '\n[[vary]]\nscenario = ["paper", "guided"]\n'
+    out = tmp_path / "out"
+    assert sweep(write_small(tmp_path, more=more), out) == 0
+    assert not (out / "report.html").exists()
+    assert exit_code("report", out) == 0
+    assert (out / "report.html").exists()
+    trials = [row for row in lines(out) if row["offset"] == "0"]
+    steps = {
+        p: {r["steps_done"] for r in trials if r["scenario"] == p} for p in ("paper", "guided")
+    }
+    assert steps["paper"] == {"204"}
+    assert len(steps["guided"]) == 2
+    assert all(float(row["error"]) > 0 for row in trials)
 
 
 INCOMPLETE = (

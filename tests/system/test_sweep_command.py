@@ -7,7 +7,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from deqmcl_command import DEQMCL, exit_code, files, process
+from deqmcl_command import DEQMCL, files, process
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 from benchmarks.report import writing
@@ -27,14 +27,6 @@ def test_a_sweep_writes_tables_manifest_and_one_file_per_trial_and_no_lock_stays
     assert all(line["steps_done"] == line["scans_used"] == "204" for line in lines(finished))
 
 
-def test_what_is_said_counts_the_trials(file, finished, tmp_path, capsys):
-    assert sweep(file, tmp_path / "out") == 0
-    said = capsys.readouterr()
-    assert said.out.startswith("small: 4 of 4 trials finished.\n")
-    assert "results.csv" in said.out
-    assert said.err == ""
-
-
 def test_the_manifest_says_what_was_run_by_what_code_where_and_how(file, finished):
     manifest = json.loads((finished / "manifest.json").read_text())
     assert manifest["command"] == [
@@ -50,10 +42,15 @@ def test_the_manifest_says_what_was_run_by_what_code_where_and_how(file, finishe
 
 
 @pytest.mark.parametrize("how", [("--jobs", "2"), ("--jobs", "1", "--timeout", "600")])
-def test_the_numbers_depend_neither_on_processes_nor_on_how_many(file, finished, tmp_path, how):
+def test_the_numbers_depend_neither_on_processes_nor_on_how_many(
+    file, finished, tmp_path, capsys, how
+):
     out = tmp_path / "out"
-    done = process(DEQMCL, "sweep", file, "--out", out, *how)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert sweep(file, out, *how) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("small: 4 of 4 trials finished.\n")
+    assert "results.csv" in said.out
+    assert said.err == ""
     assert tables(out) == tables(finished)
     assert trial_files(out) == trial_files(finished)
 
@@ -64,29 +61,21 @@ def test_jobs_timeout_and_executor_are_no_part_of_what_a_sweep_is(file, copy, ra
     assert ran == []
 
 
-def test_shards_into_one_folder_come_to_the_whole(file, finished, tmp_path, capsys):
-    out = tmp_path / "out"
+def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
+    file, finished, tmp_path, capsys, ran
+):
+    out, other = tmp_path / "out", tmp_path / "other"
     assert sweep(file, out, "--shard", "1/3") == 0
     assert "2 of 4 trials finished, 2 missing." in capsys.readouterr().out
     assert sweep(file, out, "--shard", "2/3") == 0
-    assert sweep(file, out, "--shard", "3/3") == 0
+    assert sweep(file, other, "--shard", "3/3") == 0
+    shutil.copytree(other, out, dirs_exist_ok=True)
+    assert len(ran) == 4
+    assert sweep(file, out) == 0
     assert "4 of 4 trials finished." in capsys.readouterr().out
+    assert len(ran) == 4
     assert tables(out) == tables(finished)
     assert not list(out.glob(".lock*"))
-
-
-def test_shards_into_folders_of_their_own_are_joined_by_copying_their_trials(
-    file, finished, tmp_path, ran
-):
-    parts = [tmp_path / str(number) for number in (1, 2)]
-    for number, part in enumerate(parts, 1):
-        assert sweep(file, part, "--shard", f"{number}/2") == 0
-    ran.clear()
-    for part in parts:
-        shutil.copytree(part, tmp_path / "all", dirs_exist_ok=True)
-    assert sweep(file, tmp_path / "all") == 0
-    assert ran == []
-    assert tables(tmp_path / "all") == tables(finished)
 
 
 def test_a_localizer_added_stands_in_the_tables_beside_the_others(file, tmp_path):
@@ -113,20 +102,7 @@ def test_a_trial_is_stored_with_the_quality_at_every_step_if_its_localizer_gives
             assert all(0 <= q <= 1 for q in found["quality"])
 
 
-def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
-    more = '\n[[vary]]\nscenario = ["paper", "guided"]\n'
-    out = tmp_path / "out"
-    assert sweep(write_small(tmp_path, more=more), out) == 0
-    assert exit_code("report", out) == 0
-    trials = [row for row in lines(out) if row["offset"] == "0"]
-    steps = {
-        p: {r["steps_done"] for r in trials if r["scenario"] == p} for p in ("paper", "guided")
-    }
-    assert steps["paper"] == {"204"}
-    assert len(steps["guided"]) == 2
-    assert all(float(row["error"]) > 0 for row in trials)
-
-
+@pytest.mark.slow  # its kernels are compiled anew
 def test_a_sweep_without_home_display_or_our_locale_gives_the_same_numbers(
     file, finished, tmp_path
 ):

@@ -66,7 +66,7 @@ PAPER_SUITES = MappingProxyType(
         ),
         "paper": paper_sweep(particles=1000),
         "headline": Sweep(
-            title="The paper's methods on 200 worlds of three presets, 3 runs each",
+            title="The paper's methods on 200 worlds of three scenarios, 3 runs each",
             localizers=methods(*PAPER_METHODS),
             trials=200,
             filter_seeds=3,
