@@ -44,9 +44,9 @@ def _section(section: Section, folder: str) -> list[str]:
     parts = [f"## {panel.number}. {_plain(panel.title)}"]
     parts.append(_table("", tables.verdict_table(panel)))
     parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
-    parts += [_table("Against the paper's methods", table) for table in section.rivals]
-    if section.gap:
-        parts.append(_table("Optimality gap", section.gap))
+    parts += [_table("Against the paper's methods", table) for table in tables.rival_tables(panel)]
+    if gaps := tables.gap_table(panel):
+        parts.append(_table("Optimality gap", gaps))
     parts += [_image(chart, folder) for chart in section.charts]
     parts.append("\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time))
     parts.append(_table("What the beliefs are worth", tables.calibration_table(panel)))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 from benchmarks.report.words import estimated, p_value
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.gap import Gap
 from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
@@ -90,7 +89,7 @@ def rival_tables(panel: Panel) -> list[Table]:
     return tables
 
 
-def gap_table(panel: Panel, gaps: Sequence[Gap]) -> Table | None:
+def gap_table(panel: Panel) -> Table | None:
     """The errors on the limit's worlds, the limit first; None if there is no limit."""
     header = ["method", "belief about", "error e", "SD between runs on a world"]
     header += ["gap to the limit, 95 % interval", "worlds"]
@@ -103,7 +102,7 @@ def gap_table(panel: Panel, gaps: Sequence[Gap]) -> Table | None:
             "–" if row.method == row.limit else estimated(row.gap, "+.2f"),
             str(row.worlds),
         ]
-        for row in gaps
+        for row in panel.gaps
     ]
     caption = (
         "Error minus the limit's on the same worlds. The limit is what ever more particles "

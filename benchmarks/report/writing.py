@@ -9,10 +9,8 @@ from pathlib import Path
 
 from benchmarks.files import writable_folder, write_bytes, written
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import results_csv
-from benchmarks.tables.gap import gaps, gaps_csv
+from benchmarks.tables.csv_files import gaps_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.panels import panels
-from benchmarks.tables.table_1 import timings_csv, trials_csv
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
@@ -67,16 +65,14 @@ def _source(results: Results) -> str:
 
 
 def _write(out: Path, results: Results) -> list[Path]:
-    compared = panels(results.records, results.baseline)
-    held = [row for panel in compared for row in gaps(panel, results.limits)]
-    rows = (row for panel in compared for row in panel.rows)
+    compared = panels(results.records, results.baseline, results.limits)
     contents = {
-        "results.csv": results_csv(rows).encode(),
+        "results.csv": results_csv(compared).encode(),
         "trials.csv": trials_csv(results.finished).encode(),
         "timings.csv": timings_csv(results.finished).encode(),
     }
-    if held:
-        contents["gaps.csv"] = gaps_csv(held).encode()
+    if any(panel.gaps for panel in compared):
+        contents["gaps.csv"] = gaps_csv(compared).encode()
     for name, content in contents.items():
         write_bytes(out / name, content)
     if no_report() is not None:
@@ -85,7 +81,7 @@ def _write(out: Path, results: Results) -> list[Path]:
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(compared, held, results)
+    story = story_of(compared, results)
     told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
     told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     for name, content in told.items():

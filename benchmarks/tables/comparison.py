@@ -1,21 +1,15 @@
-"""results.csv: every method of a panel against the panel's baseline, over paired worlds."""
+"""Every method of a panel against the panel's baseline, over paired worlds."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
-from typing import Any
 
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.pairing import (
-    METHOD_COLUMNS,
-    SETTING_COLUMNS,
     Method,
     Record,
     Runs,
-    Setting,
     agree,
-    as_json,
     by_world,
     differences,
     over_worlds,
@@ -31,11 +25,7 @@ from benchmarks.tables.stats import (
     wilson,
     win_rate,
 )
-from benchmarks.tables.text import csv_text
 from benchmarks.trials.scoring import SCORE_NAMES
-from benchmarks.trials.spec import Params, thawed
-
-Column = Callable[["Comparison"], Any]
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 ALPHA = 0.05
@@ -47,7 +37,6 @@ class Comparison:
     """One method of a panel at one offset; NaN is not available.
 
     Attributes:
-        setting, swept: the panel.
         method, offset: of what.
         worlds, runs: on how much; the runs on a world are averaged first.
         errors: e of each world.
@@ -63,8 +52,6 @@ class Comparison:
             tests of the panel at this offset.
     """
 
-    setting: Setting
-    swept: Params
     method: Method
     offset: int
     worlds: int
@@ -93,9 +80,7 @@ class Comparison:
         return not self.diff.low <= 0 <= self.diff.high and self.p_holm < ALPHA
 
 
-def compared(
-    setting: Setting, swept: Params, methods: dict[Method, list[Record]], baseline: str
-) -> list[Comparison]:
+def compared(methods: dict[Method, list[Record]], baseline: str) -> list[Comparison]:
     """Compare the methods of a panel: by method, then offset, in the order of their trials.
 
     Holm's family is what the panel tests at one offset.
@@ -109,8 +94,6 @@ def compared(
             lost = float(over_worlds(runs_of(records, "lost", offset)).mean())
             worlds = by_world(errors)
             row = Comparison(
-                setting=setting,
-                swept=swept,
                 method=method,
                 offset=offset,
                 worlds=len(worlds),
@@ -135,21 +118,6 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     listed = list(methods)
     variants = [other for other in listed if other.localizer == name] or listed[:1]
     return next((one for one in variants if agree(one.params, method.params)), variants[0])
-
-
-def results_csv(rows: Iterable[Comparison]) -> str:
-    """Return results.csv: a line per panel, method and offset; nothing of the machine."""
-    header = [*SETTING_COLUMNS, "swept", *METHOD_COLUMNS, *_COLUMNS]
-    lines = (
-        [
-            *row.setting.cells(),
-            as_json(thawed(row.swept)),
-            *row.method.cells(),
-            *(value(row) for value in _COLUMNS.values()),
-        ]
-        for row in rows
-    )
-    return csv_text(header, lines)
 
 
 def _score(records: Sequence[Record], name: str, offset: int) -> Estimate:
@@ -179,33 +147,3 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
 def _six_digits(p: float) -> float:
     """As many as do not depend on how the system computes erfc."""
     return p if math.isnan(p) else float(f"{p:.6g}")
-
-
-def _plain(*names: str) -> dict[str, Column]:
-    return {name: attrgetter(name) for name in names}
-
-
-def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
-    ends = {mean or name: "mean", f"{name}_low": "low", f"{name}_high": "high"}
-    return {column: attrgetter(f"{path}.{end}") for column, end in ends.items()}
-
-
-def _of_score(name: str, end: str) -> Column:
-    return lambda row: getattr(row.scores[name], end)
-
-
-_COLUMNS: dict[str, Column] = {
-    **_plain("offset", "worlds", "runs"),
-    **_interval("error", "error"),
-    **_plain("error_sd"),
-    **{name: _of_score(name, "mean") for name in AVERAGED},
-    **_interval("lost", "lost", "lost_rate"),
-    "baseline": attrgetter("baseline.localizer"),
-    **_plain("paired_worlds"),
-    **_interval("diff", "diff"),
-    **_plain("win_rate", "p", "p_holm"),
-    **_interval("auroc", "detection.auroc"),
-    "far_steps": attrgetter("detection.far_steps"),
-    "far_worlds": attrgetter("detection.far_worlds"),
-    **{f"{name}_{end}": _of_score(name, end) for name in RANGED for end in ("low", "high")},
-}

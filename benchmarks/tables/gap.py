@@ -1,28 +1,23 @@
-"""gaps.csv: how far every method is from the limit, over the worlds that both have run."""
+"""How far every method is from the limit, over the worlds that both have run."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.tables.pairing import (
-    METHOD_COLUMNS,
-    SETTING_COLUMNS,
     Method,
     Record,
     Runs,
     Setting,
-    as_json,
     by_world,
     method_of,
     runs_of,
     setting_of,
 )
-from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate, estimate
-from benchmarks.tables.text import csv_text
-from benchmarks.trials.spec import Params, thawed
+from benchmarks.trials.spec import Params
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +25,6 @@ class Gap:
     """One method of a panel at one offset, against the limit at that offset; NaN: not known.
 
     Attributes:
-        setting, swept: the panel.
         method, offset: of what.
         limit: what it is held against.
         worlds: that both have run; all means are over these.
@@ -39,8 +33,6 @@ class Gap:
         gap: mean of error - the limit's, 95 % bootstrap over worlds.
     """
 
-    setting: Setting
-    swept: Params
     method: Method
     offset: int
     limit: Method
@@ -50,19 +42,24 @@ class Gap:
     gap: Estimate
 
 
-def gaps(panel: Panel, limits: Sequence[Record]) -> list[Gap]:
+def gaps(
+    setting: Setting,
+    swept: Params,
+    methods: Mapping[Method, list[Record]],
+    limits: Iterable[Record],
+) -> list[Gap]:
     """Hold the methods of a panel against the limit; the limit itself comes first."""
     theirs: dict[Method, list[Record]] = {}
     for record in limits:
-        if setting_of(record) == panel.setting:
+        if setting_of(record) == setting:
             theirs.setdefault(method_of(record), []).append(record)
-    held = {method: limit_of(panel.swept, method, list(theirs)) for method in panel.records}
+    held = {method: limit_of(swept, method, list(theirs)) for method in methods}
     own = {limit: theirs[limit] for limit in held.values() if limit is not None}
     rows = []
-    for method, records in ({**own, **panel.records} | own).items():
+    for method, records in ({**own, **methods} | own).items():
         limit = method if method in own else held[method]
         if limit is not None:
-            rows += _gaps(panel, method, records, limit, theirs[limit])
+            rows += _gaps(method, records, limit, theirs[limit])
     return rows
 
 
@@ -78,30 +75,8 @@ def limit_of(swept: Params, method: Method, limits: Sequence[Method]) -> Method 
     return None
 
 
-def gaps_csv(rows: Iterable[Gap]) -> str:
-    """Return gaps.csv: one line per panel, method and offset."""
-    plain = ("offset", "worlds", "error", "seed_sd")
-    header = [*SETTING_COLUMNS, "swept", *METHOD_COLUMNS, "limit", "limit_params", *plain]
-    lines = (
-        [
-            *row.setting.cells(),
-            as_json(thawed(row.swept)),
-            *row.method.cells(),
-            *row.limit.cells(),
-            *(getattr(row, name) for name in plain),
-            *row.gap,
-        ]
-        for row in rows
-    )
-    return csv_text([*header, "gap", "gap_low", "gap_high"], lines)
-
-
 def _gaps(
-    panel: Panel,
-    method: Method,
-    records: Sequence[Record],
-    limit: Method,
-    reference: Sequence[Record],
+    method: Method, records: Sequence[Record], limit: Method, reference: Sequence[Record]
 ) -> list[Gap]:
     """Rows of a method at every offset; runs differ in number, so each world's are averaged."""
     rows = []
@@ -113,8 +88,6 @@ def _gaps(
             continue
         rows.append(
             Gap(
-                setting=panel.setting,
-                swept=panel.swept,
                 method=method,
                 offset=offset,
                 limit=limit,

@@ -1,14 +1,13 @@
 """Which trials belong together: the setting they share, the method they differ in, the worlds."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.spec import Params, frozen, thawed, unworded
+from benchmarks.trials.spec import Params, frozen, unworded
 from deqmcl_gym.numerics.types import Floats
 
 Record = dict[str, Any]
@@ -16,7 +15,6 @@ Run = tuple[int, int]  # world, filter seed
 Runs = dict[Run, float]
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
-METHOD_COLUMNS = ("method", "params")
 
 
 @dataclass(frozen=True)
@@ -38,12 +36,6 @@ class Setting:
     lag: int
     seed: int
 
-    def cells(self) -> list[Any]:
-        """Return the values of ``SETTING_COLUMNS`` in a CSV: parts as JSON."""
-        wrappers = [thawed(wrapper) for wrapper in self.disturbance]
-        changes = (as_json(thawed(self.world)), as_json(thawed(self.assumed)), as_json(wrappers))
-        return [self.scenario, *changes, self.lag, self.seed]
-
 
 @dataclass(frozen=True)
 class Method:
@@ -51,13 +43,6 @@ class Method:
 
     localizer: str
     params: Params = ()
-
-    def cells(self) -> list[str]:
-        """Return the values of ``METHOD_COLUMNS`` in a CSV: the parameters as JSON."""
-        return [self.localizer, as_json(thawed(self.params))]
-
-
-SETTING_COLUMNS = tuple(field.name for field in fields(Setting))
 
 
 def setting_of(record: Record) -> Setting:
@@ -116,11 +101,6 @@ def over_worlds(runs: Mapping[Run, float | None]) -> Floats:
 def differences(ours: Runs, theirs: Runs) -> Floats:
     """Return ours - theirs over the runs in both, one value per world, (W,)."""
     return over_worlds({run: ours[run] - theirs[run] for run in ours if run in theirs})
-
-
-def as_json(value: Any) -> str:
-    """Return a cell of a CSV that holds names or several values."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
 def _number(value: float | None) -> float:

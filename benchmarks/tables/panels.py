@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.tables.comparison import Comparison, compared
+from benchmarks.tables.gap import Gap, gaps
 from benchmarks.tables.pairing import (
     BASELINE,
     Method,
@@ -29,6 +30,7 @@ class Panel:
         swept: value of each parameter that is swept in the setting.
         labels: what each method is called, in the order of the results.
         rows: every method against the baseline, at all offsets.
+        gaps: every method against the limit, where there is one.
         records: finished trials by method.
         thresholds: far and lost, and the unit of length.
     """
@@ -39,6 +41,7 @@ class Panel:
     swept: Params
     labels: dict[Method, str]
     rows: list[Comparison]
+    gaps: list[Gap]
     records: dict[Method, list[Record]]
     thresholds: Thresholds
 
@@ -48,7 +51,9 @@ class Panel:
         return [row for row in self.rows if row.offset == 0]
 
 
-def panels(records: Iterable[Record], baseline: str = BASELINE) -> list[Panel]:
+def panels(
+    records: Iterable[Record], baseline: str = BASELINE, limits: Sequence[Record] = ()
+) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 
     A setting has a panel for every value of the numbers of which one localizer has several; a
@@ -72,7 +77,8 @@ def panels(records: Iterable[Record], baseline: str = BASELINE) -> list[Panel]:
                     setting=setting,
                     swept=swept,
                     labels=_labels(list(members)),
-                    rows=compared(setting, swept, members, baseline),
+                    rows=compared(members, baseline),
+                    gaps=gaps(setting, swept, members, limits),
                     records=members,
                     thresholds=thresholds_of(next(iter(members.values()))[0]),
                 )

@@ -1,4 +1,4 @@
-"""The paper's Table 1 beside ours, and trials.csv, timings.csv."""
+"""The paper's Table 1 beside ours."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -6,21 +6,11 @@ from collections.abc import Iterable, Sequence
 from tabulate import tabulate
 
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import (
-    METHOD_COLUMNS,
-    SETTING_COLUMNS,
-    Record,
-    method_of,
-    run_of,
-    setting_of,
-)
 from benchmarks.tables.panels import short_name
 from benchmarks.tables.published import TABLE_1, Published
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import csv_text, fixed, percent
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.tables.text import fixed, percent
 
-_IDENTITY = (*SETTING_COLUMNS, *METHOD_COLUMNS, "trial", "filter_seed")
 _VARIANCES = {  # score: words, digits
     "var_x": ("var x", 1),
     "var_y": ("var y", 1),
@@ -35,38 +25,6 @@ TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "mcl-pilots": "map-based MCL with pilots",
     "dead-reckoning": "dead reckoning on the plan",
 }
-
-
-def trials_csv(records: Iterable[Record]) -> str:
-    """Return trials.csv: one line per trial, method and offset."""
-    counts = ("weight_collapses", "replanned_steps", "skipped_beams", "blind_scans")
-    header = [*_IDENTITY, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts]
-    lines = (
-        [
-            *_identity(record),
-            score["offset"],
-            *(score.get(name) for name in SCORE_NAMES),
-            record["steps_done"],
-            record["scans_used"],
-            *(record["events"].get(name) for name in counts),
-        ]
-        for record in records
-        for score in record["scores"]
-    )
-    return csv_text(header, lines)
-
-
-def timings_csv(records: Iterable[Record]) -> str:
-    """Return timings.csv: the localizer's own time, reset left out."""
-    lines = (
-        [
-            *_identity(record),
-            record["seconds"],
-            1000 * record["seconds"] / record["steps_done"] if record["seconds"] else None,
-        ]
-        for record in records
-    )
-    return csv_text([*_IDENTITY, "seconds", "ms_per_step"], lines)
 
 
 def table_1(rows: Sequence[Comparison], style: str) -> str:
@@ -142,10 +100,6 @@ def reading(rows: Iterable[Comparison]) -> str:
         f"Dead reckoning on the plan (error {fixed(blind.error.mean)} at x[t]) is worse than the "
         f"best filter ({theirs})."
     )
-
-
-def _identity(record: Record) -> list[object]:
-    return [*setting_of(record).cells(), *method_of(record).cells(), *run_of(record)]
 
 
 def _printed(published: Published | None, name: str) -> str:

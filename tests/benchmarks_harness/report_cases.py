@@ -1,10 +1,12 @@
-"""Made-up results with all that a report shows, animations apart."""
+"""Made-up results with all that a report shows, and its files."""
 
 import csv
 import io
 
 import numpy as np
+import pytest
 
+from benchmarks.report import story, write_report
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.trials.scoring import SCORE_NAMES
 
@@ -69,6 +71,13 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
         limits=list(limits),
         environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
     )
+
+
+def written(out, given, laps=()):
+    """Write the report of results, with these animations; return its files."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(story, "laps", lambda panel: [*laps])
+        return write_report(out, given)
 
 
 def parsed(text):

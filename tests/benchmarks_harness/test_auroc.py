@@ -6,10 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import finished, parsed, results
+from report_cases import finished, parsed, results, written
 
 from benchmarks.report.tables import DETECTION, detection_glance, detection_table
-from benchmarks.report.writing import write_report
 from benchmarks.tables.auroc import auroc_of, rated_steps
 from benchmarks.tables.panels import comparisons, panels
 
@@ -161,9 +160,8 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
 
 
 @pytest.mark.parametrize(("methods", "shown"), [(["rated", "never"], True), (["never"], False)])
-def test_the_report_shows_the_auroc_only_where_there_is_one(tmp_path, monkeypatch, methods, shown):
-    monkeypatch.setattr("benchmarks.report.story.laps", lambda panel: [])
-    write_report(tmp_path, results(reported(methods)))
+def test_the_report_shows_the_auroc_only_where_there_is_one(tmp_path, methods, shown):
+    written(tmp_path, results(reported(methods)))
     for name in ("report.html", "results.md"):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert (DETECTION in text) == shown

@@ -7,7 +7,8 @@ import pytest
 from report_cases import finished, parsed, trials
 
 from benchmarks.tables import stats
-from benchmarks.tables.comparison import baseline_of, results_csv
+from benchmarks.tables.comparison import baseline_of
+from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.pairing import Method, method_of, setting_of
 from benchmarks.tables.panels import comparisons, panels
 from benchmarks.trials.spec import frozen
@@ -139,7 +140,7 @@ def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number
     found = panels(records)
     assert [panel.title for panel in found] == [f"scenario paper, beta {b}" for b in (0.0, "inf")]
     assert all(list(panel.labels.values()) == ["mcl", "deq-mcl"] for panel in found)
-    assert '"{""beta"":""inf"",""particles"":100}"' in results_csv(found[1].rows)
+    assert '"{""beta"":""inf"",""particles"":100}"' in results_csv(found)
 
 
 def test_settings_are_panels_named_by_what_sets_them_apart():
@@ -180,7 +181,7 @@ def test_plug_ins_are_called_by_their_class_where_that_tells_them_apart(names, l
 
 def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine():
     records = swept(2)
-    text = results_csv(comparisons(records))
+    text = results_csv(panels(records))
     lines = parsed(text)
     assert text.splitlines()[0] == (
         "scenario,world,assumed,disturbance,lag,seed,swept,method,params,offset,worlds,runs,"
@@ -199,7 +200,7 @@ def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine()
         ('{"particles":300}', "ekf", "-3.0"),
     ]
     assert (lines[0]["params"], lines[0]["world"]) == ('{"particles":100}', "{}")
-    assert text == results_csv(comparisons([one | {"seconds": 99.0} for one in records]))
+    assert text == results_csv(panels([one | {"seconds": 99.0} for one in records]))
 
 
 def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
@@ -207,4 +208,4 @@ def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
     other = finished("x", 0, 1.0, params={"b": [1, 2], "a": 1}, world={"q": 2, "p": 1})
     assert setting_of(one) == setting_of(other)
     assert {method_of(one): "found"}[method_of(other)] == "found"
-    assert method_of(one).cells() == ["x", '{"a":1,"b":[1,2]}']
+    assert '"{""a"":1,""b"":[1,2]}"' in results_csv(panels([one]))

@@ -11,8 +11,8 @@ from benchmarks.sweeps.collecting import of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Limit, Method
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.tables import gap
-from benchmarks.tables.gap import gaps_csv, limit_of
+from benchmarks.tables.csv_files import gaps_csv
+from benchmarks.tables.gap import limit_of
 from benchmarks.tables.pairing import Method as Named
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
@@ -27,7 +27,7 @@ def limit_run(world, error, *, seed=0, **setting):
 
 
 def gaps(records, limits):
-    return [row for panel in panels(records) for row in gap.gaps(panel, limits)]
+    return [row for panel in panels(records, limits=limits) for row in panel.gaps]
 
 
 def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
@@ -75,7 +75,8 @@ def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels
     records += [finished("ekf", 0, 4.0)]
     limits = [finished("mcl-pilots", 0, e, params={"beta": b}) for b, e in ((1, 3.0), (10, 2.0))]
     named = ("swept", "method", "limit_params", "gap")
-    lines = [[line[name] for name in named] for line in parsed(gaps_csv(gaps(records, limits)))]
+    text = gaps_csv(panels(records, limits=limits))
+    lines = [[line[name] for name in named] for line in parsed(text)]
     differences = {1: ("0.0", "2.0", "1.0"), 10: ("0.0", "3.0", "2.0")}
     assert lines == [
         [f'{{"beta":{b}}}', name, f'{{"beta":{b}}}', difference]

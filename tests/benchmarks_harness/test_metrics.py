@@ -117,7 +117,7 @@ from fake_episode import traced
 from report_cases import finished
 
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.tables.table_1 import trials_csv
+from benchmarks.tables.csv_files import trials_csv
 from benchmarks.trials.scoring import record
 
 

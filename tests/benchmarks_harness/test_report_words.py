@@ -6,14 +6,13 @@ from report_cases import finished, paired, results, trial_of, trials
 
 from benchmarks.report import tables, words
 from benchmarks.report.tables import gap_table, rival_tables
-from benchmarks.tables.gap import gaps
 from benchmarks.tables.panels import panels
 
 ONE = (0,)
 
 
-def panel_of(records):
-    (panel,) = panels(records)
+def panel_of(records, limits=()):
+    (panel,) = panels(records, limits=limits)
     return panel
 
 
@@ -119,11 +118,11 @@ def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_
 
 def test_the_gap_table_has_the_limit_first():
     limits = trials("mcl-pilots", [3.0, 4.0], params={"particles": 9})
-    panel = panel_of(trials("mcl", [5.0, 6.0, 7.0]))
-    limit, mcl = gap_table(panel, gaps(panel, limits)).lines
+    records = trials("mcl", [5.0, 6.0, 7.0])
+    limit, mcl = gap_table(panel_of(records, limits)).lines
     assert (limit[0], limit[-2:]) == ("limit: mcl-pilots particles=9", ["–", "2"])
     assert (mcl[0], mcl[-2:]) == ("mcl", ["+2.00 (2.00 to 2.00)", "2"])
-    assert gap_table(panel, []) is None
+    assert gap_table(panel_of(records)) is None
 
 
 def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parameters():

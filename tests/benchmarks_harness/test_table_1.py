@@ -3,8 +3,9 @@
 import pytest
 from report_cases import finished, paired, parsed, trials
 
+from benchmarks.tables.csv_files import timings_csv, trials_csv
 from benchmarks.tables.panels import comparisons
-from benchmarks.tables.table_1 import TITLES, reading, table_1, timings_csv, trials_csv
+from benchmarks.tables.table_1 import TITLES, reading, table_1
 from benchmarks.tables.text import csv_text
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ

@@ -1,0 +1,126 @@
+"""results.csv, gaps.csv, trials.csv, timings.csv: exact numbers; named parts are JSON."""
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from operator import attrgetter
+from typing import Any
+
+from benchmarks.tables.comparison import AVERAGED, RANGED, Comparison
+from benchmarks.tables.pairing import Method, Record, Setting, method_of, run_of, setting_of
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import csv_text
+from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.spec import thawed
+
+Column = Callable[[Comparison], Any]
+
+_SETTING = tuple(field.name for field in fields(Setting))
+_METHOD = ("method", "params")
+_PANEL = (*_SETTING, "swept", *_METHOD)
+_RUN = (*_SETTING, *_METHOD, "trial", "filter_seed")
+
+
+def results_csv(panels: Iterable[Panel]) -> str:
+    """Return results.csv: a line per panel, method and offset; nothing of the machine."""
+    lines = (
+        [*_panel(panel), *_method(row.method), *(value(row) for value in _COLUMNS.values())]
+        for panel in panels
+        for row in panel.rows
+    )
+    return csv_text([*_PANEL, *_COLUMNS], lines)
+
+
+def gaps_csv(panels: Iterable[Panel]) -> str:
+    """Return gaps.csv: a line per panel, method and offset."""
+    plain = ("offset", "worlds", "error", "seed_sd")
+    lines = (
+        [
+            *(*_panel(panel), *_method(row.method), *_method(row.limit)),
+            *(*(getattr(row, name) for name in plain), *row.gap),
+        ]
+        for panel in panels
+        for row in panel.gaps
+    )
+    return csv_text([*_PANEL, "limit", "limit_params", *plain, "gap", "gap_low", "gap_high"], lines)
+
+
+def trials_csv(records: Iterable[Record]) -> str:
+    """Return trials.csv: a line per trial, method and offset."""
+    counts = ("weight_collapses", "replanned_steps", "skipped_beams", "blind_scans")
+    lines = (
+        [
+            *_run(record),
+            *(score.get(name) for name in ("offset", *SCORE_NAMES)),
+            *(record["steps_done"], record["scans_used"]),
+            *(record["events"].get(name) for name in counts),
+        ]
+        for record in records
+        for score in record["scores"]
+    )
+    return csv_text([*_RUN, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts], lines)
+
+
+def timings_csv(records: Iterable[Record]) -> str:
+    """Return timings.csv: the localizer's own time, reset left out."""
+    lines = (
+        [
+            *_run(record),
+            record["seconds"],
+            1000 * record["seconds"] / record["steps_done"] if record["seconds"] else None,
+        ]
+        for record in records
+    )
+    return csv_text([*_RUN, "seconds", "ms_per_step"], lines)
+
+
+def _panel(panel: Panel) -> list[Any]:
+    return [*_setting(panel.setting), _json(thawed(panel.swept))]
+
+
+def _setting(setting: Setting) -> list[Any]:
+    wrappers = [thawed(wrapper) for wrapper in setting.disturbance]
+    changes = map(_json, (thawed(setting.world), thawed(setting.assumed), wrappers))
+    return [setting.scenario, *changes, setting.lag, setting.seed]
+
+
+def _method(method: Method) -> list[str]:
+    return [method.localizer, _json(thawed(method.params))]
+
+
+def _run(record: Record) -> list[Any]:
+    return [*_setting(setting_of(record)), *_method(method_of(record)), *run_of(record)]
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+def _plain(*names: str) -> dict[str, Column]:
+    return {name: attrgetter(name) for name in names}
+
+
+def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
+    ends = {mean or name: "mean", f"{name}_low": "low", f"{name}_high": "high"}
+    return {column: attrgetter(f"{path}.{end}") for column, end in ends.items()}
+
+
+def _of_score(name: str, end: str) -> Column:
+    return lambda row: getattr(row.scores[name], end)
+
+
+_COLUMNS: dict[str, Column] = {
+    **_plain("offset", "worlds", "runs"),
+    **_interval("error", "error"),
+    **_plain("error_sd"),
+    **{name: _of_score(name, "mean") for name in AVERAGED},
+    **_interval("lost", "lost", "lost_rate"),
+    "baseline": attrgetter("baseline.localizer"),
+    **_plain("paired_worlds"),
+    **_interval("diff", "diff"),
+    **_plain("win_rate", "p", "p_holm"),
+    **_interval("auroc", "detection.auroc"),
+    "far_steps": attrgetter("detection.far_steps"),
+    "far_worlds": attrgetter("detection.far_worlds"),
+    **{f"{name}_{end}": _of_score(name, end) for name in RANGED for end in ("low", "high")},
+}
