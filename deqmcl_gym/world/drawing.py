@@ -78,7 +78,7 @@ class Drawing:
         """Begin with the empty floor plan: black walls, pale obstacles."""
         self.view = view
         width, height = view.size
-        self.image: Image = np.full((height, width, 3), WHITE, dtype=np.uint8)
+        self.image: Image = np.full((height, width, 3), WHITE[0], dtype=np.uint8)
         thickness = max(1, round(1.5 * view.scale))
         for obstacle in view.floor_plan.obstacles:
             cv2.fillPoly(self.image, [self._fixed(obstacle)], PALE, cv2.LINE_AA, _SHIFT)
