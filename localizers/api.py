@@ -1,10 +1,10 @@
 """What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
 
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.units import LENGTH, pixel
@@ -19,6 +19,7 @@ from localizers.models.motion import OdometryMotion
 T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
+_FLOAT64 = np.dtype(np.float64)
 
 
 class Prior(Protocol):
@@ -152,9 +153,29 @@ def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
 def checked_step(
     ranges: ArrayLike, action: ArrayLike, plan: ArrayLike, lidar: Lidar
 ) -> tuple[Floats, Floats, Floats, int]:
-    """Return a scan, an action and a plan, each as checked above, and how many beams are usable."""
+    """Return a scan, an action and a plan, each as checked above, and how many beams are usable.
+
+    Quicker than those where nothing is wrong: this is done at every step.
+    """
+    if (
+        type(ranges) is type(action) is type(plan) is np.ndarray
+        and ranges.ndim == action.ndim == 1
+        and plan.ndim == 2
+        and ranges.dtype.kind == action.dtype.kind == plan.dtype.kind == "f"
+    ):
+        scan, command, ahead = _as_float64(ranges), _as_float64(action), _as_float64(plan)
+        usable = scan_kernels.usable_if_sound(scan, command, ahead, lidar.beams, lidar.max_range)
+        if usable >= 0:
+            return scan, command, ahead, usable
     scan, command, ahead = checked_scan(ranges, lidar), checked_action(action), checked_plan(plan)
     return scan, command, ahead, scan_kernels.count_usable(scan, lidar.max_range)
+
+
+def _as_float64(values: NDArray[Any]) -> Floats:
+    """Return a copy, row by row."""
+    if values.dtype is _FLOAT64:
+        return values.copy()  # takes half the time
+    return values.astype(_FLOAT64, "C")
 
 
 def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:

@@ -12,7 +12,6 @@ import PIL.Image
 from benchmarks.files import write_bytes
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import Moment
-from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import (
     GRAY,
     LIGHT_BLUE,
@@ -26,7 +25,6 @@ from deqmcl_gym.world.drawing import (
     write_legend,
     write_words,
 )
-from localizers import Belief
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),
@@ -56,10 +54,10 @@ class Camera:
         legend: list[tuple[str, Color]] = [("robot", GRAY)]
         for sign, color, words in _LAYERS:
             offset = sign * self.lag
-            cloud = _cloud(moment.belief, offset)
-            if cloud is None or (sign != 0 and offset == 0):
+            held = moment.belief.points(offset)
+            if held is None or (sign != 0 and offset == 0):
                 continue
-            drawing.points(cloud, color, size=3 if self.view.scale > 1 else 2)
+            drawing.points(held[0], color, size=3 if self.view.scale > 1 else 2)
             legend.append((f"{words} {state_name(offset)}", color))
         drawing.robot(moment.truth, self.radius).number(moment.step)
         image = with_strip(drawing.image, 2 * _LINE + 8)
@@ -103,8 +101,3 @@ def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
 def side_by_side(images: Sequence[Image]) -> Image:
     """Return images of one height in a row."""
     return np.hstack(list(images))
-
-
-def _cloud(belief: Belief, offset: int) -> Reals | None:
-    points = belief.points(offset)
-    return None if points is None else points[0]

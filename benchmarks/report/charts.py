@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, estimates, legend, picture
+from benchmarks.report.svg import Picture, canvas, estimates, picture
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.series import lap_errors, milliseconds_per_step, profile
 from benchmarks.trials.metrics import LEVELS
@@ -102,7 +102,6 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
     axes.axvline(0, color=INK, linewidth=0.8)
     axes.set(xlabel="offset k of the state x[t+k] (past < 0 < future)", ylabel="error e")
     axes.set_ylim(0, None)
-    legend(figure, axes)
     return picture(
         figure,
         name=f"offsets-{panel.number}",
@@ -125,7 +124,6 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
         estimates(axes, [times[row.method]], [row.error], looks[label], label, size=7)
     axes.set(xlabel="localizer's time per step, ms (median over runs)", xlim=(0, None))
     axes.set(ylabel="error e of x[t]", ylim=(0, None))
-    legend(figure, axes)
     return picture(
         figure,
         name=f"speed-{panel.number}",
@@ -152,7 +150,6 @@ def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
     axes.plot([0, 100], [0, 100], "--", color=INK, linewidth=0.9, label="calibrated", zorder=1)
     axes.set(xlim=(40, 102), ylim=(0, 102), xticks=list(LEVELS))
     axes.set(xlabel="level of the credible region, %", ylabel="truth inside, % of states")
-    legend(figure, axes)
     covered = (
         f"{label} " + ", ".join(f"{share.mean:.0f}" for share in shares)
         for label, shares in inside.items()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, estimates, legend, picture
+from benchmarks.report.svg import Picture, canvas, estimates, picture
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import Estimate
@@ -157,7 +157,6 @@ def _drawn(
     axes.set(xlabel=f"{words} …" if chart.followers else words, ylabel=quantity.axis)
     axes.set_ylim(quantity.lowest, None)
     axes.axhline(0, color=INK, linewidth=0.8)
-    legend(figure, axes)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     also = f" … and with it {', '.join(map(_words, chart.followers))}." if chart.followers else ""
     return picture(figure, name=name, title=title, caption=quantity.caption + also, alt=title)

@@ -11,8 +11,7 @@ from markupsafe import Markup
 from benchmarks.report import tables, words
 from benchmarks.report.markdown import describe
 from benchmarks.report.story import PICTURED, Story
-from benchmarks.report.style import DARK, LIGHT
-from benchmarks.report.svg import Picture
+from benchmarks.report.style import LOOKS
 from benchmarks.tables.table_1 import full_name
 
 
@@ -22,7 +21,7 @@ def html(story: Story) -> str:
     engine = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    engine.filters["inline"] = _inline
+    engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
     template = engine.from_string((here / "page.html.jinja").read_text(encoding="utf-8"))
     results = story.results
@@ -48,12 +47,7 @@ def html(story: Story) -> str:
     )
 
 
-def _inline(picture: Picture) -> Markup:
-    """An SVG as it is: matplotlib has escaped its words."""
-    return Markup(picture.inline)
-
-
 def _variables() -> str:
-    light = "".join(f"--{name}: {color}; " for name, color in LIGHT.items())
-    dark = "".join(f"--{name}: {color}; " for name, color in DARK.items())
+    light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
+    dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
     return f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}\n"

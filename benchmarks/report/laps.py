@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import zip_longest
 from typing import Any
 
 from benchmarks.pictures.figures import camera_of
@@ -90,16 +89,9 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
 
 def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
     rows = [_frames(trial) for trial in trials]
-    blanks = [row[-1] for row in rows]  # who ends first waits
-    frames = [
-        side_by_side(
-            [
-                image if image is not None else last
-                for image, last in zip(images, blanks, strict=True)
-            ]
-        )
-        for images in zip_longest(*rows)
-    ]
+    longest = max(map(len, rows))
+    padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
+    frames = [side_by_side(images) for images in zip(*padded, strict=True)]
     return {"animation": webp(frames, _MILLISECONDS), "still": png(frames[len(frames) // 2])}
 
 

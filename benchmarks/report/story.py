@@ -5,6 +5,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import matplotlib as mpl
+
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -15,7 +17,7 @@ from benchmarks.report.charts import (
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.style import Look, looks
-from benchmarks.report.svg import Picture, house_style
+from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.report.tables import Table, gap_table, rival_tables
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.gap import Gap
@@ -65,7 +67,7 @@ class Story:
 def story_of(panels: Sequence[Panel], gaps: Sequence[Gap], results: Results) -> Story:
     """Draw everything, and run again the trials that are shown as animations."""
     look = looks(label for panel in panels for label in panel.labels.values())
-    with ThreadPoolExecutor() as pool, house_style():
+    with ThreadPoolExecutor() as pool, mpl.rc_context(HOUSE_STYLE):
         # encoding an animation takes as long as drawing all charts, and leaves Python free
         animated = [pool.submit(laps, panel) for panel in panels[:ANIMATED]]
         sections = [_section(panel, gaps, look) for panel in panels]

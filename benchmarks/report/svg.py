@@ -3,21 +3,20 @@
 import io
 import math
 import re
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
-from benchmarks.report.style import FAINT, INK, LIGHT, Look
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from benchmarks.report.style import FAINT, INK, LOOKS, Look
 from benchmarks.tables.stats import Estimate
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _LONG = 16  # characters of which three do not fit beside each other
-_RC: Any = {
+HOUSE_STYLE: Any = {  # matplotlib's parameters while charts are made
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -63,8 +62,8 @@ class Picture:
     def inline(self) -> str:
         """SVG to stand in the page: colours by CSS variables, so that it can be dark."""
         svg = self.source.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
-        for name, color in LIGHT.items():
-            svg = svg.replace(color, f"var(--{name})")
+        for look in LOOKS:
+            svg = svg.replace(look.color, f"var(--{look.name})")
         return svg
 
     @property
@@ -76,15 +75,6 @@ class Picture:
         return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg
 
 
-@contextmanager
-def house_style() -> Iterator[None]:
-    """Let matplotlib draw in our style, for as long as charts are made."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(_RC):
-        yield
-
-
 def canvas(
     width: float,
     height: float,
@@ -92,16 +82,14 @@ def canvas(
     left: float = 0.62,
     top: float = 0.12,
     legend_of: Collection[str] = (),
-) -> tuple["Figure", "Axes"]:
+) -> tuple[Figure, Axes]:
     """Return an empty figure and its axes.
 
     Args:
         width, height: of the figure without the legend, inches.
         left, top: margins, inches.
-        legend_of: names that ``legend`` puts below the axes.
+        legend_of: labels of what is to be drawn, for which ``picture`` makes a legend.
     """
-    from matplotlib.figure import Figure
-
     names = 0.225 * math.ceil(len(legend_of) / _columns(legend_of))
     bottom, height = 0.5 + names, height + names
     figure = Figure(figsize=(width, height))
@@ -110,7 +98,7 @@ def canvas(
 
 
 def estimates(
-    axes: "Axes",
+    axes: Axes,
     places: Sequence[float],
     values: Sequence[Estimate],
     look: Look,
@@ -133,30 +121,9 @@ def estimates(
     )
 
 
-def legend(figure: "Figure", axes: "Axes") -> None:
-    """Put the names of what is drawn below the axes."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        loc="lower center",
-        ncols=_columns(labels),
-        handlelength=1.6,
-        frameon=False,
-        columnspacing=0.9,
-        labelspacing=0.4,
-        borderpad=0.1,
-    )
-
-
-def _columns(labels: Collection[str]) -> int:
-    return 2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3
-
-
-def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) -> Picture:
-    """Return a figure as a picture."""
-    import matplotlib as mpl
-
+def picture(figure: Figure, *, name: str, title: str, caption: str, alt: str) -> Picture:
+    """Return a figure, with the names of what it shows below its axes, as a picture."""
+    _legend(figure)
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
@@ -174,3 +141,25 @@ def picture(figure: "Figure", *, name: str, title: str, caption: str, alt: str) 
     )
     svg = re.sub(r"<svg[^>]*>", lambda _: opening, svg, count=1)
     return Picture(name=name, title=title, caption=caption, alt=alt, source=svg)
+
+
+def _legend(figure: Figure) -> None:
+    """Put the names of what is drawn below the axes, if there are any."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if not labels:
+        return
+    figure.legend(
+        handles,
+        labels,
+        loc="lower center",
+        ncols=_columns(labels),
+        handlelength=1.6,
+        frameon=False,
+        columnspacing=0.9,
+        labelspacing=0.4,
+        borderpad=0.1,
+    )
+
+
+def _columns(labels: Collection[str]) -> int:
+    return 2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3

@@ -1,5 +1,5 @@
 """``deqmcl speed``: how fast we are, as ratios against others measured in the same run.
 
-``timing`` measures; ``rays``, ``steps`` and ``worlds`` say what is compared; ``scaling`` gives
-curves; ``tables`` and ``plots`` show it; ``command`` puts it together.
+``timing`` measures; ``rays``, ``steps``, ``trials`` and ``worlds`` say what is compared;
+``scaling`` gives curves; ``tables`` and ``plots`` show it; ``command`` puts it together.
 """

@@ -9,18 +9,18 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from benchmarks.files import writable_folder, write_bytes, write_text
+from benchmarks.files import writable_folder, write_bytes
 from benchmarks.speed import rays, steps, trials, worlds
-from benchmarks.speed.figure import Figure, Measured, UnavailableError, measured
-from benchmarks.speed.plots import ratios_plot, scaling_plot
-from benchmarks.speed.scaling import Measurement, curves, scaled
+from benchmarks.speed.figure import Measured, measured
+from benchmarks.speed.plots import scaling_plot
+from benchmarks.speed.scaling import Scaling, curves, scaled
 from benchmarks.speed.tables import (
     HOW,
     scaling_csv,
     scaling_tables,
+    sides_table,
     speed_csv,
     speed_table,
-    terminal_table,
 )
 from benchmarks.speed.timing import Effort
 from benchmarks.trials.provenance import environment
@@ -28,19 +28,12 @@ from benchmarks.trials.provenance import environment
 T = TypeVar("T")
 
 FIGURES = (*rays.FIGURES, *steps.FIGURES, *trials.FIGURES, *worlds.FIGURES)
-
-RATIOS, CURVES = "speed.png", "scaling.png"
-_SHOWS = {RATIOS: "The ratios as bars, with their targets", CURVES: "The tables as curves"}
+PEERS = (*rays.PEERS, *steps.PEERS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """How much is measured, and for how long.
-
-    Attributes:
-        figures, scaling: effort for either.
-        largest: number of particles of the scaling curves.
-    """
+    """How long figures and curves are measured, and the largest number of particles."""
 
     figures: Effort
     scaling: Effort
@@ -62,58 +55,48 @@ QUICK = Extent(
 def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str]) -> str:
     """Measure, write the files; return what to print."""
     writable_folder(out)
-    rows, reasons = _measure(FIGURES, extent.figures, peers=peers)
+    rows, reasons = _measured(extent.figures, peers=peers)
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
-    write_text(out / "speed.csv", speed_csv(rows))
-    write_text(out / "scaling.csv", scaling_csv(seen))
-    pictures = _pictures(rows, seen)
-    for name, picture in pictures.items():
-        write_bytes(out / name, picture)
-    if not pictures:
-        reasons += ["No pictures: pip install 'deqmcl-gym[plots]' brings what they need."]
-    write_text(out / "speed.md", _markdown(rows, reasons, seen, pictures, command))
-    written = ["speed.csv", "scaling.csv", *pictures, "speed.md"]
-    return "\n\n".join(
-        part
-        for part in (
-            terminal_table(rows),
-            HOW,
-            "\n".join(reasons),
-            f"Written to {out}: {', '.join(written)}.",
-        )
-        if part
-    )
+    files = {"speed.csv": speed_csv(rows).encode(), "scaling.csv": scaling_csv(seen).encode()}
+    if find_spec("matplotlib"):
+        files["scaling.png"] = scaling_plot(seen)
+    else:
+        reasons += ["No picture: pip install 'deqmcl-gym[plots]' brings what it needs."]
+    files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
+    for name, content in files.items():
+        write_bytes(out / name, content)
+    written = f"Written to {out}: {', '.join(files)}."
+    return "\n\n".join([speed_table(rows, "simple"), HOW, *reasons, written])
 
 
-def _measure(
-    figures: Sequence[Figure], effort: Effort, *, peers: bool
-) -> tuple[list[Measured], list[str]]:
-    """Return the rows, and a line for each reason why others have none."""
-    rows: list[Measured] = []
-    without: dict[str, list[str]] = {}
-    for figure in _progress(figures, len(figures), "figures"):
+def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]]:
+    """Return the rows, and a line for each reason why some figures have none."""
+    rows = [measured(figure, effort) for figure in _progress(FIGURES, len(FIGURES), "figures")]
+    if not peers:
+        names = ", ".join(figure.name for figure in PEERS)
+        return rows, [f"No row: {names}: peers are measured with --peers only."]
+    reasons = []
+    for figure in _progress(PEERS, len(PEERS), "peers"):
         try:
-            if figure.peer is not None and not peers:
-                raise UnavailableError("peers are measured with --peers only")
             rows.append(measured(figure, effort))
-        except UnavailableError as error:
-            without.setdefault(str(error), []).append(figure.name)
-    return rows, [f"No row: {', '.join(names)}: {why}." for why, names in without.items()]
+        except ImportError as error:
+            reasons.append(f"No row: {figure.name}: {error} (docs/speed.md says what to install).")
+    return rows, reasons
 
 
-def _markdown(
+def _page(
     rows: Sequence[Measured],
     reasons: Sequence[str],
-    scaling: Sequence[Measurement],
-    pictures: Iterable[str],
+    scaling: Sequence[Scaling],
+    picture: bool,
     command: Sequence[str],
 ) -> str:
+    """Return speed.md."""
     machine = environment()
     libraries = machine["libraries"]
     assert isinstance(libraries, dict)
     versions = [f"Python {machine['python']}", *(f"{k} {v}" for k, v in libraries.items())]
-    shown = {name: f"![{_SHOWS[name]}]({name})" for name in pictures}
     parts = [
         "# Speed",
         f"`{shlex.join(command)}`",
@@ -121,19 +104,13 @@ def _markdown(
         HOW,
         *reasons,
         f"{', '.join(versions)}; {machine['platform']}.",
-        shown.get(RATIOS, ""),
+        "## What is compared",
+        sides_table(row.figure for row in rows),
         "## Scaling",
         scaling_tables(scaling),
-        shown.get(CURVES, ""),
+        *["![The tables as curves](scaling.png)"] * picture,
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _pictures(rows: Sequence[Measured], scaling: Sequence[Measurement]) -> dict[str, bytes]:
-    """Return the pictures by name; none without matplotlib."""
-    if find_spec("matplotlib") is None:
-        return {}
-    return {RATIOS: ratios_plot(rows), CURVES: scaling_plot(scaling)}
+    return "\n\n".join(parts) + "\n"
 
 
 def _progress(items: Iterable[T], total: int, what: str) -> Iterable[T]:

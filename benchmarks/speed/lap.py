@@ -1,6 +1,7 @@
 """The work that is timed: rays in the paper's room, and a recorded lap to follow."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import count
@@ -11,21 +12,23 @@ from benchmarks.speed.timing import Job
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.numerics.types import Reals, Singles
-from localizers import GaussianPrior, GaussianUniform, Localizer, OdometryMotion, RobotModel
+from localizers import GaussianPrior, GaussianUniform, OdometryMotion, RobotModel
 
 BEAMS = 16
 SIGMA = 10.0  # px
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
 
+Update = Callable[[Reals, Reals, Reals], object]  # one step on, by scan, action and plan
 
-def free_poses(floor_plan: PolygonMap, n: int) -> Singles:
-    """Draw poses uniformly from the free space, always the same ones, (n, 3)."""
+
+def free_poses(floor_plan: PolygonMap, n: int, radius: float = 0.1) -> Singles:
+    """Draw poses uniformly from where a robot of ``radius`` fits, always the same ones, (n, 3)."""
     rng = np.random.default_rng(0)
     x0, y0, x1, y1 = floor_plan.bounds
     found = np.empty((0, 2))
     while len(found) < n:
         points = rng.uniform((x0, y0), (x1, y1), (2 * n, 2))
-        found = np.vstack([found, points[floor_plan.free(points, radius=0.1)]])
+        found = np.vstack([found, points[floor_plan.free(points, radius=radius)]])
     headings = rng.uniform(-math.pi, math.pi, n)
     return np.column_stack([found[:n], headings]).astype(np.float32)
 
@@ -33,6 +36,11 @@ def free_poses(floor_plan: PolygonMap, n: int) -> Singles:
 def fan(beams: int) -> Lidar:
     """Return a lidar that looks all around."""
     return Lidar(beams=beams, field_of_view=2 * math.pi, max_range=400.0, sigma=SIGMA)
+
+
+def bearings_of(beams: int) -> Singles:
+    """Return the bearings of such a lidar, (beams,) rad."""
+    return fan(beams).bearings.astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,19 +59,18 @@ class RecordedLap:
     scans: Reals
     plan: Reals
 
-    def following(self, localizer: Localizer, warm_up: int = 0) -> Job:
-        """Return the job of updating a localizer along the lap, over and over; one step a call."""
+    def following(self, update: Update, warm_up: int = 0) -> Job:
+        """Return the job of updating a filter along the lap, over and over; one step a call."""
         laps = np.tile(self.plan, (2 + PLANNED // len(self.plan), 1))
-        localizer.reset(self.prior, laps[:PLANNED], np.random.default_rng(1))
         steps = count()
 
-        def update() -> None:
+        def step() -> None:
             t = next(steps) % len(self.plan)
-            localizer.update(self.scans[t], self.plan[t], laps[t + 1 : t + 1 + PLANNED])
+            update(self.scans[t], self.plan[t], laps[t + 1 : t + 1 + PLANNED])
 
         for _ in range(warm_up):
-            update()
-        return Job(call=update)
+            step()
+        return Job(step)
 
 
 @cache

@@ -1,60 +1,38 @@
 """MCL in plain NumPy: what we compare with, and the models that peers are given.
 
 Float32, one logarithm per scan, systematic resampling; whole-array operations in blocks that fit
-the cache. Rays are cast against every wall as a segment, or, where the map is made of axis-aligned
-rectangles, by the slab method that the kernels use.
+the cache. Rays are cast in the plain form of ``tests/reference.py``, every ray against every wall,
+or, where the map is made of axis-aligned rectangles, by the slab method that the kernels use.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import as_box
 from deqmcl_gym.numerics.types import Floats, Indices, Reals, Singles
-from deqmcl_gym.validation import InputError
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.scan import OUTSIDE
 
 RAYS_PER_BLOCK = 16_384  # 64 KiB per temporary array; the fastest of 1,024 to 65,536
 
-
+Cloud = tuple[Reals, Floats]  # poses (n, 3) and weights (n,)
 Caster = Callable[[Singles, Singles], Singles]  # poses (3, n), bearings (B,) -> ranges (B, n)
+CasterMaker = Callable[[PolygonMap], Caster]
 
 
 def segments(floor_plan: PolygonMap) -> Caster:
-    """Return a caster that tries every wall as a segment."""
-    return partial(_cast_segments, walls=floor_plan.walls.astype(np.float32))
+    """Return a caster that tries every wall as a segment, as ``tests/reference.py`` does."""
+    return partial(_cast, partial(_nearest_segment, floor_plan.walls.astype(np.float32)))
 
 
 def slabs(floor_plan: PolygonMap) -> Caster:
-    """Return a caster that knows rectangles; about as fast as NumPy goes."""
-    return partial(_cast_slabs, boxes=boxes_of(floor_plan))
-
-
-def boxes_of(floor_plan: PolygonMap) -> Singles:
-    """Return the map's rectangles, the outer one first: (x_low, y_low, x_high, y_high), (k, 4)."""
+    """Return a caster for a map of axis-aligned rectangles; about as fast as NumPy goes."""
     boxes = [as_box(polygon) for polygon in (floor_plan.outer, *floor_plan.obstacles)]
-    if None in boxes:
-        raise InputError("the NumPy baseline knows axis-aligned rectangles only: give such a map.")
-    return np.array(boxes, dtype=np.float32)
-
-
-def ranges(poses: Singles, bearings: Singles, cast: Caster) -> Singles:
-    """Distance along each beam to the nearest wall, inf where there is none, (B, n) px.
-
-    Args:
-        poses: rows x px, y px, θ rad, (3, n).
-        bearings: against the heading, (B,) rad.
-        cast: ``segments`` or ``slabs`` of a floor plan.
-    """
-    out = np.empty((bearings.size, poses.shape[1]), np.float32)
-    for block in _blocks(poses.shape[1], bearings.size):
-        out[:, block] = cast(poses[:, block], bearings)
-    return out
+    return partial(_cast, partial(_nearest_slab, np.array(boxes, dtype=np.float32)))
 
 
 def systematic(weights: Floats, rng: np.random.Generator) -> Indices:
@@ -65,22 +43,21 @@ def systematic(weights: Floats, rng: np.random.Generator) -> Indices:
     return np.repeat(np.arange(n), np.diff(slots, prepend=0))
 
 
-@dataclass(frozen=True)
 class NumpyModels:
-    """The motion and scan models of a robot.
+    """The motion and scan models of a robot in the paper's room."""
 
-    Attributes:
-        robot: with an ``OdometryMotion`` and a ``GaussianUniform``.
-        caster: ``segments`` or ``slabs``.
-    """
-
-    robot: RobotModel
-    caster: Callable[[PolygonMap], Caster] = segments
+    def __init__(self, robot: RobotModel, caster: CasterMaker = segments) -> None:
+        """Take over the ``OdometryMotion`` and the ``GaussianUniform`` of a robot."""
+        assert isinstance(robot.motion, OdometryMotion)
+        assert isinstance(robot.scan, GaussianUniform)
+        assert isinstance(robot.floor_plan, PolygonMap)
+        self.robot, self._motion, self._beam = robot, robot.motion, robot.scan
+        self._cast = caster(robot.floor_plan)
+        self._bearings = robot.lidar.bearings.astype(np.float32)
 
     def moved(self, states: Singles, action: Reals, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n)."""
-        motion = self.robot.motion
-        assert isinstance(motion, OdometryMotion)
+        motion = self._motion
         distance, turn = float(action[0]), float(action[1])
         sd_turn = motion.turn * abs(turn) + motion.drift * abs(distance)
         noise = rng.standard_normal((2, states.shape[1]), dtype=np.float32)
@@ -95,8 +72,7 @@ class NumpyModels:
 
     def log_likelihood(self, states: Singles, scan: Reals) -> Floats:
         """Σ_b log p(o_b | ô_b) of a scan (B,) px at each pose (3, n), (n,)."""
-        beam = self.robot.scan
-        assert isinstance(beam, GaussianUniform)
+        beam = self._beam
         peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
         floor = beam.uniform / self.robot.lidar.max_range
         measured = np.asarray(scan, dtype=np.float32)[:, None]
@@ -109,103 +85,73 @@ class NumpyModels:
         inside = (states[0] > left) & (states[0] < right) & (states[1] > low) & (states[1] < high)
         return np.where(inside, out, OUTSIDE)
 
-    @cached_property
-    def _bearings(self) -> Singles:
-        return self.robot.lidar.bearings.astype(np.float32)
 
-    @cached_property
-    def _cast(self) -> Caster:
-        floor_plan = self.robot.floor_plan
-        assert isinstance(floor_plan, PolygonMap), "the baseline knows polygons only"
-        return self.caster(floor_plan)
+def mcl(
+    robot: RobotModel,
+    particles: int,
+    prior: Prior,
+    rng: np.random.Generator,
+    caster: CasterMaker = segments,
+) -> Callable[..., Cloud]:
+    """Return ``update`` of MCL, as that of ``localizers.make("mcl", robot, particles=…)``."""
+    models = NumpyModels(robot, caster)
+    states = np.array(prior.sample(particles, rng).T, np.float32, order="C")
+    weights = np.full(particles, 1 / particles)
 
-
-@dataclass(frozen=True)
-class Cloud:
-    """A ``Belief`` about the present: poses (n, 3) and weights (n,)."""
-
-    poses: Reals
-    weights: Floats
-
-    def points(self, offset: int = 0) -> tuple[Reals, Floats] | None:
-        """Return poses and weights; None for another offset than 0."""
-        return None if offset else (self.poses.copy(), self.weights.copy())
-
-
-class NumpyMCL:
-    """MCL as ``localizers.make("mcl", robot, particles=…)``, a ``Localizer``."""
-
-    def __init__(
-        self,
-        robot: RobotModel,
-        *,
-        particles: int,
-        caster: Callable[[PolygonMap], Caster] = segments,
-    ) -> None:
-        """Make MCL for a robot."""
-        self._models = NumpyModels(robot, caster)
-        self._particles = particles
-
-    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
-        """Start anew."""
-        del plan
-        self._rng = rng
-        self._states = np.array(prior.sample(self._particles, rng).T, np.float32, order="C")
-        self._weights = np.full(self._particles, 1 / self._particles)
-        return Cloud(self._states.T, self._weights)
-
-    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
-        """Go one step on."""
-        del plan
-        survivors = self._states[:, systematic(self._weights, self._rng)]
-        self._states = self._models.moved(survivors, action, self._rng)
-        log_weights = self._models.log_likelihood(self._states, ranges)
+    def update(scan: Reals, action: Reals, *_: object) -> Cloud:
+        nonlocal states, weights
+        states = models.moved(states[:, systematic(weights, rng)], action, rng)
+        log_weights = models.log_likelihood(states, scan)
         weights = np.exp(log_weights - log_weights.max())
-        self._weights = weights / weights.sum()
-        return Cloud(self._states.T, self._weights)
+        weights /= weights.sum()
+        return states.T, weights
+
+    return update
 
 
-def _cast_segments(poses: Singles, bearings: Singles, *, walls: Singles) -> Singles:
-    """``ranges`` of one block: where each ray and each wall cross."""
-    x, y, _ = poses
-    dx, dy = _directions(poses, bearings)
-    nearest = np.full((bearings.size, x.size), np.inf, np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for x0, y0, x1, y1 in walls:
-            ex, ey = x1 - x0, y1 - y0
-            rx, ry = x0 - x, y0 - y
-            denominator = dx * ey - dy * ex
-            t = (rx * ey - ry * ex) / denominator
-            u = (rx * dy - ry * dx) / denominator
-            t[(t < 0) | (u < 0) | (u > 1)] = np.inf
-            np.fmin(nearest, t, out=nearest)  # parallel to the wall: NaN
-    return nearest
-
-
-def _cast_slabs(poses: Singles, bearings: Singles, *, boxes: Singles) -> Singles:
-    """``ranges`` of one block, by the slab method (Kay & Kajiya 1986)."""
-    x, y, _ = poses
-    dx, dy = _directions(poses, bearings)
-    nearest = np.full((bearings.size, x.size), np.inf, np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        per_dx, per_dy = 1 / dx, 1 / dy
-        for x_low, y_low, x_high, y_high in boxes:
-            to_left, to_right = (x_low - x) * per_dx, (x_high - x) * per_dx
-            to_low, to_high = (y_low - y) * per_dy, (y_high - y) * per_dy
-            enter = np.maximum(np.minimum(to_left, to_right), np.minimum(to_low, to_high))
-            leave = np.minimum(np.maximum(to_left, to_right), np.maximum(to_low, to_high))
-            t = np.where(enter >= 0, enter, leave)
-            t[(leave < enter) | (t < 0)] = np.inf
-            np.minimum(nearest, t, out=nearest)
-    return nearest
-
-
-def _directions(poses: Singles, bearings: Singles) -> tuple[Singles, Singles]:
-    """Unit vectors along each beam, (B, n) each."""
-    sine, cosine = np.sin(poses[2]), np.cos(poses[2])
+def _cast(nearest: Callable[..., None], poses: Singles, bearings: Singles) -> Singles:
+    """Distance along each beam to the nearest wall, inf where there is none, (B, n) px."""
+    out = np.empty((bearings.size, poses.shape[1]), np.float32)
     beam_sine, beam_cosine = np.sin(bearings)[:, None], np.cos(bearings)[:, None]
-    dx = cosine * beam_cosine - sine * beam_sine
-    return dx, sine * beam_cosine + cosine * beam_sine
+    for block in _blocks(poses.shape[1], bearings.size):
+        x, y, heading = poses[:, block]
+        sine, cosine = np.sin(heading), np.cos(heading)
+        dx = cosine * beam_cosine - sine * beam_sine
+        dy = sine * beam_cosine + cosine * beam_sine
+        found = np.full(dx.shape, np.inf, np.float32)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            nearest(x, y, dx, dy, found)
+        out[:, block] = found
+    return out
+
+
+def _nearest_segment(
+    walls: Singles, x: Singles, y: Singles, dx: Singles, dy: Singles, out: Singles
+) -> None:
+    """Where each ray and each wall cross."""
+    for x0, y0, x1, y1 in walls:
+        ex, ey = x1 - x0, y1 - y0
+        rx, ry = x0 - x, y0 - y
+        denominator = dx * ey - dy * ex
+        t = (rx * ey - ry * ex) / denominator
+        u = (rx * dy - ry * dx) / denominator
+        t[(t < 0) | (u < 0) | (u > 1)] = np.inf
+        np.fmin(out, t, out=out)  # parallel to the wall: NaN
+
+
+def _nearest_slab(
+    boxes: Singles, x: Singles, y: Singles, dx: Singles, dy: Singles, out: Singles
+) -> None:
+    """The slab method (Kay & Kajiya 1986), from inside or outside of a box."""
+    per_dx, per_dy = 1 / dx, 1 / dy
+    for x_low, y_low, x_high, y_high in boxes:
+        to_left, to_right = (x_low - x) * per_dx, (x_high - x) * per_dx
+        to_low, to_high = (y_low - y) * per_dy, (y_high - y) * per_dy
+        enter = np.maximum(np.minimum(to_left, to_right), np.minimum(to_low, to_high))
+        leave = np.minimum(np.maximum(to_left, to_right), np.maximum(to_low, to_high))
+        t = np.where(enter >= 0, enter, leave)
+        t[(leave < enter) | (t < 0)] = np.inf
+        np.minimum(out, t, out=out)
 
 
 def _blocks(n: int, beams: int) -> list[slice]:

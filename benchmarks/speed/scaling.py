@@ -6,98 +6,63 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.speed.figure import MICROSECONDS, in_unit
-from benchmarks.speed.lap import BEAMS, fan, free_poses, recorded_lap
-from benchmarks.speed.numpy_baseline import NumpyMCL
-from benchmarks.speed.steps import FEW, our_job
+from benchmarks.speed import rays
+from benchmarks.speed.figure import in_unit
+from benchmarks.speed.lap import BEAMS
+from benchmarks.speed.steps import FEW, numpy_job, our_job
 from benchmarks.speed.timing import Effort, Job, rates
 from deqmcl_gym.maps import PolygonMap
 
 POSES = 2_000
+_SEGMENTS = (8, 16, 32, 64, 128, 256, 512)
+_BEAMS = (1, 2, 4, 8, 16, 32, 64)
+_LAGS = (0, 5, 10, 20, 40, 80)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Curve:
     """What is measured at each of some values of one parameter.
 
     Attributes:
-        task: what is done, the same for all curves of one picture.
+        what: is done, the same for all curves of one picture.
         who: does it.
         varied: the parameter.
         values: of the parameter.
-        unit: of what is measured.
         job: makes the job for a value.
+        unit: of what is measured.
     """
 
-    task: str
+    what: str
     who: str
     varied: str
     values: Sequence[int]
-    unit: str
     job: Callable[[int], Job]
+    unit: str = "µs/step"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measurement:
-    """A curve with its measured values, in its unit."""
-
-    curve: Curve
-    results: Sequence[float]
+Scaling = tuple[Curve, Sequence[float]]  # a curve with its measured values, in its unit
 
 
-def curves(*, largest: int) -> list[Curve]:
+def curves(*, largest: int) -> tuple[Curve, ...]:
     """Return all curves, with up to ``largest`` particles."""
     clouds = [n for n in (100, 1_000, 10_000, 100_000, 1_000_000) if n <= largest]
-    by_particles = f"MCL step, B = {BEAMS}"
-    return [
-        Curve(
-            task=f"rays, {POSES:,} poses × {BEAMS} beams, pillars in a square room",
-            who="PolygonMap.ranges",
-            varied="segments",
-            values=(8, 16, 32, 64, 128, 256, 512),
-            unit="rays/s",
-            job=_rays_among,
-        ),
-        Curve(
-            task=by_particles,
-            who="mcl",
-            varied="particles",
-            values=clouds,
-            unit=MICROSECONDS,
-            job=lambda n: our_job("mcl", n),
-        ),
-        Curve(
-            task=by_particles,
-            who="NumPy",
-            varied="particles",
-            values=clouds,
-            unit=MICROSECONDS,
-            job=lambda n: recorded_lap().following(NumpyMCL(recorded_lap().robot, particles=n)),
-        ),
-        Curve(
-            task=f"MCL step, N = {FEW:,}",
-            who="mcl",
-            varied="beams",
-            values=(1, 2, 4, 8, 16, 32, 64),
-            unit=MICROSECONDS,
-            job=lambda beams: our_job("mcl", FEW, beams=beams),
-        ),
-        Curve(
-            task=f"DEQ-MCL step, N = {FEW:,}, B = {BEAMS}",
-            who="deq-mcl",
-            varied="lag",
-            values=(0, 5, 10, 20, 40, 80),
-            unit=MICROSECONDS,
-            job=lambda lag: our_job("deq-mcl", FEW, lag=lag),
-        ),
-    ]
+    by_segments = f"rays, {POSES:,} poses × {BEAMS} beams, pillars in a square room"
+    by_particles, by_beams = f"MCL step, B = {BEAMS}", f"MCL step, N = {FEW:,}"
+    by_lag = f"DEQ-MCL step, N = {FEW:,}, B = {BEAMS}"
+    return (
+        Curve(by_segments, "PolygonMap.ranges", "segments", _SEGMENTS, _rays_among, "rays/s"),
+        Curve(by_particles, "mcl", "particles", clouds, lambda n: our_job("mcl", particles=n)),
+        Curve(by_particles, "NumPy", "particles", clouds, numpy_job),
+        Curve(by_beams, "mcl", "beams", _BEAMS, lambda b: our_job("mcl", particles=FEW, beams=b)),
+        Curve(by_lag, "deq-mcl", "lag", _LAGS, lambda k: our_job("deq-mcl", particles=FEW, lag=k)),
+    )
 
 
-def scaled(chosen: Sequence[Curve], effort: Effort) -> Iterator[Measurement]:
+def scaled(chosen: Sequence[Curve], effort: Effort) -> Iterator[Scaling]:
     """Measure each curve; its values take turns."""
     for curve in chosen:
         seen = rates([curve.job(value) for value in curve.values], effort)
-        yield Measurement(curve=curve, results=[in_unit(rate, curve.unit) for rate in seen])
+        yield curve, [in_unit(rate, curve.unit) for rate in seen]
 
 
 def pillared_room(segments: int) -> PolygonMap:
@@ -115,6 +80,4 @@ def pillared_room(segments: int) -> PolygonMap:
 
 
 def _rays_among(segments: int) -> Job:
-    room = pillared_room(segments)
-    poses, bearings = free_poses(room, POSES), fan(BEAMS).bearings.astype(np.float32)
-    return Job(call=lambda: room.ranges(poses, bearings), amount=POSES * BEAMS)
+    return rays.our_job(pillared_room(segments), POSES)

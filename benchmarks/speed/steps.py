@@ -1,110 +1,107 @@
-"""A localizer's step through its public ``update``, on a recorded lap."""
+"""A localizer's step through its public ``update`` on a recorded lap, and its parts."""
 
-from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 
-from benchmarks.speed.figure import MICROSECONDS, Figure, Sides, require
-from benchmarks.speed.lap import BEAMS, recorded_lap
-from benchmarks.speed.numpy_baseline import Caster, NumpyMCL, segments, slabs
+import numpy as np
+
+from benchmarks.speed.figure import Figure, Published, Side
+from benchmarks.speed.lap import BEAMS, PLANNED, fan, free_poses, recorded_lap
+from benchmarks.speed.numpy_baseline import CasterMaker, mcl, segments, slabs
 from benchmarks.speed.timing import Job
-from deqmcl_gym.maps import PolygonMap
-from localizers import Localizer, RobotModel, make
+from deqmcl_gym.world.paper_room import PAPER_ROOM
+from localizers import CensoredGaussianUniform, make
+from localizers.models.scan import LidarScan
 
 FEW, MANY = 1_000, 10_000
 
 
-def our_job(name: str, particles: int, *, beams: int = BEAMS, **params: int) -> Job:
+def our_job(name: str, *, beams: int = BEAMS, **params: int) -> Job:
     """Return the job of one of our localizers, its queue full."""
     lap = recorded_lap(beams)
-    localizer = make(name, lap.robot, particles=particles, **params)
-    return lap.following(localizer, warm_up=params.get("lag", 0))
+    localizer = make(name, lap.robot, **params)
+    localizer.reset(lap.prior, lap.plan[:PLANNED], np.random.default_rng(1))
+    return lap.following(localizer.update, warm_up=params.get("lag", 0))
 
 
-def numpy_sides(particles: int, caster: Callable[[PolygonMap], Caster]) -> Sides:
-    """Return our MCL and the same in NumPy."""
-    lap = recorded_lap()
-    baseline = NumpyMCL(lap.robot, particles=particles, caster=caster)
-    return our_job("mcl", particles), lap.following(baseline)
+def numpy_job(particles: int, caster: CasterMaker = segments) -> Job:
+    """Return the job of MCL in NumPy."""
+    lap, rng = recorded_lap(), np.random.default_rng(1)
+    return lap.following(mcl(lap.robot, particles, lap.prior, rng, caster))
 
 
-def peer_mcl(name: str, robot: RobotModel, particles: int) -> Localizer:
-    """Return MCL as a peer's user would write it, given the NumPy models.
-
-    Raises:
-        UnavailableError: the peer is not installed.
-    """
-    require(name)
-    if name == "particles":
-        from benchmarks.speed.peers.particles import ParticlesMCL
-
-        return ParticlesMCL(robot, particles=particles)
-    if name == "pfilter":
-        from benchmarks.speed.peers.pfilter import PfilterMCL
-
-        return PfilterMCL(robot, particles=particles)
-    from benchmarks.speed.peers.stonesoup import StoneSoupMCL
-
-    return StoneSoupMCL(robot, particles=particles)
+def peer_job(name: str) -> Job:
+    """Return the job of MCL as a peer's user would write it, given the NumPy models."""
+    lap, rng = recorded_lap(), np.random.default_rng(1)
+    peer = import_module(f"benchmarks.speed.peers.{name}")
+    return lap.following(peer.mcl(lap.robot, FEW, lap.prior, rng))
 
 
-def peer_sides(name: str) -> Sides:
-    """Return our MCL and a peer's."""
-    lap = recorded_lap()
-    peer = peer_mcl(name, lap.robot, FEW)
-    return our_job("mcl", FEW), lap.following(peer)
+def scan_job(*, clipped: bool) -> Job:
+    """Return the job of weighing a scan by a censored beam model, its beams clipped or not."""
+    lap, lidar = recorded_lap(), fan(BEAMS)
+    scan = LidarScan(floor_plan=PAPER_ROOM, lidar=lidar, beam=CensoredGaussianUniform())
+    states = np.ascontiguousarray(free_poses(PAPER_ROOM, FEW).T)
+    ranges = np.full(BEAMS, lidar.max_range) if clipped else lap.scans[0].astype(np.float64)
+    return Job(lambda: scan.log_likelihood(states, ranges))
 
 
-def _mcl(particles: int) -> str:
-    return f"MCL step, N = {particles:,}, B = {BEAMS}"
+def _versus(name: str, particles: int, other: Side, target: float | None = None) -> Figure:
+    return Figure(
+        name=name,
+        what=f"MCL step, N = {particles:,}, B = {BEAMS}",
+        unit="steps/s",
+        ours=Side("mcl", partial(our_job, "mcl", particles=particles)),
+        other=other,
+        target=target,
+    )
 
+
+def _peer(name: str, who: str) -> Figure:
+    side = Side(f"{who}, given the NumPy models", partial(peer_job, name))
+    return _versus(f"step1k_vs_{name}", FEW, side, 10)
+
+
+def _queue(name: str, ours: Side, other: Side, target: float) -> Figure:
+    what = f"step, N = {MANY:,}, B = {BEAMS}"
+    return Figure(name=name, what=what, unit="µs/step", ours=ours, other=other, target=target)
+
+
+def _deq(lag: int) -> Side:
+    return Side(f"deq-mcl, L = {lag}", partial(our_job, "deq-mcl", particles=MANY, lag=lag))
+
+
+_MAP = Side("mcl-map", partial(our_job, "mcl-map", particles=MANY))
+_AMCL = Side("amcl", partial(our_job, "amcl", min_particles=FEW, max_particles=FEW))
 
 FIGURES = (
     *(
-        Figure(
-            name=f"{name}_vs_numpy{suffix}",
-            task=_mcl(particles),
-            ours="mcl",
-            other=f"NumPy, {method}, float32 in blocks",
-            unit="steps/s",
-            target=None if suffix else target,
-            sides=partial(numpy_sides, particles, caster),
+        _versus(f"{name}_vs_numpy{suffix}", n, Side(who, partial(numpy_job, n, caster)), target)
+        for name, n, least in (("step1k", FEW, 10), ("step10k", MANY, 5))
+        for suffix, who, caster, target in (
+            ("", "NumPy, all walls", segments, least),
+            ("_slabs", "NumPy, slab method", slabs, None),
         )
-        for name, particles, target in (("step1k", FEW, 10), ("step10k", MANY, 5))
-        for suffix, method, caster in (("", "all walls", segments), ("_slabs", "slabs", slabs))
     ),
-    *(
-        Figure(
-            name=f"step1k_vs_{name}",
-            task=_mcl(FEW),
-            ours="mcl",
-            other=f"{title}, given the NumPy models",
-            unit="steps/s",
-            target=10,
-            sides=partial(peer_sides, name),
-            peer=name,
-        )
-        for name, title in (
-            ("particles", "particles"),
-            ("pfilter", "pfilter"),
-            ("stonesoup", "Stone Soup"),
-        )
+    _queue("deq_vs_map_step", _deq(20), _MAP, 1.5),
+    _queue("deq_lag80_vs_lag10", _deq(80), _deq(10), 1.3),
+    Figure(
+        name="amcl_step",
+        what=f"step with a likelihood field and KLD-sampling, N = {FEW:,}, B = {BEAMS}",
+        unit="µs/step",
+        ours=_AMCL,
+        other=Published("beluga, as published, on another machine", 383),
     ),
     Figure(
-        name="deq_vs_map_step",
-        task=f"step, N = {MANY:,}, B = {BEAMS}",
-        ours="deq-mcl, L = 20",
-        other="mcl-map",
-        unit=MICROSECONDS,
-        target=1.5,
-        sides=lambda: (our_job("deq-mcl", MANY, lag=20), our_job("mcl-map", MANY)),
+        name="censored_vs_inside",
+        what=f"CensoredGaussianUniform by LidarScan, N = {FEW:,}, B = {BEAMS}",
+        unit="µs/scan",
+        ours=Side("all beams clipped", partial(scan_job, clipped=True)),
+        other=Side("no beam clipped", partial(scan_job, clipped=False)),
     ),
-    Figure(
-        name="deq_lag80_vs_lag10",
-        task=f"step, N = {MANY:,}, B = {BEAMS}",
-        ours="deq-mcl, L = 80",
-        other="deq-mcl, L = 10",
-        unit=MICROSECONDS,
-        target=1.3,
-        sides=lambda: (our_job("deq-mcl", MANY, lag=80), our_job("deq-mcl", MANY, lag=10)),
-    ),
+)
+PEERS = (
+    _peer("particles", "particles"),
+    _peer("pfilter", "pfilter"),
+    _peer("stonesoup", "Stone Soup"),
 )

@@ -1,100 +1,40 @@
-"""A whole trial against its localizer alone, and a localizer's step under other scans."""
+"""A whole trial of the paper's experiment, against the time that its localizer takes of it."""
 
-from dataclasses import replace
+import time
 from functools import partial
 
-import numpy as np
-
-from benchmarks.speed.figure import MICROSECONDS, Figure, Sides
-from benchmarks.speed.lap import BEAMS, RecordedLap, recorded_lap
-from benchmarks.speed.steps import FEW
+from benchmarks.speed.figure import Figure, Side
 from benchmarks.speed.timing import Job
+from benchmarks.sweeps.suites.paper import paper_suite
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
-from benchmarks.trials.spec import Trial
-from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.numerics.types import Reals
-from localizers import CensoredGaussianUniform, GaussianPrior, RobotModel, make
 
-SIGMA = 100.0  # px
-BELUGA = 383.0  # µs: what is said of its likelihood field with KLD-sampling and as many particles
+PARTICLES = 1_000
+TARGET = 2.0
 
 
-def trial_sides(name: str) -> Sides:
-    """Return a whole trial of the paper's scenario, and the localizer's part of it."""
-    trial = Trial(
-        scenario="paper", localizer=name, params=(("particles", FEW),), lag=20, seed=0, trial=0
-    )
-    key = key_of(trial)
-    room = RoomEnv(preset="paper", ends_at_goal=False)
-    room.reset(seed=trial.world_seed)
-    plan = room.plan.astype(np.float64)
-    scans = [room.step(action)[0] for action in plan]
-    robot = RobotModel(floor_plan=room.floor_plan, lidar=room.lidar)
-    prior = GaussianPrior(mean=room.course.start)
+def trial_job(name: str, *, localizer_only: bool) -> Job:
+    """Return the job of a trial, with the wall's clock or with what its localizer counts."""
+    (trial,) = paper_suite(localizers=[name], trials=1, particles=PARTICLES)
+    spent = 0.0
 
-    def localize() -> None:
-        localizer = make(name, robot, particles=FEW)
-        localizer.reset(prior, plan, trial.filter_rng())
-        for t, (scan, action) in enumerate(zip(scans, plan, strict=True), start=1):
-            localizer.update(scan, action, plan[t:])
+    def run() -> None:
+        nonlocal spent
+        outcome = attempt(trial, key_of(trial))
+        assert outcome.reason is None, outcome.reason
+        spent += outcome.seconds
 
-    whole = Job(call=lambda: attempt(trial, key), amount=len(plan))
-    return whole, Job(call=localize, amount=len(plan))
+    return Job(run, clock=(lambda: spent) if localizer_only else time.perf_counter)
 
 
-def _under(lap: RecordedLap, scans: Reals) -> Job:
-    robot = replace(lap.robot, scan=CensoredGaussianUniform(sigma=SIGMA))
-    return replace(lap, robot=robot, scans=scans).following(make("mcl", robot, particles=FEW))
-
-
-def censored_sides(beams: int) -> Sides:
-    """Return MCL's step where every other beam is clipped at the maximum, and where none is."""
-    lap = recorded_lap(beams)
-    inside = np.clip(lap.scans, 1.0, lap.robot.lidar.max_range - 1.0)
-    clipped = inside.copy()
-    clipped[:, ::2] = lap.robot.lidar.max_range
-    return _under(lap, clipped), _under(lap, inside)
-
-
-def amcl_sides(beams: int) -> Sides:
-    """Return the step of AMCL with KLD-sampling, and the time that is said of beluga's."""
-    lap = recorded_lap(beams)
-    return lap.following(make("amcl", lap.robot, min_particles=FEW, max_particles=FEW)), BELUGA
-
-
-FIGURES = (
-    *(
-        Figure(
-            name=f"trial_{name.replace('-', '_')}",
-            task=f"whole trial, scenario paper, N = {FEW:,}",
-            ours=f"{name}, run and scored",
-            other="its localizer alone",
-            unit=MICROSECONDS,
-            target=2,
-            sides=partial(trial_sides, name),
-        )
-        for name in ("mcl", "deq-mcl")
-    ),
-    *(
-        Figure(
-            name=f"censored_vs_inside_{beams}",
-            task=f"MCL step, N = {FEW:,}, B = {beams}, censored normal",
-            ours="every other beam clipped",
-            other="none clipped",
-            unit=MICROSECONDS,
-            target=1.5,
-            sides=partial(censored_sides, beams),
-        )
-        for beams in (1, BEAMS)
-    ),
+FIGURES = tuple(
     Figure(
-        name="amcl_step",
-        task=f"AMCL step, likelihood field, KLD, N = {FEW:,}, B = {BEAMS}",
-        ours="amcl",
-        other="beluga, on another machine, not measured here",
-        unit=MICROSECONDS,
-        target=1,
-        sides=partial(amcl_sides, BEAMS),
-    ),
+        name=f"trial_{name.replace('-', '_')}",
+        what=f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time",
+        unit="ms/trial",
+        ours=Side("world, localizer and scores", partial(trial_job, name, localizer_only=False)),
+        other=Side("its localizer's share", partial(trial_job, name, localizer_only=True)),
+        target=TARGET,
+    )
+    for name in ("mcl", "deq-mcl")
 )

@@ -11,14 +11,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-import deqmcl_gym
-from benchmarks.speed.figure import Figure, Sides, UnavailableError
+from benchmarks.speed.figure import Figure, Side
 from benchmarks.speed.lap import BEAMS
 from benchmarks.speed.timing import Job
+from deqmcl_gym import ENV_ID as ROOM
 
 CARTPOLE = "CartPole-v1"
-ROOM: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 FEW, MANY = 64, 1_024
+_HOW: dict[str, dict[str, Any]] = {ROOM: {"lidar": {"beams": BEAMS}}, CARTPOLE: {}}
 
 Actions = NDArray[Any]
 
@@ -37,7 +37,7 @@ def driving(env: gym.Env[Any, Any], actions: Actions) -> Job:
             env.reset()
             at = -1
 
-    return Job(call=step)
+    return Job(step)
 
 
 def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> Job:
@@ -51,85 +51,42 @@ def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> 
         *_, terminated, truncated, _ = envs.step(actions[at])
         at[terminated | truncated] = -2  # the next action only resets
 
-    return Job(call=step, amount=envs.num_envs)
+    return Job(step, envs.num_envs)
 
 
-def room_job() -> Job:
-    """Return the job of our env, driven along its plan."""
-    env = gym.make(deqmcl_gym.ENV_ID, **ROOM)
-    return driving(env, _planned(env))
+def single(name: str) -> Job:
+    """Return the job of one env: the paper's room, driven along its plan, or CartPole."""
+    return driving(gym.make(name, **_HOW[name]), _actions(name))
 
 
-def cartpole_job() -> Job:
-    """Return the job of CartPole."""
-    return driving(gym.make(CARTPOLE), _pushes())
+def vector(name: str, size: int) -> Job:
+    """Return the job of an env's own vector env."""
+    how = {"num_envs": size, "vectorization_mode": "vector_entry_point", **_HOW[name]}
+    return driving_all(gym.make_vec(name, **how), _actions(name))
 
 
-def rooms_job(rooms: int) -> Job:
-    """Return the job of our vector env.
-
-    Raises:
-        UnavailableError: there is none.
-    """
-    if gym.spec(deqmcl_gym.ENV_ID).vector_entry_point is None:
-        raise UnavailableError(f"{deqmcl_gym.ENV_ID} has no vector_entry_point")
-    envs = _vector(deqmcl_gym.ENV_ID, rooms, **ROOM)
-    return driving_all(envs, _planned(gym.make(deqmcl_gym.ENV_ID, **ROOM)))
+def _actions(name: str) -> Actions:
+    if name == CARTPOLE:
+        return np.random.default_rng(0).integers(0, 2, 1_000)
+    _, info = gym.make(name, **_HOW[name]).reset(seed=0)
+    return np.array(info["planned_actions"])
 
 
-def cartpoles_job(poles: int) -> Job:
-    """Return the job of Gymnasium's CartPole vector env."""
-    return driving_all(_vector(CARTPOLE, poles), _pushes())
+def _figure(name: str, ours: Side, other: Side, target: float | None = None) -> Figure:
+    what = "environment steps, resets included"
+    return Figure(name=name, what=what, unit="steps/s", ours=ours, other=other, target=target)
 
 
-def _vector(name: str, size: int, **how: Any) -> Any:
-    return gym.make_vec(name, num_envs=size, vectorization_mode="vector_entry_point", **how)
+def _rooms(size: int) -> Side:
+    return Side(f"{size:,} rooms, {BEAMS} beams", partial(vector, ROOM, size))
 
 
-def _planned(env: gym.Env[Any, Any]) -> Actions:
-    _, info = env.reset(seed=0)
-    planned: Actions = np.array(info["planned_actions"])
-    return planned
-
-
-def _pushes() -> Actions:
-    return np.random.default_rng(0).integers(0, 2, 1_000)
-
-
-def _rooms_vs_cartpoles(size: int) -> Sides:
-    return rooms_job(size), cartpoles_job(size)
-
-
-_OURS = f"Room-v0, {BEAMS} beams"
+_SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
+_CARTPOLE = Side(CARTPOLE, partial(single, CARTPOLE))
+_CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CARTPOLE, FEW))
 
 FIGURES = (
-    Figure(
-        name="env_vs_cartpole",
-        task="environment steps, resets included",
-        ours=f"{_OURS}, pymunk inside",
-        other=CARTPOLE,
-        unit="steps/s",
-        target=0.5,
-        sides=lambda: (room_job(), cartpole_job()),
-    ),
-    *(
-        Figure(
-            name=f"vector{size}_vs_cartpole_vector{size}",
-            task=f"vector environment steps, {size:,} at a time",
-            ours=f"{_OURS}, {size:,} rooms",
-            other=f"{CARTPOLE}, its own vector env of {size:,}",
-            unit="steps/s",
-            target=target,
-            sides=partial(_rooms_vs_cartpoles, size),
-        )
-        for size, target in ((FEW, 1.2), (MANY, None))
-    ),
-    Figure(
-        name="vector1024_vs_single",
-        task="environment steps, resets included",
-        ours=f"{_OURS}, vector env of {MANY:,} rooms",
-        other=f"{_OURS}, a single env",
-        unit="steps/s",
-        sides=lambda: (rooms_job(MANY), room_job()),
-    ),
+    _figure("env_vs_cartpole", _SINGLE, _CARTPOLE, 0.5),
+    _figure("vector64_vs_cartpole_vector64", _rooms(FEW), _CARTPOLES, 1.2),
+    _figure("vector1024_vs_single", _rooms(MANY), _SINGLE),
 )

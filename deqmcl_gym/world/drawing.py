@@ -15,7 +15,6 @@ from deqmcl_gym.validation import InputError
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
-WHITE: Color = (255, 255, 255)
 BLACK: Color = (20, 20, 20)
 GRAY: Color = (128, 128, 128)
 PALE: Color = (226, 226, 226)
@@ -78,7 +77,7 @@ class Drawing:
         """Begin with the empty floor plan: black walls, pale obstacles."""
         self.view = view
         width, height = view.size
-        self.image: Image = np.full((height, width, 3), WHITE[0], dtype=np.uint8)
+        self.image: Image = np.full((height, width, 3), 255, dtype=np.uint8)
         thickness = max(1, round(1.5 * view.scale))
         for obstacle in view.floor_plan.obstacles:
             cv2.fillPoly(self.image, [self._fixed(obstacle)], PALE, cv2.LINE_AA, _SHIFT)

@@ -10,7 +10,6 @@ cost.
 """
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 from deqmcl_gym.numerics.types import Indices
@@ -38,6 +37,8 @@ class SlidingComposition(NamedTuple):
         """Drop the oldest link."""
         if self.old:
             return SlidingComposition(self.old[:-1], self.new, self.running)
+        if len(self.new) == 1:
+            return _NOTHING
         turned: list[Link] = []
         for link in reversed(self.new):
             turned.append(compose(link, turned[-1] if turned else None))
@@ -59,8 +60,8 @@ class SlidingComposition(NamedTuple):
 _NOTHING = SlidingComposition()
 
 
-class _Slots(NamedTuple):
-    """Fields of a queue.
+class Queue(NamedTuple):
+    """An immutable queue of slots.
 
     Attributes:
         slots: the states as they were drawn, (d, n) each, oldest first.
@@ -76,10 +77,6 @@ class _Slots(NamedTuple):
     present: int = 0
     past: SlidingComposition = _NOTHING
     future: SlidingComposition = _NOTHING
-
-
-class Queue(_Slots):
-    """An immutable queue of slots; see ``_Slots`` for its fields."""
 
     @property
     def ahead(self) -> int:
@@ -99,11 +96,13 @@ class Queue(_Slots):
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        before, present = self.past.push(self.links[self.present]), self.present + 1
-        if present <= past:
-            return self._replace(present=present, past=before, future=self.future.pop())
-        slots, links = self.slots[1:], self.links[1:]
-        return Queue(slots, links, self.pending, past, before.pop(), self.future.pop())
+        future = self.future.pop()
+        if past == 0:
+            return Queue(self.slots[1:], self.links[1:], self.pending, 0, _NOTHING, future)
+        before = self.past.push(self.links[self.present])
+        if self.present < past:
+            return self._replace(present=self.present + 1, past=before, future=future)
+        return Queue(self.slots[1:], self.links[1:], self.pending, past, before.pop(), future)
 
     def cut(self, keep: int) -> "Queue":
         """Forget the states more than ``keep`` after the present, today's order unchanged."""
@@ -154,15 +153,12 @@ class Queue(_Slots):
 
     def _order(self, index: int) -> Link:
         """Return the map from today's order to that of slot ``index``."""
-        if index < self.present:
-            return compose(self.past.composed(index), self._order_of_present)
+        if index == len(self.slots) - 1:
+            return self.pending
         if index > self.present:
             return compose(self.future.composed(index - self.present), self.pending)
-        return self._order_of_present
-
-    @cached_property
-    def _order_of_present(self) -> Link:
-        return compose(self.future.composed(), self.pending)
+        order = compose(self.future.composed(), self.pending)
+        return compose(self.past.composed(index), order) if index < self.present else order
 
 
 def compose(outer: Link, inner: Link) -> Link:

@@ -37,7 +37,7 @@ class Redraw:
         A future that merely ends earlier than ``actions`` is left alone: it grows by itself.
         """
         held = belief.queue.ahead
-        shared = kernels.agreeing(belief.drawn, actions)
+        shared = kernels.agreeing(belief.drawn, actions) if held else 0
         if shared == held:
             return belief
         anchor = belief.queue.at(shared)

@@ -88,10 +88,10 @@ class Trust(NamedTuple):
             ranges: its scan, (B,); it is kept, not copied.
             log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         """
-        start, scans = self.start, (*self.scans, Evidence(ranges, log_right, self.anywhere))
-        if len(scans) > MEMORY:
-            start = start * (1.0 - LOST) + (1.0 - start) * FOUND
-        return Trust(self.anywhere, scans[-MEMORY:], start)
+        anywhere, scans, start = self
+        if len(scans) == MEMORY:
+            scans, start = scans[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND
+        return Trust(anywhere, (*scans, Evidence(ranges, log_right, anywhere)), start)
 
     @property
     def quality(self) -> float:

@@ -16,6 +16,26 @@ def count_usable(ranges: Floats, max_range: float) -> int:
 
 
 @compiled
+def usable_if_sound(
+    ranges: Floats, action: Floats, plan: Floats, beams: int, max_range: float
+) -> int:
+    """``count_usable`` of a step; -1 if it is not one.
+
+    That is, unless there are as many ranges as ``beams``, and the action (2,) and those of the plan
+    (h, 2) are pairs of finite numbers.
+    """
+    if ranges.size != beams or action.size != 2 or plan.shape[1] != 2:
+        return -1
+    amiss = 0
+    for i in range(action.size):
+        amiss += not np.isfinite(action[i])
+    planned = plan.ravel()
+    for i in range(planned.size):
+        amiss += not np.isfinite(planned[i])
+    return count_usable(ranges, max_range) if amiss == 0 else -1
+
+
+@compiled
 def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
     """Overwrite ``out`` by ``value`` where ``marks`` is NaN, (n,)."""
     for i in range(out.size):

@@ -46,7 +46,14 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
         "scans_used": STEPS,
         "events": {},
         "seconds": 0.06 * len(localizer),
+        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
+        "unit": "px",
     }
+
+
+def trials(localizer, errors, **how):
+    """Finished trials with these errors on worlds 0, 1, …"""
+    return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
 
 
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):

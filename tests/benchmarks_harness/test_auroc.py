@@ -1,6 +1,7 @@
 """AUROC of the quality: a count of pairs, and its interval over worlds."""
 
 import math
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -9,9 +10,8 @@ from report_cases import finished, parsed, results
 
 from benchmarks.report.tables import DETECTION, detection_glance, detection_table
 from benchmarks.report.writing import write_report
-from benchmarks.tables.auroc import auroc_interval, auroc_of, in_order, rated_steps
+from benchmarks.tables.auroc import auroc_of, rated_steps
 from benchmarks.tables.panels import comparisons, panels
-from benchmarks.tables.stats import multiplicities
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
 
@@ -23,6 +23,8 @@ def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
         "trial": {"trial": number, "filter_seed": filter_seed},
         "curves": {"0": {"first_state": first_state, "error": errors}},
         "quality": [quality for quality, _ in steps],
+        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
+        "unit": "px",
         "steps_done": len(steps),
     }
 
@@ -57,27 +59,38 @@ def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
     records = random_trials(4, seed=seed, seeds=2)
     found = auroc_of(records)
     assert found.auroc.mean == pytest.approx(counted(records), rel=1e-15)  # of counts
-    assert 0.5 < found.auroc.mean < 1
     assert found.far_worlds == 4
+    assert auroc_of(records[::-1]) == found
 
 
 @pytest.mark.parametrize(
     ("steps", "expected"),
     [
         ([(0.7, AWAY), (0.7, NEAR), (0.7, NEAR)], 0.5),  # a constant tells nothing
-        ([(0.1, AWAY), (0.2, AWAY), (0.3, NEAR), (1.0, NEAR)], 1.0),
-        ([(0.9, AWAY), (0.3, NEAR)], 0.0),
         ([(1 - 1e-15, AWAY), (1.0, NEAR)], 1.0),  # order, not distance
+        ([(0.9, AWAY), (0.3, NEAR)], 0.0),
     ],
 )
 def test_a_constant_quality_has_one_half_a_perfect_one_1_and_a_reversed_one_0(steps, expected):
     assert auroc_of([trial(w, steps) for w in range(3)]).auroc.mean == expected
 
 
-def test_only_the_order_of_the_qualities_counts():
-    records = random_trials(5)
-    squared = [r | {"quality": [q**2 for q in r["quality"]]} for r in records]
-    assert auroc_of(records) == auroc_of(squared)
+def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
+    # a resample without a far step is left out: two of the five worlds have none
+    records = random_trials(3, steps=6, seeds=2)
+    records += [trial(w, [(0.4, NEAR), (0.9, NEAR)]) for w in (3, 4)]
+
+    @cache
+    def resampled(worlds):
+        return counted([r for w in worlds for r in records if r["trial"]["trial"] == w])
+
+    rng = np.random.default_rng(0)
+    drawn = (tuple(sorted(rng.integers(5, size=5).tolist())) for _ in range(10_000))
+    values = [area for worlds in drawn if (area := resampled(worlds)) is not None]
+    assert 0 < 10_000 - len(values) < 200  # (2/5)⁵ = 1 %
+    found = auroc_of(records).auroc
+    assert found[1:] == pytest.approx(tuple(np.quantile(values, [0.025, 0.975])), rel=1e-12)
+    assert found.low < found.mean < found.high
 
 
 def test_far_is_above_the_threshold_of_the_record_and_not_at_it():
@@ -87,73 +100,28 @@ def test_far_is_above_the_threshold_of_the_record_and_not_at_it():
     assert rated_steps(trial(0, [(0.5, 1.0), (0.5, 1.1)]) | metres)[1].tolist() == [False, True]
 
 
-def test_the_start_is_not_scored_and_steps_are_matched_with_their_own_states():
-    steps = [(0.1, AWAY), (0.2, NEAR)]
-    whole = rated_steps(trial(0, steps, at_start=AWAY))
-    assert (whole[0].tolist(), whole[1].tolist()) == ([0.1, 0.2], [True, False])
-    later = rated_steps(trial(0, steps, first_state=2))  # x_1 was not estimated
-    assert (later[0].tolist(), later[1].tolist()) == ([0.2], [False])
+@pytest.mark.parametrize(
+    ("at", "rated"),
+    [
+        ({"at_start": AWAY}, [(0.1, True), (0.3, False)]),  # the start is not scored
+        ({"first_state": 2}, [(0.3, False)]),  # x_1 was not estimated
+    ],
+)
+def test_steps_with_a_quality_are_matched_with_their_own_states(at, rated):
+    steps = [(0.1, AWAY), (None, AWAY), (0.3, NEAR)]
+    quality, far = rated_steps(trial(0, steps, **at))
+    assert list(zip(quality.tolist(), far.tolist(), strict=True)) == rated
 
 
-def test_steps_without_a_quality_are_left_out():
-    lacking = [trial(w, [(None, AWAY), (0.2, AWAY), (0.8, NEAR), (None, NEAR)]) for w in (0, 1)]
-    without = [trial(w, [(0.2, AWAY), (0.8, NEAR)]) for w in (0, 1)]
-    assert auroc_of(lacking) == auroc_of(without)
-
-
-def test_a_method_without_a_quality_has_nothing_that_could_be_scored():
-    nothing = [trial(w, [(0.2, AWAY)]) | {"quality": None} for w in (0, 1)]
-    found = auroc_of(nothing)
-    assert found.far_worlds is None
-    assert all(math.isnan(x) for x in (*found.auroc, found.far_steps))
-
-
-@pytest.mark.parametrize(("error", "share", "worlds"), [(NEAR, 0.0, 0), (AWAY, 1.0, 3)])
-def test_with_one_kind_of_step_only_there_is_no_auroc_but_the_share_is_known(error, share, worlds):
-    found = auroc_of([trial(w, [(0.2, error), (0.9, error)]) for w in range(3)])
+@pytest.mark.parametrize(
+    ("step", "share", "worlds"),
+    [((0.2, NEAR), 0.0, 0), ((0.2, AWAY), 1.0, 3), ((None, AWAY), math.nan, None)],
+)
+def test_with_one_kind_of_step_only_there_is_no_auroc_but_the_share_is_known(step, share, worlds):
+    found = auroc_of([trial(w, [step, step]) for w in range(3)])
     assert all(map(math.isnan, found.auroc))
-    assert (found.far_steps, found.far_worlds) == (share, worlds)
-
-
-def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
-    records = random_trials(6, steps=8)
-    found = auroc_of(records)
-    values = []
-    for counts in multiplicities(6)[:400].astype(int):
-        drawn = [r for r, n in zip(records, counts, strict=True) for _ in range(n)]
-        values.append(counted(drawn))
-    worlds = [rated_steps(r) for r in records]
-    wins = in_order(worlds)
-    far = np.array([f.sum() for _, f in worlds])
-    drawn = multiplicities(6)[:400]
-    ours = ((drawn @ wins) * drawn).sum(axis=1) / ((drawn @ far) * (drawn @ (8 - far)))
-    assert ours == pytest.approx(values, rel=1e-15)
-    assert found.auroc.low < found.auroc.mean < found.auroc.high
-
-
-def test_every_resample_draws_as_many_worlds_as_there_are_and_each_is_as_likely():
-    drawn = multiplicities(7)
-    assert drawn.shape == (10_000, 7)
-    assert (drawn.sum(axis=1) == 7).all()
-    # a mean of 10,000 binomial counts of variance 6/7; five standard deviations
-    assert drawn.mean(axis=0) == pytest.approx(np.ones(7), abs=5 * math.sqrt(6 / 7 / 10_000))
-
-
-def test_the_same_trials_in_any_order_give_the_same_interval():
-    records = random_trials(12, seeds=2)
-    assert auroc_of(records) == auroc_of(records[::-1]) == auroc_of(records)
-
-
-def test_more_steps_of_the_same_worlds_do_not_narrow_the_interval():
-    records = random_trials(8)
-    longer = [
-        trial(
-            r["trial"]["trial"],
-            list(zip(r["quality"], r["curves"]["0"]["error"][1:], strict=True)) * 9,
-        )
-        for r in records
-    ]
-    assert auroc_of(longer) == auroc_of(records)
+    assert found.far_steps == pytest.approx(share, nan_ok=True)
+    assert found.far_worlds == worlds
 
 
 def test_far_steps_in_one_world_only_have_no_interval():
@@ -163,14 +131,6 @@ def test_far_steps_in_one_world_only_have_no_interval():
     assert (found.far_worlds, found.far_steps) == (1, 0.1)
 
 
-def test_a_resample_without_a_far_step_is_left_out():
-    records = [trial(w, [(0.2, AWAY if w < 2 else NEAR), (0.9, NEAR)]) for w in range(8)]
-    worlds = [rated_steps(r) for r in records]
-    lacking = (multiplicities(8)[:, :2].sum(axis=1) == 0).mean()
-    assert 0.05 < lacking < 0.15  # (6/8)⁸ = 0.10
-    assert all(0 <= bound <= 1 for bound in auroc_interval(in_order(worlds), worlds))
-
-
 KINDS = {
     "rated": [(0.2, AWAY), (0.9, NEAR)],
     "never": [(0.2, NEAR), (0.9, NEAR)],
@@ -178,16 +138,10 @@ KINDS = {
 }
 
 
-def reported(methods, worlds=3):
-    made = []
-    for name in methods:
-        for w in range(worlds):
-            record = finished(name, w, 20.0)
-            if name in KINDS:
-                steps = KINDS[name] * (record["steps_done"] // 2)
-                record |= {k: v for k, v in trial(w, steps).items() if k != "trial"}
-            made.append(record)
-    return made
+def reported(methods):
+    """Trials whose steps are of these kinds, or without a quality."""
+    own = {name: {k: v for k, v in trial(0, KINDS[name]).items() if k != "trial"} for name in KINDS}
+    return [finished(name, w, 20.0) | own.get(name, {}) for name in methods for w in range(3)]
 
 
 def test_the_table_says_the_auroc_or_why_there_is_none():

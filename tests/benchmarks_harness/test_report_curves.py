@@ -1,19 +1,21 @@
 """Curves over what was swept."""
 
 import xml.etree.ElementTree as ET
+from itertools import product
 
-from report_cases import finished
+import matplotlib as mpl
+from report_cases import trials
 
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.style import looks
-from benchmarks.report.svg import house_style
+from benchmarks.report.svg import HOUSE_STYLE
 from benchmarks.tables.panels import panels
 
 
 def curves(records, quantity=ERROR):
     found = panels(records)
     look = looks(label for panel in found for label in panel.labels.values())
-    with house_style():
+    with mpl.rc_context(HOUSE_STYLE):
         return swept_charts(found, look, quantity)
 
 
@@ -22,14 +24,9 @@ def words_of(chart):
 
 
 def test_a_swept_parameter_has_a_curve_per_localizer_and_the_baseline_no_difference():
-    records = [
-        finished(name, w, 1.0 + n / 100, params={"particles": n})
-        for name in ("mcl", "deq-mcl")
-        for n in (30, 300)
-        for w in range(3)
-    ]
-    for name in ("ekf", "dead-reckoning"):
-        records += [finished(name, w, 4.0) for w in range(3)]
+    records = trials("ekf", [4.0] * 3) + trials("dead-reckoning", [4.0] * 3)
+    for name, n in product(("mcl", "deq-mcl"), (30, 300)):
+        records += trials(name, [1.0 + n / 100] * 3, params={"particles": n})
     (error,) = curves(records)
     assert error.title == "Error over particles"
     assert {"mcl", "deq-mcl", "ekf", "dead-reckoning", "30", "300"} <= set(words_of(error))
@@ -41,12 +38,9 @@ def test_a_swept_parameter_has_a_curve_per_localizer_and_the_baseline_no_differe
 
 
 def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_other():
-    records = [
-        finished("mcl", w, 1.0, params={"particles": n}, world={"lidar.sigma": sigma})
-        for sigma in (5.0, 20.0, 50.0)
-        for n in (100, 300)
-        for w in range(2)
-    ]
+    records = []
+    for sigma, n in product((5.0, 20.0, 50.0), (100, 300)):
+        records += trials("mcl", [1.0], params={"particles": n}, world={"lidar.sigma": sigma})
     assert [chart.title for chart in curves(records)] == [
         "Error over lidar.sigma: particles 100",
         "Error over lidar.sigma: particles 300",
@@ -57,31 +51,26 @@ def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_othe
 
 
 def test_what_changes_together_is_one_curve():
-    records = [
-        finished("mcl", w, noise, world={"noise.drive": noise}, assumed={"motion.drive": 2 * noise})
-        for noise in (0.1, 0.2)
-        for w in range(2)
-    ]
+    records = []
+    for noise in (0.1, 0.2):
+        changes = {"world": {"noise.drive": noise}, "assumed": {"motion.drive": 2 * noise}}
+        records += trials("mcl", [noise], **changes)
     (chart,) = curves(records)
     assert "noise.drive …" in " ".join(words_of(chart))
     assert chart.caption.endswith("… and with it assumed motion.drive.")
 
 
 def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
-    records = [
-        finished(name, w, 1.0, lag=lag, params=params)
-        for lag in (5, 20)
-        for name, params in (("mcl", {}), ("deq-mcl", {"lag": lag}))
-        for w in range(2)
-    ]
+    records = []
+    for lag in (5, 20):
+        records += trials("mcl", [1.0], lag=lag)
+        records += trials("deq-mcl", [1.0], lag=lag, params={"lag": lag})
     (chart,) = curves(records)
     assert chart.title == "Error over lag L"
 
 
 def test_words_seeds_and_single_values_make_no_curve():
-    records = [
-        finished("mcl", 0, 1.0, seed=seed, params={"resampler": kind, "particles": 10})
-        for seed in (0, 1)
-        for kind in ("systematic", "multinomial")
-    ]
+    records = []
+    for seed, kind in product((0, 1), ("systematic", "multinomial")):
+        records += trials("mcl", [1.0], seed=seed, params={"resampler": kind, "particles": 10})
     assert curves(records) == []

@@ -10,7 +10,7 @@ from report_cases import THREE, finished, paired, results, trial_of
 from benchmarks.report import charts, story, writing
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.style import DARK, LIGHT, looks
+from benchmarks.report.style import looks
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.tables.panels import panels
 
@@ -135,11 +135,6 @@ def test_the_page_says_what_was_run_how_far_it_came_and_how_to_get_the_same(page
     assert '"code": "f00d"' in words
     for heading in ("Failed trials", "To get the same", "How to read it", "NEES"):
         assert heading in words
-
-
-def test_every_colour_of_a_method_has_a_dark_one():
-    assert set(LIGHT) == set(DARK)
-    assert len(set(LIGHT.values())) == len(LIGHT)
 
 
 def test_inline_pictures_take_their_colours_from_the_page(page):

@@ -2,14 +2,14 @@
 
 import re
 
-from report_cases import finished, paired, results, trial_of
+from report_cases import finished, paired, results, trial_of, trials
 
 from benchmarks.report import tables, words
 from benchmarks.report.tables import gap_table, rival_tables
 from benchmarks.tables.gap import gaps
 from benchmarks.tables.panels import panels
 
-WORLDS = (0, 1, 2)
+ONE = (0,)
 
 
 def panel_of(records):
@@ -19,9 +19,6 @@ def panel_of(records):
 
 def said(records):
     return words.findings(panel_of(records))
-
-
-ONE = (0,)
 
 
 def test_a_clear_difference_is_called_smaller_or_larger_with_its_numbers():
@@ -34,12 +31,7 @@ def test_a_clear_difference_is_called_smaller_or_larger_with_its_numbers():
 
 
 def test_an_interval_around_zero_is_no_finding():
-    records = paired({"mcl": (20.0, ONE)}, worlds=30)
-    records += [
-        finished("a", i, record["scores"][0]["error"] + (1.0 if i % 2 else -1.0))
-        for i, record in enumerate(records)
-    ]
-    (sentence,) = said(records)
+    (sentence,) = said(trials("mcl", [20.0] * 30) + trials("a", [19.0, 21.0] * 15))
     assert sentence.startswith("A is statistically indistinguishable from MCL (+0.00,")
 
 
@@ -52,7 +44,9 @@ def test_an_interval_that_the_test_does_not_confirm_is_said_to_be_unconfirmed():
 
 
 def test_the_same_error_everywhere_is_said_to_be_the_same():
-    records = [finished(name, i, 5.0 + i) for name in ("mcl", "mcl-smoother") for i in range(30)]
+    records = [
+        record for name in ("mcl", "mcl-smoother") for record in trials(name, [5.0, 6.0] * 15)
+    ]
     assert said(records) == [
         "MCL with smoother has exactly the error of MCL at x[t] in every world."
     ]
@@ -64,7 +58,7 @@ def test_one_world_decides_nothing():
 
 
 def test_worlds_that_are_not_shared_are_not_compared():
-    (sentence, _) = said([finished("mcl", i, 5.0) for i in (0, 1)] + [finished("a", 2, 1.0)])
+    (sentence, _) = said([*trials("mcl", [5.0, 5.0]), finished("a", 2, 1.0)])
     assert sentence.endswith("have no finished world in common: nothing is compared.")
 
 
@@ -79,10 +73,9 @@ def test_progress_says_n_of_n_and_what_is_missing():
 
 def test_the_overview_counts_localizers_settings_worlds_and_seeds():
     records = [
-        finished(name, w, 1.0, filter_seed=s)
-        for name in ("mcl", "deq-mcl")
-        for w in range(3)
+        r
         for s in (0, 1)
+        for r in paired({"mcl": (1.0, ONE), "deq-mcl": (1.0, ONE)}, 3, filter_seed=s)
     ]
     text = words.overview(results(records), [panel_of(records)])
     assert text.startswith(
@@ -113,11 +106,9 @@ def test_at_a_glance_every_error_has_the_mark_of_its_finding():
 
 def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_world():
     both = (0, -20)
-    records = [
-        finished(name, w, e + w) for name, e in (("mcl", 5.0), ("mcl-map", 4.0)) for w in WORLDS
-    ]
+    records = trials("mcl", [5.0, 6.0, 7.0]) + trials("mcl-map", [4.0, 5.0, 6.0])
     records += [finished("deq-mcl", w, 3.0 + w, offsets=both) for w in (1, 2, 3)]
-    records += [finished("mcl-pilots", w, 1.0 + w, offsets=both) for w in WORLDS]
+    records += trials("mcl-pilots", [1.0, 2.0, 3.0], offsets=both)
     now, past = rival_tables(panel_of(records))
     assert now.header[2:] == [f"difference to {n}" for n in ("mcl", "mcl-map", "deq-mcl")]
     assert past.header[2:] == ["difference to deq-mcl"]
@@ -127,9 +118,8 @@ def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_
 
 
 def test_the_gap_table_has_the_limit_first():
-    records = [finished("mcl", w, 5.0 + w) for w in WORLDS]
-    limits = [finished("mcl-pilots", w, 3.0 + w, params={"particles": 9}) for w in (0, 1)]
-    panel = panel_of(records)
+    limits = trials("mcl-pilots", [3.0, 4.0], params={"particles": 9})
+    panel = panel_of(trials("mcl", [5.0, 6.0, 7.0]))
     limit, mcl = gap_table(panel, gaps(panel, limits)).lines
     assert (limit[0], limit[-2:]) == ("limit: mcl-pilots particles=9", ["–", "2"])
     assert (mcl[0], mcl[-2:]) == ("mcl", ["+2.00 (2.00 to 2.00)", "2"])
@@ -138,8 +128,8 @@ def test_the_gap_table_has_the_limit_first():
 
 def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parameters():
     lost = {"thresholds": {"far": 1.0, "lost": 1.5, "lost_steps": 9}, "unit": "m"}
-    records = [finished("mcl", w, 1.0, params={"particles": 300}) | lost for w in WORLDS]
-    table = tables.verdict_table(panel_of(records))
+    records = trials("mcl", [1.0] * 3, params={"particles": 300})
+    table = tables.verdict_table(panel_of([record | lost for record in records]))
     assert "above 1.5 m on average over the last 9 states" in table.caption
     assert table.caption.endswith("All with particles 300.")
     assert table.lines[0][5] == "0 % of 3 (0 to 56)"

@@ -1,110 +1,91 @@
-"""What is compared: the sides do the same, and aims are read the right way round."""
+"""What is compared: the sides do the same, and targets are read the right way round."""
 
+import math
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
-import reference
 
-from benchmarks.speed import rays, scaling, trials, worlds
-from benchmarks.speed.command import FIGURES
-from benchmarks.speed.figure import (
-    MICROSECONDS,
-    Figure,
-    Measured,
-    UnavailableError,
-    in_unit,
-    measured,
-)
-from benchmarks.speed.lap import free_poses
-from benchmarks.speed.tables import terminal_table
-from benchmarks.speed.timing import Effort, Job
-from deqmcl_gym.world.paper_room import PAPER_ROOM
+from benchmarks.speed import steps, trials, worlds
+from benchmarks.speed.command import FIGURES, PEERS
+from benchmarks.speed.figure import Figure, Published, Side, measured
+from benchmarks.speed.lap import fan
+from benchmarks.speed.timing import Effort, Job, rates
+from benchmarks.trials.attempt import Outcome
 
-PROMISED = {  # and their targets
-    "rays_vs_numpy": 8,
-    "rays_vs_numpy_slabs": None,
-    "rays_vs_pymunk": 1000,
-    "rays_vs_navground": 10,
-    "rays_vs_navground_16": None,
-    "rays_vs_raycast2d": None,
-    "step1k_vs_numpy": 10,
-    "step1k_vs_numpy_slabs": None,
-    "step10k_vs_numpy": 5,
-    "step10k_vs_numpy_slabs": None,
-    "step1k_vs_particles": 10,
-    "step1k_vs_pfilter": 10,
-    "step1k_vs_stonesoup": 10,
-    "deq_vs_map_step": 1.5,
-    "deq_lag80_vs_lag10": 1.3,
-    "trial_mcl": 2,
-    "trial_deq_mcl": 2,
-    "censored_vs_inside_1": 1.5,
-    "censored_vs_inside_16": 1.5,
-    "amcl_step": 1,
-    "env_vs_cartpole": 0.5,
-    "vector64_vs_cartpole_vector64": 1.2,
-    "vector1024_vs_cartpole_vector1024": None,
-    "vector1024_vs_single": None,
-}
+DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
+ONCE = Effort(repeats=1, seconds=0.0)
 
 
-def figure(unit="rays/s", target=None):
-    def sides():
-        return Job(call=int), Job(call=int)
+def lasting(seconds):
+    """A side whose every call takes so long, by its own clock."""
+    now = 0.0
 
-    return Figure(name="f", task="t", ours="o", other="p", unit=unit, sides=sides, target=target)
+    def call():
+        nonlocal now
+        now += seconds
 
-
-def test_all_promised_figures_are_there_with_their_targets():
-    assert {f.name: f.target for f in FIGURES} == PROMISED
-
-
-def test_what_others_say_of_theirs_stands_beside_ours():
-    said = replace(figure(MICROSECONDS, target=1), sides=lambda: (Job(call=int), 5e6))
-    row = measured(said, Effort(repeats=1, seconds=0.0))
-    assert (row.other, row.reached) == (5e6, True)
-    assert "MISSED" in terminal_table([replace(row, ours=6e6)])
-    assert "MISSED" not in terminal_table([row])
+    return Side("they", lambda: Job(call, clock=lambda: now))
 
 
-def test_a_trial_is_one_that_succeeds_and_its_localizer_sees_as_many_steps():
-    whole, alone = trials.trial_sides("mcl")
-    assert whole.call().reason is None
-    assert whole.amount == alone.amount > 100
+def figure(unit, other=None, target=None, ours=0.5):
+    other = other or lasting(0.25)
+    return Figure(name="f", what="w", unit=unit, ours=lasting(ours), other=other, target=target)
 
 
 @pytest.mark.parametrize(
-    ("unit", "ratio", "reached"),
-    [("rays/s", 9, True), ("rays/s", 7, False), (MICROSECONDS, 7, True), (MICROSECONDS, 9, False)],
+    ("unit", "ours", "verdict"),
+    [
+        ("steps/s", 0.125, "yes"),
+        ("steps/s", 0.5, "missed"),
+        ("ms/trial", 0.5, "yes"),
+        ("ms/trial", 0.75, "missed"),
+    ],
 )
-def test_a_target_is_a_least_ratio_of_rates_but_a_largest_of_times(unit, ratio, reached):
-    row = Measured(figure=figure(unit, target=8), ours=ratio * 3.0, other=3.0)
-    assert row.ratio == ratio
-    assert row.reached is reached
-    assert row.figure.aim == ("≤ 8" if unit == MICROSECONDS else "≥ 8")
+def test_a_target_is_a_least_ratio_of_rates_but_a_largest_of_times(unit, ours, verdict):
+    row = measured(figure(unit, target=2, ours=ours), ONCE)
+    assert row.verdict == verdict
+    assert replace(row, figure=figure(unit)).verdict == ""
 
 
-def test_a_figure_without_a_target_has_neither_reached_nor_missed_it():
-    assert Measured(figure=figure(), ours=1.0, other=2.0).reached is None
-    assert figure().aim == ""
+def test_a_rate_is_per_second_and_a_time_in_its_unit():
+    rate, time = measured(figure("steps/s"), ONCE), measured(figure("ms/trial"), ONCE)
+    assert (rate.ours, rate.other, rate.ratio) == (2.0, 4.0, 0.5)
+    assert (time.ours, time.other, time.ratio) == (500.0, 250.0, 2.0)
 
 
-def test_a_time_is_a_million_over_the_rate():
-    assert in_unit(4.0, MICROSECONDS) == 250_000
-    assert in_unit(4.0, "steps/s") == 4.0
+def test_what_another_machine_did_stands_beside_ours_without_a_ratio():
+    row = measured(figure("µs/step", Published("they", 383.0)), ONCE)
+    assert (row.ours, row.other) == (500_000.0, 383.0)
+    assert math.isnan(row.ratio)
 
 
-def test_pymunk_is_asked_for_the_same_ranges():
-    poses, bearings = free_poses(PAPER_ROOM, 200), rays.bearings_of(16)
-    seen = rays.pymunk_ranges(rays.pymunk_room(), rays.segments(poses, bearings))
-    exact = reference.ranges(PAPER_ROOM.walls, poses, bearings)
-    turned = [reference.ranges(PAPER_ROOM.walls, poses, bearings + s * 2e-6) for s in (-1, 1)]
-    low, high = np.min([exact, *turned], axis=0), np.max([exact, *turned], axis=0)
-    slack = 1e-3  # the ends of rays of 1,000 px, in float32
-    apart = np.array(seen).reshape(exact.shape)
-    assert ((apart >= low - slack) & (apart <= high + slack)).all()
+def test_docs_explain_every_figure():
+    words = DOCS.read_text()
+    assert [f.name for f in (*FIGURES, *PEERS) if f"`{f.name}`" not in words] == []
+
+
+def test_a_localizers_share_of_a_trial_is_the_time_that_the_trial_counts(monkeypatch):
+    outcome = Outcome(record={}, seconds=0.25)
+    monkeypatch.setattr(trials, "attempt", lambda trial, key: outcome)
+    assert rates([trials.trial_job("mcl", localizer_only=True)], ONCE) == [4.0]
+
+
+def test_all_beams_of_one_scan_are_clipped_and_none_of_the_other(monkeypatch):
+    seen = []
+
+    class Scan:
+        def __init__(self, **_):
+            self.log_likelihood = lambda _, ranges: seen.append(ranges)
+
+    monkeypatch.setattr(steps, "LidarScan", Scan)
+    for clipped in (True, False):
+        steps.scan_job(clipped=clipped).call()
+    every, none = seen
+    assert (every == fan(16).max_range).all()
+    assert ((none > 0) & (none < fan(16).max_range)).all()
 
 
 class Rooms:
@@ -136,7 +117,7 @@ def test_every_room_is_driven_by_the_steps_since_its_own_episode_began():
 
 
 def test_a_single_env_is_driven_along_its_plan():
-    env = gym.make("deqmcl_gym/Room-v0", **worlds.ROOM)
+    env = gym.make(worlds.ROOM)
     _, info = env.reset(seed=0)
     planned = np.array(info["planned_actions"])
     told, step = [], env.step
@@ -145,36 +126,3 @@ def test_a_single_env_is_driven_along_its_plan():
     for _ in range(150):
         job.call()
     assert told == planned[:150].tolist()
-
-
-def test_rooms_without_a_vector_env_cannot_be_measured(monkeypatch):
-    spec = gym.spec("deqmcl_gym/Room-v0")
-    monkeypatch.setattr(spec, "vector_entry_point", None)
-    with pytest.raises(UnavailableError, match="vector_entry_point"):
-        worlds.rooms_job(4)
-
-
-@pytest.mark.skipif(
-    gym.spec("deqmcl_gym/Room-v0").vector_entry_point is None, reason="no vector env"
-)
-def test_rooms_of_a_vector_env_can_be_driven():
-    job = worlds.rooms_job(4)
-    for _ in range(300):
-        job.call()
-    assert job.amount == 4
-
-
-def test_cartpoles_can_be_driven():
-    job = worlds.cartpoles_job(4)
-    for _ in range(100):
-        job.call()
-    assert job.amount == 4
-
-
-@pytest.mark.parametrize("segments", [8, 16, 64, 512])
-def test_the_pillared_room_has_as_many_walls_as_asked_for_and_pillars_apart(segments):
-    room = scaling.pillared_room(segments)
-    assert len(room.walls) == segments
-    assert room.free(free_poses(room, 100)).all()
-    corners = np.array(room.obstacles).reshape(-1, 2)
-    assert ((corners > 0) & (corners < 400)).all()

@@ -14,7 +14,6 @@ from deqmcl_gym.world.drawing import (
     ORANGE,
     PALE,
     PINK,
-    WHITE,
     Drawing,
     View,
 )
@@ -65,7 +64,7 @@ def test_obstacles_are_pale_walls_dark_and_the_floor_white():
     assert at(frame, 150, 120) == PALE
     assert max(at(frame, 100, 120)) < 60  # a side of the obstacle
     assert max(at(frame, 0, 120)) < 60  # the outer wall
-    assert at(frame, 30, 120) == WHITE
+    assert at(frame, 30, 120) == (255, 255, 255)
 
 
 def test_rendering_changes_nothing_and_every_frame_is_fresh():

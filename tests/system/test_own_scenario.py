@@ -1,29 +1,15 @@
-"""A scenario of one's own, in a file of 15 lines, through every command that takes one."""
+"""The scenario of docs/scenarios.md, a file of 15 lines, in every command that takes one."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from deqmcl_command import exit_code, files
 from sweep_command import lines
 
-ROOM = """\
-words = "a hall of 8 by 6 m with a pillar, and a driver who sees the true pose"
-base = "paper"
-[env.floor_plan]
-unit = "m"
-outer = [[0, 0], [8, 0], [8, 6], [0, 6]]
-obstacles = [[[3, 2], [5, 2], [5, 4], [3, 4]]]
-[env.driver]
-look_ahead = 0.6
-[assumed.scan]
-kind = "beam-model"
-sigma = 1.0
-[prior]
-sd_position = 0.3
-[thresholds]
-lost = 2.0
-"""
+PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
+[ROOM] = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 

@@ -1,7 +1,9 @@
 """MCL by ``particles`` (Chopin & Papaspiliopoulos): a Feynman-Kac model and its SMC loop."""
 
+from collections.abc import Callable
+
 import numpy as np
-import particles
+import particles as library
 
 from benchmarks.speed.numpy_baseline import Cloud, NumpyModels
 from deqmcl_gym.numerics.types import Reals
@@ -10,7 +12,7 @@ from localizers import Prior, RobotModel
 _FOR_EVER = 10**9
 
 
-class _Localization(particles.FeynmanKac):
+class _Localization(library.FeynmanKac):
     """The bootstrap filter's model, told action and scan before each step."""
 
     def __init__(self, models: NumpyModels, prior: Prior, rng: np.random.Generator) -> None:
@@ -31,29 +33,17 @@ class _Localization(particles.FeynmanKac):
         return self.models.log_likelihood(x.T, self.scan)
 
 
-class ParticlesMCL:
-    """MCL; systematic resampling at every step."""
+def mcl(
+    robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
+) -> Callable[..., Cloud]:
+    """Return ``update`` of MCL."""
+    model = _Localization(NumpyModels(robot), prior, rng)
+    smc = library.SMC(fk=model, N=particles, resampling="systematic", ESSrmin=2.0, collect="off")
+    next(smc)
 
-    def __init__(self, robot: RobotModel, *, particles: int) -> None:
-        """Make MCL for a robot."""
-        self._models, self._particles = NumpyModels(robot), particles
+    def update(scan: Reals, action: Reals, *_: object) -> Cloud:
+        model.action, model.scan = action, scan
+        next(smc)
+        return smc.X, smc.W
 
-    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
-        """Start anew."""
-        del plan
-        self._model = _Localization(self._models, prior, rng)
-        self._smc = particles.SMC(
-            fk=self._model, N=self._particles, resampling="systematic", ESSrmin=2.0, collect="off"
-        )
-        next(self._smc)
-        return self._belief()
-
-    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
-        """Go one step on."""
-        del plan
-        self._model.action, self._model.scan = action, ranges
-        next(self._smc)
-        return self._belief()
-
-    def _belief(self) -> Cloud:
-        return Cloud(self._smc.X, self._smc.W)
+    return update

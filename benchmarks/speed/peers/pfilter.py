@@ -1,5 +1,6 @@
 """MCL by ``pfilter`` (Williamson): functions for dynamics, observation and weight."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,44 +11,34 @@ from deqmcl_gym.numerics.types import Reals
 from localizers import Prior, RobotModel
 
 
-class PfilterMCL:
-    """MCL; systematic resampling at every step."""
+def mcl(
+    robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
+) -> Callable[..., Cloud]:
+    """Return ``update`` of MCL."""
+    models = NumpyModels(robot)
 
-    def __init__(self, robot: RobotModel, *, particles: int) -> None:
-        """Make MCL for a robot."""
-        self._models, self._particles = NumpyModels(robot), particles
+    def dynamics(particles: Reals, *, action: Reals, **_: Any) -> Reals:
+        return models.moved(particles.T, action, rng).T
 
-    def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Cloud:
-        """Start anew."""
-        del plan
-        models = self._models
+    def weight(particles: Reals, scan: Reals, **_: Any) -> Reals:
+        log_likelihood = models.log_likelihood(particles.T, scan[0])
+        relative: Reals = np.exp(log_likelihood - log_likelihood.max())
+        return relative
 
-        def dynamics(particles: Reals, *, action: Reals, **_: Any) -> Reals:
-            return models.moved(particles.T, action, rng).T
+    filtering = ParticleFilter(
+        prior_fn=lambda n: prior.sample(n, rng).astype(np.float32),
+        n_particles=particles,
+        observe_fn=lambda particles, **_: particles,
+        dynamics_fn=dynamics,
+        noise_fn=lambda particles, **_: particles,
+        weight_fn=weight,
+        resample_fn=systematic_resample,
+        n_eff_threshold=2.0,
+    )
 
-        def weight(particles: Reals, scan: Reals, **_: Any) -> Reals:
-            log_likelihood = models.log_likelihood(particles.T, scan[0])
-            relative: Reals = np.exp(log_likelihood - log_likelihood.max())
-            return relative
-
-        self._filter = ParticleFilter(
-            prior_fn=lambda n: prior.sample(n, rng).astype(np.float32),
-            n_particles=self._particles,
-            observe_fn=lambda particles, **_: particles,
-            dynamics_fn=dynamics,
-            noise_fn=lambda particles, **_: particles,
-            weight_fn=weight,
-            resample_fn=systematic_resample,
-            n_eff_threshold=2.0,
-        )
-        return self._belief()
-
-    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Cloud:
-        """Go one step on."""
-        del plan
+    def update(scan: Reals, action: Reals, *_: object) -> Cloud:
         with np.errstate(divide="ignore", invalid="ignore"):  # its entropy of weights that are 0
-            self._filter.update(ranges, action=action)
-        return self._belief()
+            filtering.update(scan, action=action)
+        return filtering.original_particles, filtering.original_weights
 
-    def _belief(self) -> Cloud:
-        return Cloud(self._filter.original_particles, self._filter.original_weights)
+    return update
