@@ -77,7 +77,7 @@ def page(report):
 def test_what_is_returned_is_what_was_written(report):
     out, written, _ = report
     there = {path for path in out.rglob("*") if path.is_file()}
-    assert set(written) == there
+    assert {*written, out / "written.json"} == there
     assert TABLES | {"report.html", "results.md"} <= {path.name for path in there}
 
 
@@ -194,7 +194,7 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
         writing.require_report()
     written = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in written} == TABLES
-    assert {path.name for path in tmp_path.iterdir()} == TABLES
+    assert {path.name for path in tmp_path.iterdir()} == TABLES | {"written.json"}
 
 
 def test_every_mark_of_every_chart_is_inside_its_axes(monkeypatch):
