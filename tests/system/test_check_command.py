@@ -9,7 +9,7 @@ from deqmcl_command import DEQMCL, exit_code, files, process
 
 from localizers.checks import LAWS
 
-BROKEN = Path(__file__).parents[1] / "localizers" / "broken"
+BROKEN = Path(__file__).parents[1] / "localizers" / "broken.py"
 
 
 def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_0(capsys):
@@ -25,7 +25,7 @@ def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_
 
 
 def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3():
-    done = process(DEQMCL, "check", f"{BROKEN / 'finite.py'}:Broken")
+    done = process(DEQMCL, "check", f"{BROKEN}:Finite")
     assert done.returncode == 3
     lines = done.stdout.splitlines()
     assert [line[9:].partition(":")[0] for line in lines] == [law.name for law in LAWS]
@@ -37,7 +37,7 @@ def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3():
 
 
 def test_no_traceback_is_shown_but_with_debug():
-    name = f"{BROKEN / 'runs_in_a_worker.py'}:Broken"
+    name = f"{BROKEN}:RunsInAWorker"
     quiet, loud = (process(DEQMCL, "check", name, *more) for more in ((), ("--debug",)))
     assert "Traceback" not in quiet.stdout + quiet.stderr
     assert "Traceback" not in loud.stdout
