@@ -29,18 +29,6 @@ def test_collision_is_the_floor_plans_for_the_swept_disc(room):
     assert np.array_equal(log_g, np.where(collides, -2.0, 0.0))
 
 
-def test_a_larger_disc_collides_where_a_smaller_one_did(room):
-    rng = np.random.default_rng(2)
-    before = rng.uniform((0, 0, -3), (350, 300, 3), (2000, 3)).astype(np.float32).T
-    after = before + np.float32(3.0)
-    charges = [
-        FreeSpace(floor_plan=room, radius=radius, beta=1.0).log_g(before, after)
-        for radius in (0.0, 4.0, 8.0, 20.0)
-    ]
-    assert (np.diff(charges, axis=0) <= 0).all()
-    assert charges[0].sum() > charges[-1].sum()
-
-
 @pytest.mark.parametrize("beta", [-1, math.nan])
 def test_a_negative_beta_or_nan_is_refused(room, beta):
     with pytest.raises(InputError, match=r"^beta is .* of 0 or more\.$"):

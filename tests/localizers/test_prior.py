@@ -35,12 +35,6 @@ def test_headings_a_full_turn_apart_have_the_same_density():
     assert density == pytest.approx(np.full(3, density[0]), abs=1e-9)
 
 
-def test_the_density_leaves_the_poses_given_alone():
-    poses = np.array([(50, 40, 9.0)])
-    PRIOR.log_density(poses)
-    assert poses.tolist() == [[50, 40, 9.0]]
-
-
 def test_a_prior_without_spread_draws_its_mean():
     draws = GaussianPrior(mean=(1, 2, 3), sd_position=0, sd_heading=0).sample(
         5, np.random.default_rng(0)
@@ -93,13 +87,6 @@ def test_a_uniform_prior_for_a_robot_too_wide_is_refused():
     narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
     with pytest.raises(InputError, match=r"prior\.radius is 8, but nothing that wide fits"):
         UniformPrior(floor_plan=narrow, radius=8)
-
-
-def test_dead_reckoning_refuses_a_prior_without_a_mean(robot):
-    with pytest.raises(InputError, match="needs a mean to start from"):
-        make("dead-reckoning", robot).reset(
-            UniformPrior(floor_plan=robot.floor_plan), [], np.random.default_rng(0)
-        )
 
 
 def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):

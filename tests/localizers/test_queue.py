@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from localizers.inference.queue import Queue, SlidingComposition, compose
+from localizers.inference.queue import Queue, SlidingComposition
 
 
 class CopyingQueue:
@@ -107,11 +107,3 @@ def test_a_sliding_composition_is_the_composition_of_the_links_it_holds(seed):
             plain = plain if link is None else link[plain]
         composed = window.composed()
         assert np.array_equal(np.arange(n) if composed is None else composed, plain)
-
-
-def test_compose_applies_the_inner_map_first_and_none_is_the_identity():
-    outer, inner = np.array([5, 6, 7]), np.array([2, 0, 0])
-    assert compose(outer, inner).tolist() == [7, 5, 5]
-    assert compose(None, inner) is inner
-    assert compose(outer, None) is outer
-    assert compose(None, None) is None
