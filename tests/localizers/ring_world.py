@@ -128,7 +128,7 @@ def ring_filter(
     )
 
 
-deq = partial(ring_filter, past=PAST, future=FUTURE)
+deq = partial(ring_filter, past=PAST, future=FUTURE, pilots=1)
 
 
 def rejuvenated(beta: float, when=lambda move: move, **parts) -> ParticleFilter:

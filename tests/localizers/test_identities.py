@@ -1,13 +1,11 @@
 """Members of the family that must be the same number for number under the same rng."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from following import follow, same, varied
 
 import localizers
-from deqmcl_gym.maps import Lidar
 from localizers.models.scan import LidarScan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
@@ -125,15 +123,3 @@ def test_two_localizers_do_not_disturb_each_other(robot, prior, drive):
         b.update(scan, action, actions[t:])
         beliefs.append(a.update(scan, action, actions[t:]))
     assert same(alone, beliefs, offsets=BOTH)
-
-
-def test_a_scan_with_more_beams_is_used(robot, prior, drive):
-    three = replace(robot, lidar=Lidar(beams=3, max_range=400.0))
-    actions, scans = drive
-    one = follow(localizers.make("mcl", robot, particles=60), prior, drive)
-    padded = np.hstack([np.full_like(scans, np.nan), scans, np.full_like(scans, np.nan)])
-    blind = follow(localizers.make("mcl", three, particles=60), prior, (actions, padded))
-    assert same(one, blind)  # skipped beams are no beams
-    seeing = np.hstack([scans, scans, scans])
-    more = follow(localizers.make("mcl", three, particles=60), prior, (actions, seeing))
-    assert not same(one, more)

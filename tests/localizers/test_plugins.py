@@ -2,7 +2,6 @@
 
 import importlib
 import multiprocessing
-import pickle
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -124,10 +123,9 @@ def test_an_entry_point_is_listed_last_and_loaded_only_when_used(robot, module, 
 
 
 @pytest.mark.parametrize("value", ["no_such_pack:Mine", "pack.good", "pack.good:Gone", "::", ":x"])
-def test_a_broken_entry_point_breaks_only_its_own_use(robot, module, install, value):
+def test_a_broken_entry_point_breaks_only_its_own_use(module, install, value):
     install(f"broken = {value}")
-    assert "broken" in localizers.names()
-    localizers.make("mcl", robot)
+    assert {"broken", "mcl"} <= set(localizers.names())
     refusal("broken")
 
 
@@ -204,11 +202,6 @@ def test_what_is_no_localizer_is_refused_when_it_is_made(robot, file, attribute,
 def test_what_a_constructor_raises_is_raised(robot, file):
     with pytest.raises(ValueError, match="not this robot"):
         localizers.make(f"{file}:refuses", robot)
-
-
-def test_a_localizer_from_a_file_can_be_pickled(robot, file):
-    made = localizers.make(f"{file}:Mine", robot, gain=4.0)
-    assert pickle.loads(pickle.dumps(made)).gain == 4.0
 
 
 def test_a_file_is_resolved_again_in_a_spawned_process(file, monkeypatch):

@@ -6,7 +6,7 @@ import pytest
 from ring_world import AS_PLANNED, CHANGES, Drive, RingMotion, beliefs, deq
 
 
-@pytest.mark.parametrize(("drive", "redraws"), zip(CHANGES, (1, 1, 0, 2, 3), strict=True))
+@pytest.mark.parametrize(("drive", "redraws"), [*zip(CHANGES, (1, 1, 0, 2, 3), strict=True)])
 def test_a_redraw_is_counted_and_nothing_else_is(drive, redraws):
     last = list(beliefs(deq(1.0, pilots=2), CHANGES[drive], seed=0))[-1]
     assert last.events.replanned_steps == redraws
