@@ -3,6 +3,7 @@
 import multiprocessing
 import pickle
 from collections.abc import Mapping
+from itertools import islice
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -37,9 +38,8 @@ def answers_in_time(subject: Subject) -> None:
 def reset_starts_anew(subject: Subject) -> None:
     """After reset, a localizer that was used before answers as a new one does."""
     used = subject.made()
-    for t, _ in enumerate(beliefs(used, subject.drive, seed=1)):
-        if t == _HALF:
-            break
+    for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
+        pass
     require_same(
         subject.history(used), subject.history(), "a reset localizer remembers its run before"
     )
@@ -49,11 +49,9 @@ def picklable(subject: Subject) -> None:
     """A copy made by pickle goes on as the original, whether it is new or half way."""
     expected = subject.history()
     require_same(subject.history(_copy(subject.made())), expected, "a pickled copy differs")
-    localizer, run = subject.made(), []
-    for t, belief in enumerate(beliefs(localizer, subject.drive)):
-        run.append(snapshot(belief, t))
-        if t == _HALF:
-            break
+    localizer = subject.made()
+    first = islice(beliefs(localizer, subject.drive), _HALF + 1)
+    run = [snapshot(belief, t) for t, belief in enumerate(first)]
     rest = continued(_copy(localizer), subject.drive, _HALF)
     run.extend(snapshot(belief, t) for t, belief in enumerate(rest, start=_HALF + 1))
     require_same(run, expected, "a copy pickled half way differs")

@@ -9,7 +9,6 @@ import localizers
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.validation import InputError
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
 
@@ -148,28 +147,3 @@ def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
             if moment.step == max(steps):
                 break
     assert (np.abs(sums - 3 * worlds) < 4 * math.sqrt(6 * worlds)).all(), sums / worlds
-
-
-@pytest.mark.parametrize("gate", [0, -1, 1.1, math.nan, "x"])
-def test_a_bad_gate_is_refused(robot, gate):
-    with pytest.raises(InputError, match="gate is"):
-        localizers.make("ekf", robot, gate=gate)
-
-
-def test_a_scan_model_without_moments_is_refused(robot):
-    class Odd:
-        pass
-
-    plain = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, scan=Odd())
-    with pytest.raises(InputError, match="hit_moments"):
-        localizers.make("ekf", plain)
-
-
-@pytest.mark.parametrize("name", ["grid", "ekf"])
-def test_a_motion_that_can_only_be_drawn_from_is_refused(robot, name):
-    class Odd:
-        pass
-
-    drawn = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, motion=Odd())
-    with pytest.raises(InputError, match="give an OdometryMotion"):
-        localizers.make(name, drawn)

@@ -77,14 +77,6 @@ def test_inside_the_solid_rectangle_its_own_walls_are_what_is_seen(scan):
     assert likelihoods.argmax() == 3
 
 
-def test_what_is_given_is_left_alone(scan):
-    poses, ranges = POSES.copy(), np.array([60.0, NAN, 250.0, INF, -1.0])
-    before = ranges.copy()
-    scan.log_likelihood(poses, ranges)
-    assert np.array_equal(poses, POSES)
-    assert np.array_equal(ranges, before, equal_nan=True)
-
-
 def test_many_poses_are_looked_at_block_by_block_each_by_itself(scan):
     poses = np.random.default_rng(2).uniform((-30, -30, -4), (380, 330, 4), (10_000, 3)).T
     together = scan.log_likelihood(poses, SCAN)

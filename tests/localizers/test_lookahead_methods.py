@@ -78,15 +78,14 @@ def test_resampled_by_h_a_particle_keeps_one_over_h(make, prior, drive):
     assert kept.log_evidence == pytest.approx(start.log_evidence + left, abs=1e-12)
 
 
-def test_pilots_of_a_free_map_say_nothing(make, prior, drive):
-    pilots = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
-    assert same(pilots, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
-
-
-def test_more_pilots_leave_the_cloud_as_it_is(make, prior, drive):
+def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(
+    make, prior, drive
+):
     few, many = (follow(make("mcl-pilots", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
+    free = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
+    assert same(free, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
 
 
 @pytest.fixture

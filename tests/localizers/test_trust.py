@@ -92,13 +92,6 @@ def test_the_evidence_is_that_of_evenly_spaced_particles(n):
         assert seen == pytest.approx(math.log(both.sum() / w.sum()), rel=1e-9)
 
 
-@pytest.mark.parametrize("level", [0.0, -700.0, 1e-3])
-def test_the_evidence_of_equal_weights_is_the_mean_likelihood(level):
-    likelihoods = np.random.default_rng(9).normal(size=100)
-    seen = log_evidence(np.full(100, level), likelihoods, 256)
-    assert seen == pytest.approx(math.log(np.exp(likelihoods).mean()), rel=1e-9)
-
-
 def test_the_short_cut_of_equal_weights_changes_no_bit():
     likelihoods = np.random.default_rng(9).normal(size=101)
     likelihoods[-1] = -math.inf

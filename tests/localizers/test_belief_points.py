@@ -33,23 +33,8 @@ def test_the_poses_are_as_many_as_the_particles(robot, prior, drive, name):
         assert len(belief.points()[0]) in counts.get(name, {30})
 
 
-@pytest.mark.parametrize("resampler", ["systematic", "stratified", "multinomial"])
-def test_any_resampler_works_with_one_particle(robot, prior, drive, resampler):
-    localizer = localizers.make("deq-mcl", robot, particles=1, resampler=resampler)
-    for belief in follow(localizer, prior, drive):
-        assert belief.points()[1].tolist() == [1.0]
-        assert belief.effective_sample_size == 1.0
-
-
 def test_the_mean_heading_of_179_and_minus_179_degrees_is_180():
     poses = np.array([(1, 5, math.radians(179)), (3, 7, math.radians(-179))])
     x, y, heading = localizers.mean_pose(poses, np.array([0.5, 0.5]))
     assert (x, y) == (2.0, 6.0)
     assert abs(math.degrees(heading)) == pytest.approx(180.0, abs=1e-9)
-
-
-def test_the_mean_pose_is_weighted():
-    poses = np.array([(0, 0, 0.0), (4, 8, math.pi / 2)])
-    x, y, heading = localizers.mean_pose(poses, np.array([0.75, 0.25]))
-    assert (x, y) == (1.0, 2.0)
-    assert heading == pytest.approx(math.atan2(0.25, 0.75))
