@@ -2,11 +2,9 @@
 
 import math
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from room_cases import calm, drive
-from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
@@ -89,13 +87,6 @@ def test_no_step_follows_the_end_until_reset():
     assert env.elapsed_steps == 204
     env.reset()
     assert env.step(env.plan[0])[2] is False
-
-
-def test_closing_twice_is_fine():
-    for env in (RoomEnv(render_mode="rgb_array"), gym.make(ROOM_ID)):
-        env.reset(seed=0)
-        env.close()
-        env.close()
 
 
 @pytest.mark.parametrize("seed", [2**63, np.uint32(5)])

@@ -69,7 +69,7 @@ def test_streams_are_those_of_the_documented_seed_sequence():
         lidar={"beams": 2, "sigma": 2.0},
         noise={"drive": 0.1, "turn": 0.05, "drift": 0.01},
         start={"sd_position": 4.0, "sd_heading": 0.2},
-        lap={"step": 2.0},  # an episode of more steps than a block of noise has rows
+        lap={"step": 2.0},  # for more than 300 steps
     )
     env.reset(seed=seed)
     scan, info = env.reset()

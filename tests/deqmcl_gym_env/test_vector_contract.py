@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
@@ -82,14 +81,6 @@ def test_rooms_without_a_seed_get_different_ones():
     before = env.np_random_seed
     env.reset()
     assert env.np_random_seed == before  # the next episodes of the same seeds
-
-
-def test_gymnasiums_statistics_wrapper_counts_the_episodes():
-    env = RecordEpisodeStatistics(gym.make_vec(ROOM_ID, num_envs=2, max_episode_steps=3))
-    env.reset(seed=0)
-    for _ in range(3):
-        info = env.step(forward(2))[4]
-    assert info["episode"]["l"].tolist() == [3, 3]
 
 
 @pytest.mark.parametrize("steps", [-1, 2**62, 10**30])  # -1 as in gym.make
