@@ -1,6 +1,5 @@
 """Members of the family that must be the same number for number under the same rng."""
 
-
 import numpy as np
 import pytest
 from following import follow, same, varied

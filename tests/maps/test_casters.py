@@ -17,12 +17,6 @@ from deqmcl_gym.maps.casting import (
 from deqmcl_gym.maps.cells import cells_of
 
 
-def test_few_walls_are_all_tried_and_many_are_sorted_into_cells():
-    assert isinstance(caster_of(PLANS["room"].outer, PLANS["room"].obstacles, 1.0), AllAtOnce)
-    assert isinstance(caster_of(PLANS["hall"].outer, PLANS["hall"].obstacles, 1.0), AllAtOnce)
-    assert isinstance(caster_of(PLANS["forest"].outer, PLANS["forest"].obstacles, 1.0), CellByCell)
-
-
 def test_a_rectangle_counts_as_one_however_many_walls_it_has():
     boxes = [
         [(x, y), (x + 5, y), (x + 5, y + 5), (x, y + 5)]
@@ -87,12 +81,6 @@ def test_each_point_of_a_wall_lies_in_a_cell_that_lists_the_wall(name):
         strict=True,
     ):
         assert wall in cells.walls[cells.first[cell] : cells.first[cell + 1]]
-
-
-def test_a_pose_outside_the_outer_wall_is_blind_with_many_walls_too():
-    plan = PLANS["forest"]
-    outside = [(-5.0, 100.0, 0.0), (800.0, 100.0, np.pi), (100.0, 540.5, -1.0)]
-    assert np.isnan(plan.ranges(outside, [0.0, 1.0])).all()
 
 
 def test_a_wall_along_the_border_of_cells_is_not_missed():
