@@ -8,7 +8,7 @@ from room_cases import SEVERAL, calm
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.drawing import GRAY, LIGHT_BLUE, ORANGE, PALE, PINK, WHITE, Drawing, View
+from deqmcl_gym.world.drawing import GRAY, LIGHT_BLUE, ORANGE, PALE, PINK, Drawing, View
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
@@ -46,7 +46,7 @@ def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up():
 def test_obstacles_are_pale_walls_dark_and_the_floor_white():
     frame = calm(render_mode="rgb_array").render()
     obstacle, side, wall, floor = (frame[-8 - 2 * 120, 8 + 2 * x] for x in (150, 100, 0, 30))
-    assert (tuple(obstacle), tuple(floor)) == (PALE, WHITE)
+    assert (tuple(obstacle), tuple(floor)) == (PALE, (255, 255, 255))
     assert max(side) < 60 > max(wall)
 
 
