@@ -59,6 +59,16 @@ def test_a_stopped_robot_stays_within_the_skin_and_can_turn_and_drive_away():
     np.testing.assert_allclose(away[:2], (x - 20, y), rtol=0, atol=2e-6)
 
 
+def test_a_tip_of_the_outer_wall_is_met_from_beside_it():
+    # It starts nearer than its radius to the line of the spike's upper side, and leaves that strip
+    # again behind the tip, which its centre passes at 5 px.
+    start = (298.0, 153.0, 0.15)
+    env = calm(floor_plan=SPIKE, start={"pose": start}, robot=LONG, ends_at_goal=False)
+    info = drive(env, [(24, 0)])[0][4]
+    assert info["collided"]
+    assert 8 < math.dist(info["truth"][:2], (310, 150)) <= 8 + SKIN
+
+
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     """Random steps of 0 to 60 px: poses before and after, and whether each collided."""
     robot = LONG | {"radius": radius}

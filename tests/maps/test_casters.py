@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sample_plans import PLANS, anywhere, awkward_poses
+from sample_plans import PLANS, anywhere
 from test_ranges import inside_the_outer_wall
 
 from deqmcl_gym.maps import PolygonMap
@@ -58,14 +58,8 @@ def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
     one, other = (
         cast(maker(plan.outer, plan.obstacles, 1.0), poses) for maker in (all_at_once, cell_by_cell)
     )
+    assert np.isfinite([one, other]).all()  # no beam escapes
     assert (np.abs(one - other) > 1e-3).mean() < 3e-3
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_cell_by_cell_no_beam_from_inside_the_outer_wall_escapes(name):
-    plan = PLANS[name]
-    poses = inside_the_outer_wall(plan, awkward_poses(plan, 50_000, np.random.default_rng(7)))
-    assert np.isfinite(cast(cell_by_cell(plan.outer, plan.obstacles, 1.0), poses)).all()
 
 
 @pytest.mark.parametrize("name", PLANS)
