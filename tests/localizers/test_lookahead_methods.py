@@ -156,15 +156,3 @@ def test_the_forms_of_moving_differ(make, prior, drive):
     ends.append(follow(make("deq-mcl", lag=5, ess_threshold=0.5), prior, drive)[-1])
     clouds = {end.points()[0].tobytes() for end in ends}
     assert len(clouds) == 4
-
-
-@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_where_collisions_are_forbidden_estimates_stay_sound(make, prior, drive, name, params):
-    actions, scans = drive
-    into_the_wall = np.tile([80.0, 0.0], (12, 1))
-    plans = [actions[t:] if t % 2 else into_the_wall[t:] for t in range(13)]
-    localizer = make(name, lag=5, beta=np.inf, **params)
-    for belief in follow(localizer, prior, (actions, scans), plans=plans):
-        poses, weights = belief.points()
-        assert np.isfinite(poses).all()
-        assert weights.sum() == pytest.approx(1.0)
