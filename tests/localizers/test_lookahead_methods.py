@@ -32,13 +32,11 @@ def make(request, robot):
 
 
 @pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_without_lag_it_is_map_based_mcl(make, prior, drive, name, params):
+def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
+    make, prior, drive, name, params
+):
     looking = follow(make(name, lag=0, **params), prior, drive)
     assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
-
-
-@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_without_a_plan_it_is_the_map_based_smoother(make, prior, drive, name, params):
     empty = [np.empty((0, 2))] * 13
     looking = follow(make(name, lag=5, **params), prior, drive, plans=empty)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive, plans=empty)
