@@ -2,13 +2,10 @@
 
 import multiprocessing
 import pickle
-from collections.abc import Mapping
 from itertools import islice
 from multiprocessing.connection import Connection
 from typing import Any
 
-from localizers.api import RobotModel
-from localizers.checks.drive import Drive
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
@@ -21,7 +18,7 @@ from localizers.checks.subject import (
     snapshot,
 )
 from localizers.naming.plugins import raised
-from localizers.naming.registry import Factory, made_by, resolve
+from localizers.naming.registry import made_by, resolve
 
 _HALF = 6
 
@@ -110,18 +107,14 @@ def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
 
 def _answer(task: bytes, there: Connection) -> None:
     """Run in the spawned process."""
+    answer: list[Snapshot] | str
     try:
-        answer: list[Snapshot] | str = _run(*pickle.loads(task))
+        sent, name, params, robot, drive = pickle.loads(task)
+        factory = resolve(sent) if isinstance(sent, str) else sent
+        answer = history(made_by(factory, name, robot, **params), drive)
     except LawBrokenError as error:
         answer = str(error)
     except (Exception, SystemExit) as error:
         answer = f"it raised {raised(error)}"
     there.send(answer)
     there.close()
-
-
-def _run(
-    sent: str | Factory, name: str, params: Mapping[str, Any], robot: RobotModel, drive: Drive
-) -> list[Snapshot]:
-    factory = resolve(sent) if isinstance(sent, str) else sent
-    return history(made_by(factory, name, robot, **params), drive)

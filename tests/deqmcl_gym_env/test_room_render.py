@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from room_cases import SEVERAL, calm
+from room_cases import calm
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.drawing import GRAY, LIGHT_BLUE, ORANGE, PALE, PINK, Drawing, View
+from deqmcl_gym.world.drawing import GRAY, ORANGE, PALE, PINK, Drawing, View
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
@@ -67,18 +67,12 @@ def test_without_a_render_mode_there_is_no_frame_but_a_warning():
         assert calm().render() is None
 
 
-def test_points_are_dots_at_their_pixels():
-    image = Drawing(View(PAPER_ROOM)).points([(30, 60), (330, 280)], ORANGE).image
-    assert at(image, 30, 60) == at(image, 330, 280) == ORANGE
-    assert pixels_of(image, ORANGE) == 2 * 3 * 3
-    image = Drawing(View(PAPER_ROOM)).points([(30, 60, 1.5)], ORANGE, size=1).image
-    assert pixels_of(image, ORANGE) == 1
-
-
-def test_points_outside_the_frame_are_left_out_without_wrapping_around():
+def test_points_are_dots_at_their_pixels_and_those_outside_the_frame_are_left_out():
     far = [(-40, 50), (50, -40), (390, 50), (50, 340), (-1e6, 1e6), (-354, 150), (175, 604)]
     blank = Drawing(View(PAPER_ROOM)).image
     np.testing.assert_array_equal(Drawing(View(PAPER_ROOM)).points(far, PINK).image, blank)
+    image = Drawing(View(PAPER_ROOM)).points([(30, 60), (330, 280)], ORANGE).image
+    assert at(image, 30, 60) == at(image, 330, 280) == ORANGE
     # Half of a dot on the frame's left edge: 2 of its 3 columns, and nothing at the right.
     image = Drawing(View(PAPER_ROOM)).points([(-MARGIN / SCALE, 150)], PINK).image
     assert pixels_of(image[:, :2], PINK) == pixels_of(image, PINK) == 2 * 3
@@ -94,13 +88,3 @@ def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
     top, bottom = ((300 - y) * SCALE + MARGIN for y in (60, 40))
     assert abs(rows.min() - top) <= 1
     assert abs(rows.max() - bottom) <= 1
-
-
-def test_drawing_leaves_its_inputs_and_other_drawings_alone():
-    view = View(PolygonMap(**SEVERAL))
-    first, second = Drawing(view), Drawing(view)
-    cloud = np.array([(50.0, 50.0, 0.0), (70.0, 60.0, 1.0)])
-    kept = cloud.copy()
-    first.points(cloud, PINK).path(cloud, LIGHT_BLUE).robot(cloud[0], 8.0).number(3)
-    np.testing.assert_array_equal(cloud, kept)
-    np.testing.assert_array_equal(second.image, Drawing(view).image)

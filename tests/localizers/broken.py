@@ -2,6 +2,7 @@
 
 import math
 import multiprocessing
+import os
 import time
 from functools import cache
 
@@ -16,6 +17,13 @@ class AnswersInTime(MyLocalizer):
 
     def update(self, ranges, action, plan):
         time.sleep(3600)
+
+
+class EndsTheProcess(MyLocalizer):
+    """Breaks the law of the time limit in another way."""
+
+    def update(self, ranges, action, plan):
+        os._exit(7)
 
 
 @cache

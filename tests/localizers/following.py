@@ -43,6 +43,15 @@ def follow(
     return beliefs
 
 
+def updated(
+    name: str, robot: localizers.RobotModel, prior: localizers.Prior, scan, action=(0, 0), **params
+) -> Any:
+    """Belief after one update, without a plan."""
+    localizer = localizers.make(name, robot, **params)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    return localizer.update(scan, action, [])
+
+
 def same(
     one: Sequence[localizers.Belief],
     other: Sequence[localizers.Belief],

@@ -6,6 +6,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 import reference
+from following import updated
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -184,9 +185,7 @@ def test_at_most_max_beams_are_used_evenly_spread():
     other[[1, 2, 3, 5, 6, 7]] = 90.0
 
     def weights(ranges, **params):
-        localizer = localizers.make("amcl", robot, **params)
-        localizer.reset(prior, [], np.random.default_rng(0))
-        return localizer.update(ranges, [0.0, 0.0], []).points()[1]
+        return updated("amcl", robot, prior, ranges, **params).points()[1]
 
     assert np.array_equal(weights(scan, max_beams=3), weights(other, max_beams=3))
     assert not np.array_equal(weights(scan), weights(other))

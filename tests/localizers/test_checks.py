@@ -69,13 +69,8 @@ def test_a_localizer_that_hangs_is_given_up_and_nothing_else_is_tried():
     assert {verdict.note for verdict in others} == {"it fails 'answers in time'"}
 
 
-def test_a_localizer_that_ends_the_process_ends_only_its_own(tmp_path):
-    path = tmp_path / "crash.py"
-    path.write_text(
-        "import os\nfrom localizers.template import MyLocalizer\n"
-        "class Crash(MyLocalizer):\n    def update(self, *given): os._exit(7)\n"
-    )
-    first = check_localizer(f"{path}:Crash").verdicts[0]
+def test_a_localizer_that_ends_the_process_ends_only_its_own():
+    first = check_localizer(f"{BROKEN}:EndsTheProcess").verdicts[0]
     assert first.status == "FAILED"
     assert first.note == "a process of its own ended without an answer, with exit code 7"
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from following import updated
 
 import localizers
 from benchmarks.trials.episode import trial_moments
@@ -97,9 +98,7 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
     # Left and right beams give y to 4 / √2 px, the one ahead x to 4 px; the heading stays known to
     # about 0.01 rad. At (100, 50, 0): 50 to the right, 200 ahead, 50 to the left.
     prior = localizers.GaussianPrior(mean=(90, 45, 0.0), sd_position=20.0, sd_heading=0.01)
-    localizer = localizers.make("ekf", corridor)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    belief = localizer.update([50.0, 200.0, 50.0], [0.0, 0.0], [])
+    belief = updated("ekf", corridor, prior, [50.0, 200.0, 50.0])
     assert belief.mean[:2] == pytest.approx([100, 50], abs=0.6)  # the prior's share: (4 / 20)² · 10
     assert belief.covariance[0, 0] == pytest.approx(1 / (1 / 16 + 1 / 400), rel=0.05)
     assert belief.covariance[1, 1] == pytest.approx(1 / (2 / 16 + 1 / 400), rel=0.05)
@@ -108,24 +107,20 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
 def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
 
-    def after(scan, **params):
-        localizer = localizers.make("ekf", corridor, **params)
-        localizer.reset(prior, [], np.random.default_rng(0))
-        return localizer.update(scan, [0.0, 0.0], [])
-
-    gated, lost = after([50.0, 90.0, 50.0]), after([50.0, math.nan, 50.0])
+    gated, lost = (
+        updated("ekf", corridor, prior, [50.0, ahead, 50.0]) for ahead in (90.0, math.nan)
+    )
     assert gated.events.gated_beams == 1
     assert gated.mean == pytest.approx(lost.mean)
     assert gated.covariance == pytest.approx(lost.covariance)
     assert lost.events.skipped_beams == 1
-    assert after([50.0, 90.0, 50.0], gate=1).events.gated_beams == 0
+    ungated = updated("ekf", corridor, prior, [50.0, 90.0, 50.0], gate=1)
+    assert ungated.events.gated_beams == 0
 
 
 def test_outside_the_walls_it_goes_on_by_its_commands(corridor):
     prior = localizers.GaussianPrior(mean=(290, 50, 0.0), sd_position=2.0, sd_heading=0.01)
-    localizer = localizers.make("ekf", corridor)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    belief = localizer.update([50.0, 20.0, 50.0], [30.0, 0.0], [])
+    belief = updated("ekf", corridor, prior, [50.0, 20.0, 50.0], action=[30.0, 0.0])
     assert belief.mean == pytest.approx([320, 50, 0])
     assert belief.events.unpredicted_beams == 3
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from following import follow, same, varied
+from following import follow, same, small, varied
 
 import localizers
 from localizers.models.scan import LidarScan
@@ -122,3 +122,23 @@ def test_two_localizers_do_not_disturb_each_other(robot, prior, drive):
         b.update(scan, action, actions[t:])
         beliefs.append(a.update(scan, action, actions[t:]))
     assert same(alone, beliefs, offsets=BOTH)
+
+
+@pytest.mark.parametrize("name", localizers.names())
+def test_read_only_arrays_and_plain_lists_are_the_same(robot, prior, drive, name):
+    actions, scans = (array.copy() for array in drive)
+    actions.flags.writeable = scans.flags.writeable = False
+    one, other = (localizers.make(name, robot, **small(name, 30)) for _ in range(2))
+    lists = [actions[t:].tolist() for t in range(len(actions) + 1)]
+    beliefs = follow(one, prior, (actions, scans))
+    assert same(beliefs, follow(other, prior, (actions.tolist(), scans.tolist()), plans=lists))
+    counts = {"dead-reckoning": {1}, "ekf": {512}, "grid": range(1, 9 * 10 * 12 + 1)}
+    assert {len(belief.points()[0]) for belief in beliefs} <= set(counts.get(name, {30}))
+
+
+def test_the_mean_pose_is_weighted_and_its_heading_a_mean_of_directions():
+    poses = np.array([(1, 5, np.radians(179)), (3, 7, np.radians(-179))])
+    x, y, heading = localizers.mean_pose(poses, np.array([0.75, 0.25]))
+    assert (x, y) == (1.5, 5.5)
+    s, c = np.sin(np.radians(179)), np.cos(np.radians(179))
+    assert heading == pytest.approx(np.arctan2(0.5 * s, c))

@@ -7,6 +7,7 @@ import pytest
 import localizers
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
+from localizers.template import MyLocalizer
 
 BUILT_IN = tuple(registry._FACTORIES)
 
@@ -14,19 +15,6 @@ BUILT_IN = tuple(registry._FACTORIES)
 @pytest.fixture(autouse=True)
 def _own_registry(monkeypatch):
     monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
-
-
-class PlugIn:
-    """Inherits nothing."""
-
-    def __init__(self, robot, *, gain: float = 1.0):
-        self.robot, self.gain = robot, gain
-
-    def reset(self, prior, plan, rng):
-        return None
-
-    def update(self, ranges, action, plan):
-        return None
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
@@ -38,29 +26,29 @@ def test_every_built_in_localizer_can_be_made_with_its_defaults_said_or_not(robo
 
 
 def test_a_plug_in_is_made_by_its_name_with_its_parameters(robot):
-    localizers.register("mine", PlugIn)
+    localizers.register("mine", MyLocalizer)
     assert localizers.names() == (*BUILT_IN, "mine")
-    assert localizers.parameters("mine") == ("gain",)
-    made = localizers.make("mine", robot, gain=3.0)
-    assert isinstance(made, PlugIn)
-    assert (made.robot, made.gain) == (robot, 3.0)
-    with pytest.raises(InputError, match="did you mean 'gain'"):
-        localizers.make("mine", robot, gian=3.0)
+    assert localizers.parameters("mine") == ("particles",)
+    made = localizers.make("mine", robot, particles=3)
+    assert type(made) is MyLocalizer
+    assert (made.robot, made.particles) == (robot, 3)
+    with pytest.raises(InputError, match="did you mean 'particles'"):
+        localizers.make("mine", robot, particels=3)
 
 
 def test_a_factory_that_takes_any_parameter_gets_it(robot):
-    localizers.register("open", lambda robot, **params: PlugIn(robot, gain=params["anything"]))
+    localizers.register("open", lambda robot, **given: MyLocalizer(robot, particles=given["any"]))
     assert localizers.parameters("open") is None
-    assert localizers.make("open", robot, anything=1).gain == 1
+    assert localizers.make("open", robot, any=7).particles == 7
 
 
-@pytest.mark.parametrize("name", ["mcl", "mine"])
-def test_a_name_that_is_taken_is_refused_and_the_first_one_stays(robot, name):
-    localizers.register("mine", PlugIn)
-    before = registry._FACTORIES[name]
-    with pytest.raises(InputError, match=f"{name!r} is taken"):
+@pytest.mark.parametrize(("name", "words"), [("mcl", "taken"), ("mine", "taken"), ("a:b", "colon")])
+def test_a_name_that_is_taken_or_has_a_colon_is_refused_and_the_first_one_stays(name, words):
+    localizers.register("mine", MyLocalizer)
+    before = registry._FACTORIES.copy()
+    with pytest.raises(InputError, match=f"{name!r}.*{words}"):
         localizers.register(name, lambda robot: None)
-    assert registry._FACTORIES[name] is before
+    assert before == registry._FACTORIES
 
 
 def test_an_unknown_name_is_refused_also_where_its_parameters_are_asked_for():
