@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import PIL
 
-from benchmarks.files import written
-from benchmarks.pictures.frames import Camera, side_by_side, write_png, write_webp
+from benchmarks.files import write_bytes, written
+from benchmarks.pictures.frames import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
 from benchmarks.trials.metrics import state_error
@@ -49,36 +49,24 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
 
 def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw what can be drawn of these methods, each given by its trial 0; return the files."""
-    episodes = {trial.localizer: list(trial_moments(trial)) for trial in trials}
-    by_name = {trial.localizer: trial for trial in trials}
-    written: list[Path] = []
-
-    def write(name: str, image: Image) -> None:
-        write_png(folder / name, image)
-        written.append(folder / name)
-
+    seen = {t.localizer: (camera_of(t.scenario, t.lag), list(trial_moments(t))) for t in trials}
+    contents: dict[str, bytes] = {}
     for method in FIG_4_METHODS:
-        if method in episodes:
-            episode, trial = episodes[method], by_name[method]
+        if method in seen:
+            camera, episode = seen[method]
             half_way = episode[(len(episode) - 1) // 2]
-            write(
-                f"fig4_{method}.png", camera_of(trial.scenario, trial.lag).frame(half_way, method)
-            )
-    if FIG_5_METHOD in episodes:
-        trial = by_name[FIG_5_METHOD]
-        for step, image in _fig_5(episodes[FIG_5_METHOD], camera_of(trial.scenario, trial.lag)):
-            write(f"fig5_step{step}.png", image)
-    shown = [method for method in LAP_METHODS if method in episodes]
+            contents[f"fig4_{method}.png"] = png(camera.frame(half_way, method))
+    if FIG_5_METHOD in seen:
+        contents |= _fig_5(*seen[FIG_5_METHOD])
+    shown = [method for method in LAP_METHODS if method in seen]
     if shown:
-        small = camera_of(by_name[shown[0]].scenario, by_name[shown[0]].lag, scale=1.2)
-        laps = [lap_frames(episodes[method], small, method) for method in shown]
-        write_webp(
-            folder / "lap.webp",
-            [side_by_side(row) for row in zip(*laps, strict=True)],
-            _FRAME_MILLISECONDS,
-        )
-        written.append(folder / "lap.webp")
-    return written
+        small = camera_of(trials[0].scenario, trials[0].lag, scale=1.2)
+        laps = [lap_frames(seen[method][1], small, method) for method in shown]
+        frames = [side_by_side(row) for row in zip(*laps, strict=True)]
+        contents["lap.webp"] = webp(frames, _FRAME_MILLISECONDS)
+    for name, content in contents.items():
+        write_bytes(folder / name, content)
+    return [folder / name for name in contents]
 
 
 def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:
@@ -86,17 +74,16 @@ def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[I
     return [camera.frame(moment, method) for moment in episode[::_LAP_STRIDE]]
 
 
-def _fig_5(episode: Sequence[Moment], camera: Camera) -> list[tuple[int, Image]]:
+def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:
     """State 150 seen at step 150, and looked back at L steps later, with its error and spread."""
     later = FIG_5_STATE + camera.lag
     if later >= len(episode):
-        return []
-    truth = episode[FIG_5_STATE].truth
-    images = []
-    for step, offset in dict.fromkeys(((FIG_5_STATE, 0), (later, -camera.lag))):  # one if L = 0
-        seen = _error_and_spread(episode[step].belief, offset, truth)
+        return {}
+    images = {}
+    for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
+        seen = _error_and_spread(episode[step].belief, offset, episode[FIG_5_STATE].truth)
         note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
-        images.append((step, camera.frame(episode[step], FIG_5_METHOD, note)))
+        images[f"fig5_step{step}.png"] = png(camera.frame(episode[step], FIG_5_METHOD, note))
     return images
 
 

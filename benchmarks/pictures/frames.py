@@ -3,13 +3,11 @@
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 import PIL.Image
 
-from benchmarks.files import write_bytes
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.world.drawing import (
@@ -68,21 +66,11 @@ class Camera:
         return image
 
 
-def write_png(path: Path, image: Image) -> None:
-    """Write an RGB image as PNG, whole or not at all."""
-    write_bytes(path, png(image))
-
-
 def png(image: Image) -> bytes:
     """Return an RGB image as PNG."""
     done, content = cv2.imencode(".png", image[:, :, ::-1])
     assert done, "OpenCV encodes any RGB image as PNG"
     return content.tobytes()
-
-
-def write_webp(path: Path, frames: Sequence[Image], milliseconds: int) -> None:
-    """Write RGB images as an animated, endless WebP, whole or not at all."""
-    write_bytes(path, webp(frames, milliseconds))
 
 
 def webp(frames: Sequence[Image], milliseconds: int) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.files import writable_folder, write_bytes, write_text
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
-from benchmarks.pictures.frames import write_webp
+from benchmarks.pictures.frames import webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
@@ -32,7 +32,7 @@ def run_lap(trial: Trial, out: Path) -> str:
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()
     }
-    write_webp(out / "lap.webp", lap_frames(episode, camera, trial.localizer), 80)
+    write_bytes(out / "lap.webp", webp(lap_frames(episode, camera, trial.localizer), 80))
     write_bytes(
         out / "error.png",
         error_plot(curves, f"{title}, scenario {trial.scenario}, seed {trial.seed}"),

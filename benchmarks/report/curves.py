@@ -110,16 +110,13 @@ def _place(panel: Panel) -> Place:
 def _swept(places: Sequence[Place]) -> dict[str, list[str]]:
     """Coordinates with two numbers or more, each with those that change together with it."""
     keys = dict.fromkeys(key for place in places for key in place if key != "seed")
-    varying = [key for key in keys if len(set(filter(is_number, _values(key, places)))) > 1]
+    numbers = {key: {p[key] for p in places if is_number(p.get(key))} for key in keys}
+    varying = [key for key in keys if len(numbers[key]) > 1]
     found: dict[str, list[str]] = {}
     for key in varying:
         if not any(key in followers for followers in found.values()):
             found[key] = [k for k in varying if k != key and _together(key, k, places)]
     return found
-
-
-def _values(key: str, places: Sequence[Place]) -> list[Any]:
-    return [place[key] for place in places if key in place]
 
 
 def _together(one: str, other: str, places: Sequence[Place]) -> bool:

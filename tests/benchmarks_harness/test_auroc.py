@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import finished, parsed, results, written
+from report_cases import finished
 
-from benchmarks.report.tables import DETECTION, detection_glance, detection_table
+from benchmarks.report.tables import detection_glance, detection_table
 from benchmarks.tables.auroc import auroc_of, rated_steps
 from benchmarks.tables.panels import comparisons, panels
 
@@ -159,17 +159,10 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
     assert glance.lines == [["1. scenario paper", "1.00", "n/a", "n/a"]]
 
 
-@pytest.mark.parametrize(("methods", "shown"), [(["rated", "never"], True), (["never"], False)])
-def test_the_report_shows_the_auroc_only_where_there_is_one(tmp_path, methods, shown):
-    written(tmp_path, results(reported(methods)))
-    for name in ("report.html", "results.md"):
-        text = (tmp_path / name).read_text(encoding="utf-8")
-        assert (DETECTION in text) == shown
-    lines = parsed((tmp_path / "results.csv").read_text())
-    (line,) = [line for line in lines if line["method"] == "never"]
-    assert [line[name] for name in ("auroc", "auroc_low", "far_steps", "far_worlds")] == [
-        *("", "", "0.0", "0")
-    ]
+def test_the_report_has_no_table_where_no_method_has_an_auroc():
+    (panel,) = panels(reported(["never", "blind"]))
+    assert detection_table(panel) is None
+    assert detection_glance([panel]) is None
 
 
 def test_other_offsets_than_the_present_have_no_auroc():

@@ -10,7 +10,7 @@ from report_cases import THREE, paired, results, trial_of, trials, written
 from benchmarks.report import charts, writing
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.style import looks
+from benchmarks.report.style import LOOKS, looks
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.tables.panels import panels
 
@@ -123,6 +123,7 @@ def test_the_page_says_how_far_it_came_and_how_to_get_the_same(page):
 
 
 def test_inline_pictures_take_their_colours_from_the_page(page):
+    assert len({look.color for look in LOOKS}) == len(LOOKS)  # each stands for one of the page
     for tag, attributes in page.tags:
         if tag in ("path", "use", "text", "rect"):
             assert not re.search("#[0-9a-f]{6}", attributes.get("style") or "")

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from report_cases import finished, paired, results, trial_of, trials
 
 from benchmarks.report import tables, words
@@ -20,40 +21,24 @@ def said(records):
     return words.findings(panel_of(records))
 
 
-def test_a_clear_difference_is_called_smaller_or_larger_with_its_numbers():
-    records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
-    better, worse = said(records)
-    assert better.startswith("A has a smaller error than MCL (−4.")
-    assert "smaller in 100 % of 25 worlds; p < 0.0001)" in better
-    assert worse.startswith("B has a larger error than MCL (+")
-    assert "smaller in 0 % of 25 worlds" in worse
+FINDINGS = {
+    "A has a smaller error than MCL (−4.00, … in 100 % of 25 worlds; p < 0.0001).": (20, [16] * 25),
+    "A has a larger error than MCL (+4.00, … in 0 % of 25 worlds; p < 0.0001).": (20, [24] * 25),
+    "A is statistically indistinguishable from MCL (+0.00, …).": (20, [19, 21] * 15),
+    "A has a smaller mean error than MCL, but the signed-rank test does not confirm it (…; "
+    "smaller in 100 % of 4 worlds; p = 0.12).": (20, [16, 17, 18, 19]),
+    "A has exactly the error of MCL at x[t] in every world.": (5, [5] * 20),
+    "A: −4.00 against MCL, but one world decides nothing.": (5, [1]),
+}
 
 
-def test_an_interval_around_zero_is_no_finding():
-    (sentence,) = said(trials("mcl", [20.0] * 30) + trials("a", [19.0, 21.0] * 15))
-    assert sentence.startswith("A is statistically indistinguishable from MCL (+0.00,")
-
-
-def test_an_interval_that_the_test_does_not_confirm_is_said_to_be_unconfirmed():
-    records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4)  # p is 0.125 at best
-    unconfirmed, few = said(records)
-    assert "the signed-rank test does not confirm it" in unconfirmed
-    assert "p = 0.12" in unconfirmed
-    assert few.startswith("These are only 4 worlds")
-
-
-def test_the_same_error_everywhere_is_said_to_be_the_same():
-    records = [
-        record for name in ("mcl", "mcl-smoother") for record in trials(name, [5.0, 6.0] * 15)
-    ]
-    assert said(records) == [
-        "MCL with smoother has exactly the error of MCL at x[t] in every world."
-    ]
-
-
-def test_one_world_decides_nothing():
-    records = [finished("mcl", 0, 5.0), finished("a", 0, 1.0)]
-    assert said(records) == ["A: −4.00 against MCL, but one world decides nothing."]
+@pytest.mark.parametrize("expected", FINDINGS)
+def test_a_finding_says_what_is_known_of_a_difference(expected):
+    theirs, errors = FINDINGS[expected]
+    sentence, *few = said(trials("mcl", [float(theirs)] * len(errors)) + trials("a", errors))
+    assert re.fullmatch(re.escape(expected).replace("…", ".*"), sentence)
+    assert bool(few) == (2 <= len(errors) < 20)
+    assert all(words.startswith(f"These are only {len(errors)} worlds") for words in few)
 
 
 def test_worlds_that_are_not_shared_are_not_compared():
