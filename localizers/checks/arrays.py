@@ -50,7 +50,7 @@ def _fed(subject: Subject) -> Iterator[tuple[Belief, list[Floats], tuple[Floats,
         if t:
             yield localizer.update(*given), given, originals
         else:
-            first = localizer.reset(drive.prior, *given, np.random.default_rng(0))
+            first = localizer.reset(drive.prior, given[0], np.random.default_rng(0))
             yield first, given, originals
 
 
