@@ -44,12 +44,14 @@ def inputs_not_kept(subject: Subject) -> None:
 def _fed(subject: Subject) -> Iterator[tuple[Belief, list[Floats], tuple[Floats, ...]]]:
     """Run along the drive; yield each belief, the arrays given for it, and their originals."""
     drive, localizer = subject.drive, subject.made()
-    plan = drive.plans[0].copy()
-    belief = localizer.reset(drive.prior, plan, np.random.default_rng(0))
-    yield belief, [plan], (drive.plans[0],)
-    for originals in zip(drive.scans, drive.actions, drive.plans[1:], strict=True):
-        ranges, action, plan = (array.copy() for array in originals)
-        yield localizer.update(ranges, action, plan), [ranges, action, plan], originals
+    steps = zip(drive.scans, drive.actions, drive.plans[1:], strict=True)
+    for t, originals in enumerate([(drive.plans[0],), *steps]):
+        given = [array.copy() for array in originals]
+        if t:
+            yield localizer.update(*given), given, originals
+        else:
+            first = localizer.reset(drive.prior, given[0], np.random.default_rng(0))
+            yield first, given, originals
 
 
 def outputs_are_fresh(subject: Subject) -> None:
