@@ -15,7 +15,7 @@ paper: $(READY)  ## Run the paper's experiment into results/paper (more argument
 	$(BIN)/deqmcl paper $(ARGS)
 
 test: $(READY)  ## Run the tests, without those of minutes
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -m "not slow" -n auto $(ARGS)
 
 test-slow: $(READY)  ## Run the statistical tests of minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)

@@ -131,11 +131,9 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
 
 
 def _fits(seen: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
-    return len(seen) == len(shape) and all(map(_same_or_any, seen, shape))
-
-
-def _same_or_any(seen: int, size: int | None) -> bool:
-    return size is None or size == seen
+    return len(seen) == len(shape) and all(
+        size in (None, length) for length, size in zip(seen, shape, strict=True)
+    )
 
 
 def _numbers(shape: tuple[int | None, ...]) -> str:

@@ -1,6 +1,7 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
 import json
+import logging
 from contextlib import suppress
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -77,6 +78,8 @@ def _write(out: Path, results: Results) -> list[Path]:
         write_bytes(out / name, content)
     if no_report() is not None:
         return [out / name for name in contents]
+    # it warns of a home that it cannot write to
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from benchmarks.report.html import html
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of

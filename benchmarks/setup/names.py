@@ -1,4 +1,4 @@
-"""Scenarios and agents by name: of ours, ``room.toml``, ``file.py:NAME`` or ``module:NAME``."""
+"""Scenarios and agents by name: built-in, ``room.toml``, ``file.py:NAME`` or ``module:NAME``."""
 
 import importlib
 import os
@@ -18,7 +18,7 @@ from localizers.naming.plugins import is_reference, load, reference_digest
 
 @dataclass(frozen=True)
 class _Folder:
-    """A package of ours that holds one thing per file, by the name of the file."""
+    """A package that holds one built-in thing per file, by the name of the file."""
 
     kind: str
     package: str
@@ -27,12 +27,12 @@ class _Folder:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names by which its things go: those of the files, with - for _."""
+        """Names of its files, with - for _."""
         folder = importlib.import_module(self.package).__path__
         return tuple(found.name.replace("_", "-") for found in pkgutil.iter_modules(folder))
 
     def check(self, name: str) -> None:
-        """Refuse a name that nothing of ours has, and that does not say where else to look."""
+        """Refuse a name that is neither built-in nor says where else to look."""
         file = self.kind == "scenario" and str(name).endswith(".toml")
         if isinstance(name, str) and (file or is_reference(name)):
             return
@@ -42,14 +42,14 @@ class _Folder:
             raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
 
     def get(self, name: str) -> Any:
-        """Return what goes by a name."""
+        """Return what has a name."""
         self.check(name)
         if is_reference(name):
             return load(absolute_name(name), name, self.kind)
         return getattr(self.module(name), self.attribute)
 
     def module(self, name: str) -> ModuleType:
-        """Return the file of ours that has a name."""
+        """Return the file of a built-in name."""
         return importlib.import_module(f"{self.package}.{name.replace('-', '_')}")
 
 
@@ -58,17 +58,17 @@ _AGENTS = _Folder("agent", "benchmarks.agents", "AGENT", "file.py:NAME")
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of our scenarios."""
+    """Names of the built-in scenarios."""
     return _SCENARIOS.names
 
 
 def agent_names() -> tuple[str, ...]:
-    """Names of our agents."""
+    """Names of the built-in agents."""
     return _AGENTS.names
 
 
 def agent_words(name: str) -> str:
-    """Return what one of our agents does, in a line: the first of its file."""
+    """Return what a built-in agent does, in a line: the first of its file."""
     return str(_AGENTS.module(name).__doc__).partition("\n")[0]
 
 
@@ -76,7 +76,7 @@ def absolute_scenario(name: str) -> str:
     """Return a name by which a process in any other folder finds the same scenario.
 
     Raises:
-        InputError: no scenario of ours has it, and it does not say where another one is.
+        InputError: it is neither built-in nor says where the scenario is.
     """
     _SCENARIOS.check(name)
     return _absolute(name, Path())
@@ -108,7 +108,7 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
 
 
 def scenario_digest(name: str) -> str:
-    """Return a digest of the files that a scenario is read from, its agent's too; "" for ours.
+    """Return a digest of the files that a scenario is read from, its agent's too; "" if built-in.
 
     Raises:
         InputError: as ``scenario``.

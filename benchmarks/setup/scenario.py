@@ -35,7 +35,7 @@ class Scenario:
         prior: what the filters are told of x_0.
         agent: who drives, by name.
         thresholds: of the scores.
-        source: digest of the files that it was read from; "" for ours.
+        source: digest of the files that it was read from; "" if built-in.
     """
 
     words: str

@@ -16,10 +16,10 @@ class Thresholds:
         unit: of lengths.
     """
 
-    far: float = 50.0
-    lost: float = 50.0
-    lost_steps: int = 20
-    unit: str = "px"
+    far: float
+    lost: float
+    lost_steps: int
+    unit: str
 
     @property
     def far_words(self) -> str:
@@ -29,5 +29,4 @@ class Thresholds:
 
 def thresholds_of(record: Record) -> Thresholds:
     """Return the thresholds that a finished trial was scored with."""
-    # TODO(merge): records say both; then no defaults above, and record["thresholds"]
-    return Thresholds(unit=record.get("unit", "px"), **record.get("thresholds", {}))
+    return Thresholds(unit=record["unit"], **record["thresholds"])

@@ -57,7 +57,9 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         """
         self.num_envs = integer("num_envs", num_envs, low=1)
         self._limit = _limit(max_episode_steps)
-        self._mode = _MODES[one_of("autoreset_mode", _value(autoreset_mode), _MODES)]
+        self._mode = _MODES[
+            one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
+        ]
         self._setting = setting = Setting.of(**room)
         self._plan = _same_for_all(setting.plan)
         self.world, self.course = setting.world, setting.course
@@ -256,7 +258,3 @@ def _same_for_all(plan: Plan) -> FixedPlan:
             'give gym.make_vec(..., vectorization_mode="sync").'
         )
     return plan
-
-
-def _value(mode: object) -> object:
-    return mode.value if isinstance(mode, AutoresetMode) else mode

@@ -9,7 +9,7 @@ from deqmcl_gym.world.physics import Physics, Walls
 from deqmcl_gym.world.plan import Plan
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
-from deqmcl_gym.world.streams import NormalRows, Stream, episode_stream
+from deqmcl_gym.world.streams import Stream, episode_stream
 
 
 class Episode:
@@ -35,7 +35,7 @@ class Episode:
         self._path = setting.course.path
         self._seed, self._number = seed, number
         self._noise = world.noise
-        self._motion = NormalRows(self.stream(Stream.MOTION), 2)
+        self._motion = self.stream(Stream.MOTION)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
         self.pose = setting.start(seed, number)
         self._start = self.pose[:2]
@@ -83,7 +83,7 @@ class Episode:
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise
-        noise_distance, noise_turn = self._motion.next().tolist()
+        noise_distance, noise_turn = self._motion.standard_normal(2).tolist()
         sd_turn = noise.turn * abs(turn) + noise.drift * distance
         heading = wrapped(self.pose[2] + turn + sd_turn * noise_turn)
         driven = distance * (1 + noise.drive * noise_distance)

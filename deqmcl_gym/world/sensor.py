@@ -6,7 +6,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.world.path import Pose
-from deqmcl_gym.world.streams import NormalRows, NormalTable
+from deqmcl_gym.world.streams import NormalTable
 
 
 class LidarSensor:
@@ -15,8 +15,7 @@ class LidarSensor:
     def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
         self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
-        self._max_range = lidar.max_range
-        self._noise = NormalRows(rng, lidar.beams, lidar.sigma)
+        self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
 
@@ -26,7 +25,8 @@ class LidarSensor:
         origin[0, 0], origin[1, 0], origin[2, 0] = pose
         self._caster.cast(origin, self._bearings, exact)
         seen = np.empty(exact.size, np.float32)
-        _report(exact, self._noise.next(), self._max_range, seen)
+        normals = self._rng.standard_normal(exact.size)
+        _report(exact, normals, self._sigma, self._max_range, seen)
         return seen
 
 
@@ -64,10 +64,10 @@ def _bearings(lidar: Lidar) -> Singles:
 
 
 @compiled
-def _report(exact: Singles, noise: Floats, max_range: float, out: Singles) -> None:
-    """Fill in clip(exact (B, 1) + noise (B,), 0, max_range): one pass for what takes NumPy five."""
+def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out: Singles) -> None:
+    """Fill in clip(exact (B, 1) + σ normals (B,), 0, max_range) in one pass: NumPy takes five."""
     for beam in range(out.size):
-        seen = exact[beam, 0] + noise[beam]
+        seen = exact[beam, 0] + sigma * normals[beam]
         out[beam] = min(max(seen, 0.0), max_range)
 
 

@@ -6,13 +6,11 @@ wrapper, has the key (i, k, j).
 """
 
 import enum
-from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
 
 from deqmcl_gym.numerics.entropy import Seeds
-from deqmcl_gym.numerics.types import Floats
 
 
 class Stream(enum.IntEnum):
@@ -40,26 +38,8 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
     return np.random.Generator(np.random.PCG64(seeds))
 
 
-class NormalRows:
-    """Rows of normal numbers, drawn in blocks: many times faster than one by one."""
-
-    def __init__(self, rng: np.random.Generator, width: int, sd: float = 1.0) -> None:
-        """Draw rows (width,) of N(0, sd²) from ``rng``."""
-        self._rng, self._sd = rng, sd
-        # As many rows as a lap may have steps, but no more than 0.5 MB of a wide one.
-        self._block = (max(1, min(256, 65_536 // width)), width)
-        self._rows: Iterator[Floats] = iter(())
-
-    def next(self) -> Floats:
-        """Return the next row, (width,), as the caller's own."""
-        for row in self._rows:
-            return row
-        self._rows = iter(self._sd * self._rng.standard_normal(self._block))
-        return self.next()
-
-
 class NormalTable:
-    """Normal numbers for each of many rooms: the rows that its own :class:`NormalRows` gives it.
+    """Normal numbers for each of many rooms, from its own stream: drawn many rows at a time.
 
     A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``: no copy between.
 

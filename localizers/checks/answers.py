@@ -8,7 +8,7 @@ import numpy as np
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from localizers.api import Prior, mean_pose
+from localizers.api import mean_pose
 from localizers.checks.drive import size_of
 from localizers.checks.subject import (
     LawBrokenError,
@@ -19,6 +19,7 @@ from localizers.checks.subject import (
     require_finite,
     require_normalized,
 )
+from localizers.models.prior import GaussianPrior
 
 
 def makes_a_localizer(subject: Subject) -> None:
@@ -76,12 +77,10 @@ def half_turn(subject: Subject) -> None:
 class _HalfTurned:
     """A prior in a world turned by π about the origin."""
 
-    prior: Prior
+    prior: GaussianPrior
 
     @property
-    def mean(self) -> tuple[float, float, float] | None:
-        if self.prior.mean is None:
-            return None
+    def mean(self) -> tuple[float, float, float]:
         x, y, heading = _half_turned(np.array([self.prior.mean]))[0].tolist()
         return x, y, heading
 

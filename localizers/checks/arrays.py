@@ -1,7 +1,10 @@
 """Laws on arrays: those given are neither changed nor kept, those returned are the caller's."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from deqmcl_gym.numerics.types import Floats
 from localizers.api import Belief
 from localizers.checks.subject import (
     OFFSETS,
@@ -15,39 +18,38 @@ from localizers.checks.subject import (
 
 def inputs_not_changed(subject: Subject) -> None:
     """Ranges, action and plan are as they were before the call."""
-    drive, localizer = subject.drive, subject.made()
-    plan = drive.plans[0].copy()
-    localizer.reset(drive.prior, plan, np.random.default_rng(0))
-    if not np.array_equal(plan, drive.plans[0]):
-        raise LawBrokenError("reset wrote into the plan: copy it")
-    steps = zip(drive.scans, drive.actions, drive.plans[1:], strict=True)
-    for t, originals in enumerate(steps, start=1):
-        given = [array.copy() for array in originals]
-        localizer.update(*given)
+    for t, (_, given, originals) in enumerate(_fed(subject)):
         for name, array, original in zip(
-            ("ranges", "action", "plan"), given, originals, strict=True
+            ("plan", "action", "ranges"), reversed(given), reversed(originals), strict=False
         ):
             if not np.array_equal(array, original):
-                raise LawBrokenError(f"update wrote into the {name} at step {t}: copy it")
+                verb = "update" if t else "reset"
+                raise LawBrokenError(f"{verb} wrote into the {name} at step {t}: copy it")
 
 
 def inputs_not_kept(subject: Subject) -> None:
     """What the caller writes into ranges, action and plan after the call changes nothing."""
-    drive, localizer = subject.drive, subject.made()
-    given = [drive.plans[0].copy()]
-    run = [snapshot(localizer.reset(drive.prior, given[0], np.random.default_rng(0)), 0)]
-    for t, originals in enumerate(
-        zip(drive.scans, drive.actions, drive.plans[1:], strict=True), start=1
-    ):
+    run = []
+    for t, (belief, given, _) in enumerate(_fed(subject)):
+        run.append(snapshot(belief, t))
         for array in given:
             array[...] = np.nan
-        given = [array.copy() for array in originals]
-        run.append(snapshot(localizer.update(*given), t))
     require_same(
         run,
         subject.history(),
         "it reads an array that it was given before, and the caller has written into since",
     )
+
+
+def _fed(subject: Subject) -> Iterator[tuple[Belief, list[Floats], tuple[Floats, ...]]]:
+    """Run along the drive; yield each belief, the arrays given for it, and their originals."""
+    drive, localizer = subject.drive, subject.made()
+    plan = drive.plans[0].copy()
+    belief = localizer.reset(drive.prior, plan, np.random.default_rng(0))
+    yield belief, [plan], (drive.plans[0],)
+    for originals in zip(drive.scans, drive.actions, drive.plans[1:], strict=True):
+        ranges, action, plan = (array.copy() for array in originals)
+        yield localizer.update(ranges, action, plan), [ranges, action, plan], originals
 
 
 def outputs_are_fresh(subject: Subject) -> None:

@@ -1,7 +1,7 @@
 """A robot, and a short random drive on its floor plan with the scans it would take."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,14 +32,6 @@ class Drive:
     actions: Floats
     scans: Floats
     plans: Sequence[Floats]
-
-    def seeing(self, scans: Floats) -> "Drive":
-        """Return the drive with other scans."""
-        return replace(self, scans=scans)
-
-    def planned(self, plans: Sequence[Floats]) -> "Drive":
-        """Return the drive with other plans."""
-        return replace(self, plans=plans)
 
 
 def default_robot() -> RobotModel:

@@ -26,13 +26,13 @@ def zero_likelihood(subject: Subject) -> None:
     robot = replace(subject.robot, scan=GaussianUniform(sigma=1e-3, uniform=0.0))
     scans = subject.drive.scans.copy()
     scans[: len(scans) // 2] = 0.0
-    require_valid(history(subject.made(robot), subject.drive.seeing(scans)))
+    require_valid(history(subject.made(robot), replace(subject.drive, scans=scans)))
 
 
 def max_range_scan(subject: Subject) -> None:
     """Scans whose beams all read max_range are survived."""
     scans = np.full_like(subject.drive.scans, subject.robot.lidar.max_range)
-    require_valid(subject.along(subject.drive.seeing(scans)).history())
+    require_valid(history(subject.made(), replace(subject.drive, scans=scans)))
 
 
 def bad_beams(subject: Subject) -> None:
@@ -45,7 +45,7 @@ def bad_beams(subject: Subject) -> None:
     for t, value in enumerate(bad):
         scans[t, 0] = value
         scans[len(bad) + t] = value
-    require_valid(subject.along(subject.drive.seeing(scans)).history())
+    require_valid(history(subject.made(), replace(subject.drive, scans=scans)))
 
 
 def one_particle(subject: Subject) -> None:
@@ -64,11 +64,11 @@ def short_plan(subject: Subject) -> None:
         [plan[:2] for plan in drive.plans],
         [plan[: steps - t] for t, plan in enumerate(drive.plans)],
     ):
-        require_valid(subject.along(drive.planned(plans)).history())
+        require_valid(history(subject.made(), replace(drive, plans=plans)))
 
 
 def changed_plan(subject: Subject) -> None:
     """A plan that changes, and a command that was not the one planned, are survived."""
     drive = subject.drive
     other = [plan + np.array([0.0, 0.05 * (t % 3)]) for t, plan in enumerate(drive.plans)]
-    require_valid(subject.along(drive.planned(other)).history())
+    require_valid(history(subject.made(), replace(drive, plans=other)))

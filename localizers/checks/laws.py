@@ -15,11 +15,11 @@ class Law:
 
     Attributes:
         holds: looks at a localizer; returns what it noticed, if anything worth telling.
-        needs: laws without which this one cannot be tried.
+        needs: the law without which this one cannot be tried.
     """
 
     holds: Callable[[Subject], str | None]
-    needs: tuple["Law", ...] = ()
+    needs: "Law | None" = None
 
     @property
     def name(self) -> str:
@@ -47,11 +47,11 @@ class Law:
 
 
 _IN_TIME = Law(lifecycle.answers_in_time)
-_MADE = Law(answers.makes_a_localizer, (_IN_TIME,))
-_ANSWERING = Law(answers.answers_with_beliefs, (_MADE,))
-_FINITE = Law(answers.finite, (_ANSWERING,))
-_VALID = Law(answers.weights_sum_to_one, (_FINITE,))
-_REPEATABLE = Law(randomness.same_rng_same_result, (_ANSWERING,))
+_MADE = Law(answers.makes_a_localizer, _IN_TIME)
+_ANSWERING = Law(answers.answers_with_beliefs, _MADE)
+_FINITE = Law(answers.finite, _ANSWERING)
+_VALID = Law(answers.weights_sum_to_one, _FINITE)
+_REPEATABLE = Law(randomness.same_rng_same_result, _ANSWERING)
 
 LAWS = (
     _IN_TIME,
@@ -59,23 +59,23 @@ LAWS = (
     _ANSWERING,
     _FINITE,
     _VALID,
-    Law(answers.whole_turn, (_VALID,)),
-    Law(answers.half_turn, (_VALID,)),
+    Law(answers.whole_turn, _VALID),
+    Law(answers.half_turn, _VALID),
     _REPEATABLE,
-    Law(randomness.other_rng_other_result, (_REPEATABLE,)),
-    Law(randomness.global_rng_untouched, (_ANSWERING,)),
-    Law(arrays.inputs_not_changed, (_ANSWERING,)),
-    Law(arrays.inputs_not_kept, (_REPEATABLE,)),
-    Law(arrays.outputs_are_fresh, (_REPEATABLE,)),
-    Law(arrays.beliefs_stay, (_ANSWERING,)),
-    Law(hard_steps.prior_without_mean, (_VALID,)),
-    Law(hard_steps.zero_likelihood, (_VALID,)),
-    Law(hard_steps.max_range_scan, (_VALID,)),
-    Law(hard_steps.bad_beams, (_VALID,)),
-    Law(hard_steps.one_particle, (_VALID,)),
-    Law(hard_steps.short_plan, (_VALID,)),
-    Law(hard_steps.changed_plan, (_VALID,)),
-    Law(lifecycle.reset_starts_anew, (_REPEATABLE,)),
-    Law(lifecycle.picklable, (_REPEATABLE,)),
-    Law(lifecycle.runs_in_a_worker, (_REPEATABLE,)),
+    Law(randomness.other_rng_other_result, _REPEATABLE),
+    Law(randomness.global_rng_untouched, _ANSWERING),
+    Law(arrays.inputs_not_changed, _ANSWERING),
+    Law(arrays.inputs_not_kept, _REPEATABLE),
+    Law(arrays.outputs_are_fresh, _REPEATABLE),
+    Law(arrays.beliefs_stay, _ANSWERING),
+    Law(hard_steps.prior_without_mean, _VALID),
+    Law(hard_steps.zero_likelihood, _VALID),
+    Law(hard_steps.max_range_scan, _VALID),
+    Law(hard_steps.bad_beams, _VALID),
+    Law(hard_steps.one_particle, _VALID),
+    Law(hard_steps.short_plan, _VALID),
+    Law(hard_steps.changed_plan, _VALID),
+    Law(lifecycle.reset_starts_anew, _REPEATABLE),
+    Law(lifecycle.picklable, _REPEATABLE),
+    Law(lifecycle.runs_in_a_worker, _REPEATABLE),
 )

@@ -2,12 +2,10 @@
 
 import multiprocessing
 import pickle
-from collections.abc import Mapping
+from itertools import islice
 from multiprocessing.connection import Connection
 from typing import Any
 
-from localizers.api import RobotModel
-from localizers.checks.drive import Drive
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
@@ -20,7 +18,7 @@ from localizers.checks.subject import (
     snapshot,
 )
 from localizers.naming.plugins import raised
-from localizers.naming.registry import Factory, made_by, resolve
+from localizers.naming.registry import made_by, resolve
 
 _HALF = 6
 
@@ -37,9 +35,8 @@ def answers_in_time(subject: Subject) -> None:
 def reset_starts_anew(subject: Subject) -> None:
     """After reset, a localizer that was used before answers as a new one does."""
     used = subject.made()
-    for t, _ in enumerate(beliefs(used, subject.drive, seed=1)):
-        if t == _HALF:
-            break
+    for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
+        pass
     require_same(
         subject.history(used), subject.history(), "a reset localizer remembers its run before"
     )
@@ -49,11 +46,9 @@ def picklable(subject: Subject) -> None:
     """A copy made by pickle goes on as the original, whether it is new or half way."""
     expected = subject.history()
     require_same(subject.history(_copy(subject.made())), expected, "a pickled copy differs")
-    localizer, run = subject.made(), []
-    for t, belief in enumerate(beliefs(localizer, subject.drive)):
-        run.append(snapshot(belief, t))
-        if t == _HALF:
-            break
+    localizer = subject.made()
+    first = islice(beliefs(localizer, subject.drive), _HALF + 1)
+    run = [snapshot(belief, t) for t, belief in enumerate(first)]
     rest = continued(_copy(localizer), subject.drive, _HALF)
     run.extend(snapshot(belief, t) for t, belief in enumerate(rest, start=_HALF + 1))
     require_same(run, expected, "a copy pickled half way differs")
@@ -112,18 +107,14 @@ def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
 
 def _answer(task: bytes, there: Connection) -> None:
     """Run in the spawned process."""
+    answer: list[Snapshot] | str
     try:
-        answer: list[Snapshot] | str = _run(*pickle.loads(task))
+        sent, name, params, robot, drive = pickle.loads(task)
+        factory = resolve(sent) if isinstance(sent, str) else sent
+        answer = history(made_by(factory, name, robot, **params), drive)
     except LawBrokenError as error:
         answer = str(error)
     except (Exception, SystemExit) as error:
         answer = f"it raised {raised(error)}"
     there.send(answer)
     there.close()
-
-
-def _run(
-    sent: str | Factory, name: str, params: Mapping[str, Any], robot: RobotModel, drive: Drive
-) -> list[Snapshot]:
-    factory = resolve(sent) if isinstance(sent, str) else sent
-    return history(made_by(factory, name, robot, **params), drive)

@@ -8,10 +8,8 @@ import numpy as np
 from localizers.checks.subject import (
     LawBrokenError,
     Subject,
-    continued,
     first_difference,
     require_same,
-    snapshot,
 )
 
 
@@ -26,10 +24,7 @@ def other_rng_other_result(subject: Subject) -> str | None:
         return None
     rng = np.random.default_rng(0)
     before = _state(rng)
-    localizer = subject.made()
-    snapshot(localizer.reset(subject.drive.prior, subject.drive.plans[0].copy(), rng), 0)
-    for t, belief in enumerate(continued(localizer, subject.drive, 0), start=1):
-        snapshot(belief, t)
+    subject.history(seed=rng)
     if _state(rng) != before:
         raise LawBrokenError(
             "it draws from rng, yet another rng changes nothing: where is its randomness from?"

@@ -12,12 +12,7 @@ from deqmcl_gym.validation import number, one_of
 from localizers.api import RobotModel
 from localizers.checks.drive import default_robot, random_drive
 from localizers.checks.laws import LAWS, Law
-from localizers.checks.subject import (
-    LawBrokenError,
-    LawSkippedError,
-    Subject,
-    beliefs,
-)
+from localizers.checks.subject import LawBrokenError, LawSkippedError, Subject, beliefs
 from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
 
 Status = Literal["ok", "FAILED", "skipped"]
@@ -136,9 +131,11 @@ class Examination:
         return map(self.verdict, LAWS)
 
     def _try(self, law: Law) -> Verdict:
-        broken = self._broken_below(law)
-        if broken is not None:
-            return Verdict(law.name, "skipped", f"it fails {broken!r}")
+        need = law.needs
+        while need is not None:
+            if self.verdict(need).status == "FAILED":
+                return Verdict(law.name, "skipped", f"it fails {need.name!r}")
+            need = need.needs
         try:
             return Verdict(law.name, "ok", law(self.subject) or "")
         except LawSkippedError as skipped:
@@ -146,23 +143,15 @@ class Examination:
         except LawBrokenError as error:
             return Verdict(law.name, "FAILED", str(error), error)
 
-    def _broken_below(self, law: Law) -> str | None:
-        for need in law.needs:
-            if self.verdict(need).status == "FAILED":
-                return need.name
-            if (deeper := self._broken_below(need)) is not None:
-                return deeper
-        return None
-
 
 def milliseconds_per_step(subject: Subject) -> float:
     """Return the median time of an update along the drive, ms; at its second run."""
     for _ in beliefs(subject.made(), subject.drive):
         pass
-    times, before = [], 0.0
-    for t, _ in enumerate(beliefs(subject.made(), subject.drive)):
-        now = time.perf_counter()
-        if t > 0:
-            times.append(now - before)
+    run, times = beliefs(subject.made(), subject.drive), []
+    next(run)
+    for _ in range(len(subject.drive.actions)):
         before = time.perf_counter()
+        next(run)
+        times.append(time.perf_counter() - before)
     return 1e3 * median(times)

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from localizers.checks.drive import STEPS, Drive
 from localizers.naming.registry import Factory, made_by
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
+Seed = int | np.random.Generator
 
 OFFSETS = range(-STEPS, STEPS + 1)
 
@@ -58,24 +59,20 @@ class Subject:
         robot = self.robot if robot is None else robot
         return made_by(self.factory, self.name, robot, **(dict(self.params) | params))
 
-    def history(self, localizer: Localizer | None = None, *, seed: int = 0) -> list[Snapshot]:
+    def history(self, localizer: Localizer | None = None, *, seed: Seed = 0) -> list[Snapshot]:
         """Run a localizer (a new one if none is given) along the drive."""
         return history(self.made() if localizer is None else localizer, self.drive, seed=seed)
 
-    def along(self, drive: Drive) -> "Subject":
-        """Return the same on another drive."""
-        return replace(self, drive=drive)
-
 
 def history(
-    localizer: Localizer, drive: Drive, *, seed: int = 0, prior: Prior | None = None
+    localizer: Localizer, drive: Drive, *, seed: Seed = 0, prior: Prior | None = None
 ) -> list[Snapshot]:
     """Run a localizer along a drive; what it believed at t = 0 … T."""
     return [snapshot(belief, t) for t, belief in enumerate(beliefs(localizer, drive, seed, prior))]
 
 
 def beliefs(
-    localizer: Localizer, drive: Drive, seed: int = 0, prior: Prior | None = None
+    localizer: Localizer, drive: Drive, seed: Seed = 0, prior: Prior | None = None
 ) -> Iterator[Belief]:
     """Run a localizer along a drive; yield its beliefs at t = 0 … T."""
     rng = np.random.default_rng(seed)
@@ -128,11 +125,9 @@ def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
 
 
 def _shown(thing: object) -> str:
-    if thing is None:
-        return "None"
     if isinstance(thing, np.ndarray):
         return f"an array of {thing.dtype}"
-    return f"an object of type {type(thing).__name__}"
+    return "None" if thing is None else f"an object of type {type(thing).__name__}"
 
 
 def require_valid(run: list[Snapshot]) -> None:
@@ -177,10 +172,8 @@ def first_difference(run: list[Snapshot], other: list[Snapshot]) -> str | None:
     """Say where two runs first differ; None if they are equal bit by bit."""
     for t, (one, two) in enumerate(zip(run, other, strict=True)):
         for offset in OFFSETS:
-            a, b = one.get(offset), two.get(offset)
-            if a is None and b is None:
-                continue
-            if a is None or b is None or not all(map(_equal, a, b)):
+            a, b = one.get(offset, ()), two.get(offset, ())
+            if len(a) != len(b) or not all(map(_equal, a, b)):
                 return f"points({offset}) of step {t}"
     return None
 

@@ -71,7 +71,7 @@ class ParticleFilter:
             gibibytes = self.particles * slots * _BYTES_PER_PARTICLE / 2**30
             raise InputError(
                 f"particles is {self.particles:,}, which would take {gibibytes:,.0f} GiB; "
-                f"allowed are 1 to {MAX_PARTICLES:,}."
+                f"allowed values: 1 to {MAX_PARTICLES:,}."
             )
 
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:

@@ -49,7 +49,8 @@ class LikelihoodField:
         if rows * columns > _MAX_CELLS:
             raise InputError(
                 f"field_cell is {self.cell:g} {self.floor_plan.unit}, which makes a table of "
-                f"{rows * columns:,} cells; allowed are {_MAX_CELLS:,}: give larger cells."
+                f"{rows * columns:,} cells, but at most {_MAX_CELLS:,} are allowed: "
+                "give larger cells."
             )
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:

@@ -58,8 +58,8 @@ class LookaheadGrid:
         if math.prod(self.shape) > MAX_NODES:
             raise InputError(
                 f"cells of {self.cell:g} {self.floor_plan.unit} and {self.headings} headings make "
-                f"{math.prod(self.shape):,} nodes of this map, but allowed are {MAX_NODES:,}: "
-                "give a larger cell or fewer headings."
+                f"{math.prod(self.shape):,} nodes of this map, but at most {MAX_NODES:,} are "
+                "allowed: give a larger cell or fewer headings."
             )
 
     def log_h(self, poses: Singles, window: Floats) -> Floats:

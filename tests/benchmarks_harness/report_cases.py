@@ -48,6 +48,8 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
         "scans_used": STEPS,
         "events": {},
         "seconds": 0.06 * len(localizer),
+        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
+        "unit": "px",
     }
 
 

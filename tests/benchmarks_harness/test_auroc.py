@@ -22,6 +22,8 @@ def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
         "trial": {"trial": number, "filter_seed": filter_seed},
         "curves": {"0": {"first_state": first_state, "error": errors}},
         "quality": [quality for quality, _ in steps],
+        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
+        "unit": "px",
         "steps_done": len(steps),
     }
 

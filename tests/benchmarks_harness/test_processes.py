@@ -10,6 +10,7 @@ import time
 import calls
 import pytest
 
+from benchmarks.execution.engines import Where
 from benchmarks.execution.processes import (
     ONE_THREAD,
     CannotStartError,
@@ -79,6 +80,13 @@ def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed()
             pool.submit(calls.sleep, 1000).result()
         assert gone([process])
         assert pool.submit(calls.add, 1, 1).result() == 2
+
+
+def test_one_call_waits_beside_the_workers_so_that_none_waits_for_the_store():
+    with Where(jobs=2).engine(10) as engine:
+        assert engine.slots == 3
+    with Where(jobs=1).engine(10) as engine:  # in this process nothing can wait
+        assert engine.slots == 1
 
 
 def test_leaving_kills_what_runs_and_begins_nothing_more():

@@ -30,7 +30,7 @@ SPIKE = {
     "outer": [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]],
     "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
 }
-EMPTY = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
+EMPTY = {"outer": [[0, 0], [0, 300], [350, 300], [350, 0]]}  # clockwise
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
 
 # One long episode of an undisturbed robot: a 40,000 px wide hall whose planned lap has > 20,000

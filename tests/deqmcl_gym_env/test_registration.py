@@ -18,9 +18,10 @@ def run(code: str) -> None:
     [
         ("import localizers; localizers.names()", {"gymnasium", "pymunk", "cv2", "benchmarks"}),
         ("import deqmcl_gym.maps", {"gymnasium", "pymunk", "cv2", "benchmarks", "localizers"}),
+        (f"import gymnasium; {MANY.format('deqmcl_gym:', 'vector_entry_point')}", {"pymunk"}),
     ],
 )
-def test_localizers_and_maps_load_neither_the_environment_nor_what_it_needs(code, forbidden):
+def test_what_is_not_needed_is_not_loaded(code, forbidden):
     run(f"{code}; import sys; seen = set(sys.modules) & {forbidden}; assert not seen, seen")
 
 

@@ -1,10 +1,10 @@
 """Calls at the wrong time or with the wrong values are refused, and nothing has happened."""
 
-import gymnasium as gym
+import math
+
 import numpy as np
 import pytest
 from room_cases import calm, drive
-from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
@@ -26,57 +26,35 @@ BAD_ACTIONS = {
 }
 
 
+WRAPS = {
+    "bare": lambda env: env,
+    "kidnap": lambda env: Kidnap(env, step=3),
+    "dropout": lambda env: BeamDropout(env, 0.5),
+    "plan-change": lambda env: PlanChange(env, 3, [(1.0, 0.1)] * 20),
+}
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", BAD_ACTIONS)
-def test_a_bad_action_is_refused_and_leaves_no_trace(name):
-    env, other = (RoomEnv(lidar={"beams": 3}) for _ in range(2))
-    for one in (env, other):
-        one.reset(seed=9)
-        drive(one, one.plan[:5])
-    with pytest.raises(InputError, match=r"the action is .*, but must be two numbers") as caught:
-        env.step(BAD_ACTIONS[name])
-    assert len(str(caught.value).splitlines()) == 1
-    assert env.pose == other.pose
-    assert env.elapsed_steps == 5
-    for action in env.plan[5:15]:
-        np.testing.assert_equal(env.step(action), other.step(action))
-
-
-@pytest.mark.parametrize("name", ["NaN", "too far", "one entry"])
-@pytest.mark.parametrize(
-    "wrap",
-    [
-        lambda env: Kidnap(env, step=3),
-        lambda env: BeamDropout(env, 0.5),
-        lambda env: PlanChange(env, 3, [(1.0, 0.1)] * 20),
-    ],
-    ids=["kidnap", "dropout", "plan-change"],
-)
-def test_a_bad_action_leaves_no_trace_under_wrappers_either(wrap, name):
-    env, other = (wrap(RoomEnv(lidar={"beams": 3})) for _ in range(2))
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_a_bad_action_is_refused_and_leaves_no_trace(wrap, name):
+    env, other = (WRAPS[wrap](RoomEnv(lidar={"beams": 3})) for _ in range(2))
     for one in (env, other):
         one.reset(seed=9)
         drive(one, np.zeros((2, 2)))
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"the action is .*, but must be two numbers") as caught:
         env.step(BAD_ACTIONS[name])
+    assert len(str(caught.value).splitlines()) == 1
     for _ in range(10):
         action = np.float32([1.0, 0.2])
         np.testing.assert_equal(env.step(action), other.step(action))
 
 
-@pytest.mark.parametrize(
-    "action", [[5, 0], (5.0, 0.0), np.array([5.0, 0.0]), np.float32([5, 0]), np.array([5, 0])]
-)
-def test_two_real_numbers_of_any_kind_are_an_action(action):
+@pytest.mark.parametrize("action", [[5, 0], (10.0, 0.0), np.array([0.0, -math.pi / 4])])
+def test_two_real_numbers_of_any_kind_within_the_space_are_an_action(action):
     info = calm().step(action)[4]
     assert info["action"].dtype == np.float32
-    np.testing.assert_array_equal(info["action"], [5, 0])
-
-
-def test_the_ends_of_the_action_space_are_actions():
-    env = calm(start={"pose": (60, 250, 0.0)})
-    for action in (env.action_space.low, env.action_space.high):
-        np.testing.assert_array_equal(env.step(action)[4]["action"], action)
+    np.testing.assert_array_equal(info["action"], np.float32(action))
 
 
 def test_nothing_can_be_done_before_reset():
@@ -98,11 +76,6 @@ def test_nothing_can_be_done_before_reset():
     assert env.step(env.plan[0])[4]["planned_count"] == 203
 
 
-def test_gymnasium_refuses_a_step_before_reset_too():
-    with pytest.raises(gym.error.ResetNeeded):
-        gym.make(ROOM_ID).step(np.zeros(2, np.float32))
-
-
 def test_no_step_follows_the_end_until_reset():
     env = calm(ends_at_goal=False)
     drive(env, np.zeros((204, 2)))
@@ -116,70 +89,35 @@ def test_no_step_follows_the_end_until_reset():
     assert env.step(env.plan[0])[2] is False
 
 
-def test_closing_twice_is_fine():
-    for env in (RoomEnv(render_mode="rgb_array"), gym.make(ROOM_ID)):
-        env.reset(seed=0)
-        env.close()
-        env.close()
-
-
-@pytest.mark.parametrize("seed", [-1, "a", 1.5, True, [1], np.float64(3)])
-def test_a_bad_seed_is_refused_and_leaves_no_trace(seed):
-    env, other = RoomEnv(), RoomEnv()
-    for one in (env, other):
-        one.reset(seed=9)
-    with pytest.raises(InputError, match=r"seed is .*, but must be a whole number of 0 or more"):
-        env.reset(seed=seed)
-    np.testing.assert_equal(env.step(env.plan[0]), other.step(env.plan[0]))
-    np.testing.assert_equal(env.reset(), other.reset())
-
-
-@pytest.mark.parametrize("seed", [0, 2**63, np.int64(5), np.uint32(5)])
+@pytest.mark.parametrize("seed", [2**63, np.uint32(5)])
 def test_whole_numbers_of_any_size_and_kind_are_seeds(seed):
     one, two = RoomEnv(), RoomEnv()
-    np.testing.assert_equal(one.reset(seed=seed), two.reset(seed=int(seed)))
-
-
-@pytest.mark.parametrize("options", [None, {}])
-def test_no_options_is_the_only_choice_of_options(options):
-    np.testing.assert_equal(RoomEnv().reset(seed=1, options=options), RoomEnv().reset(seed=1))
-
-
-@pytest.mark.parametrize("options", [5, "pose", [("pose", 1)], True])
-def test_what_is_no_mapping_of_options_is_refused(options):
-    with pytest.raises(InputError, match=r"options is .*, but must be None"):
-        RoomEnv().reset(seed=1, options=options)
-
-
-def test_an_unknown_option_is_refused_and_leaves_no_trace():
-    env, other = RoomEnv(), RoomEnv()
-    for one in (env, other):
-        one.reset(seed=9)
-    with pytest.raises(InputError, match="unknown reset option 'pose': allowed values: none"):
-        env.reset(seed=1, options={"pose": (1, 2, 3)})
-    np.testing.assert_equal(env.step(env.plan[0]), other.step(env.plan[0]))
+    np.testing.assert_equal(one.reset(seed=seed, options={}), two.reset(seed=int(seed)))
 
 
 BAD_RESETS = {
-    "a seed": {"seed": -1},
-    "an option": {"seed": 1, "options": {"pose": (1, 2, 3)}},
-    "no free start": {"seed": 3},
-    "no free start in the next episode": {},
+    "seed is -1, but must be a whole number of 0 or more": {"seed": -1},
+    "seed is 'a', but must be": {"seed": "a"},
+    "seed is True, but must be": {"seed": True},
+    "unknown reset option 'pose': allowed values: none": {"options": {"pose": (1, 2, 3)}},
+    "options is 5, but must be None": {"seed": 1, "options": 5},
+    "none of 1000 starts": {"seed": 3},
+    "none of 1000 starts .* is free": {},  # in the next episode
 }
 
 
-@pytest.mark.parametrize("name", BAD_RESETS)
-def test_a_refused_reset_leaves_the_episode_and_all_random_streams_as_they_were(name, monkeypatch):
+@pytest.mark.parametrize("text", BAD_RESETS)
+def test_a_refused_reset_leaves_the_episode_and_all_random_streams_as_they_were(text, monkeypatch):
     env, other = (RoomEnv(preset="matched", lidar={"beams": 3}) for _ in range(2))
     for one in (env, other):
         one.reset(seed=9)
         drive(one, one.plan[:5])
     rng = env.np_random.bit_generator.state
     with monkeypatch.context() as patched:
-        if "start" in name:
+        if "none of" in text:
             patched.setattr(PolygonMap, "free", lambda *_: np.array([False]))
-        with pytest.raises(InputError):
-            env.reset(**BAD_RESETS[name])
+        with pytest.raises(InputError, match=text):
+            env.reset(**BAD_RESETS[text])
     assert env.pose == other.pose
     assert env.elapsed_steps == 5
     assert (env.np_random_seed, env.np_random.bit_generator.state) == (9, rng)
@@ -195,8 +133,3 @@ def test_the_robot_is_only_put_where_it_fits(pose):
     with pytest.raises(InputError, match="the pose"):
         env.place(pose)
     assert env.pose == before
-
-
-def test_an_unknown_render_mode_is_refused():
-    with pytest.raises(InputError, match="unknown render_mode 'ansi'"):
-        RoomEnv(render_mode="ansi")

@@ -30,10 +30,6 @@ def test_every_preset_is_documented_and_only_one_has_a_driver():
         assert (RoomEnv(preset=name).world.driver is not None) == (name == "guided")
 
 
-def test_the_default_preset_is_paper():
-    assert RoomEnv().world == WORLDS["paper"]
-
-
 def documented_default(argument: str) -> str:
     """The second cell of the argument's row in the page's table."""
     row = re.search(rf"^\| `{re.escape(argument)}` \| ([^|]*) \|", PAGE, re.MULTILINE)

@@ -8,11 +8,11 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
-from room_cases import STILL, drive, wrapped
+from room_cases import STILL, wrapped
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.envs.wrappers import Kidnap, PlanChange
 from deqmcl_gym.validation import InputError
 
 NEVER_DRAWN = {"sd_position": 0.0, "sd_heading": 0.0}
@@ -72,34 +72,23 @@ def test_the_first_planned_action_heads_for_the_point_25_px_on_from_the_true_pos
         np.testing.assert_allclose(info["planned_actions"][0], (distance, turn), atol=1.2e-3)
 
 
-def test_far_from_the_loop_and_against_it_too():
+def test_far_from_the_loop_and_against_it_it_heads_there_too():
     for pose in [(60, 280, 1.0), (175, 85, math.pi - 0.1), (330, 20, -2.0), (20, 20, 0.0)]:
         env = guided(start={"pose": pose} | NEVER_DRAWN)
         action = env.reset(seed=0)[1]["planned_actions"][0]
         np.testing.assert_allclose(action, by_the_book(env, np.array(pose)), atol=2e-3)
 
 
-def test_rolling_the_plan_out_without_noise_is_the_way_the_driver_goes():
-    env = guided(noise=STILL)
-    infos = infos_of(env, seed=3)
+def test_without_noise_the_way_driven_is_the_plan_and_the_plan_after_a_step_is_its_rest():
+    infos = infos_of(guided(noise=STILL), seed=3)
     way = driven(infos[0]["truth"], planned(infos[0]))
     assert len(way) == len(infos) - 1
     seen = np.array([info["truth"] for info in infos[1:]])
     # float64 sums of numbers below 400, and commands as the plan's up to rounding, 900 px on
     np.testing.assert_allclose(seen[:, :2], way[:, :2], rtol=0, atol=900 * len(way) * ROUNDED)
     np.testing.assert_allclose(wrapped(seen[:, 2] - way[:, 2]), 0, atol=len(way) * ROUNDED)
-
-
-def test_without_noise_the_plan_after_a_step_is_the_rest_of_the_plan_before():
-    infos = infos_of(guided(noise=STILL), seed=3)
     for before, after in itertools.pairwise(infos):
         np.testing.assert_allclose(planned(after), planned(before)[1:], rtol=0, atol=ROUNDED)
-
-
-def test_under_noise_the_plan_is_new_at_every_step():
-    infos = infos_of(guided(), seed=3)
-    for before, after in itertools.pairwise(infos[:-5]):
-        assert not np.array_equal(planned(before)[1:6], planned(after)[:5])
 
 
 @pytest.mark.parametrize("lap", [{}, {"step": 3.0, "turn": 0.2}])
@@ -112,7 +101,7 @@ def test_planned_distances_are_a_whole_step_or_none_and_turns_at_most_one(lap):
     assert all(map(env.action_space.contains, actions[::101]))
 
 
-@pytest.mark.parametrize("horizon", [1, 40, 1000])
+@pytest.mark.parametrize("horizon", [1, 1000])
 def test_the_horizon_cuts_or_pads_the_same_plan(horizon):
     for short, whole in zip(infos_of(guided(horizon=horizon)), infos_of(guided()), strict=True):
         count = min(horizon, whole["planned_count"])
@@ -171,12 +160,6 @@ def test_a_kidnapped_driver_goes_on_from_where_it_stands_and_finishes():
     assert len(infos) < 409
 
 
-def test_lost_beams_leave_the_driver_alone():
-    bare, env = guided(), BeamDropout(guided(), probability=0.9)
-    for one, two in zip(infos_of(bare), infos_of(env), strict=True):
-        np.testing.assert_equal(one, two)
-
-
 def test_the_plan_of_a_driver_is_not_replaced():
     with pytest.raises(InputError, match=r"driver's, .* cannot be replaced: choose a world"):
         PlanChange(guided(), step=3, actions=[(1.0, 0.0)])
@@ -193,16 +176,11 @@ def test_many_guided_rooms_run_one_by_one():
     with pytest.raises(InputError, match=r'vectorization_mode="sync"'):
         gym.make_vec(ROOM_ID, num_envs=2, preset="guided")
     many = gym.make_vec(ROOM_ID, num_envs=2, preset="guided", vectorization_mode="sync")
-    singles = [guided(), guided()]
     _, infos = many.reset(seed=3)
-    said = [env.reset(seed=3 + i)[1] for i, env in enumerate(singles)]
-    for _ in range(10):
-        for i, info in enumerate(said):
-            for key, value in info.items():
-                np.testing.assert_array_equal(infos[key][i], value)
-        actions = infos["planned_actions"][:, 0]
-        infos = many.step(actions)[4]
-        said = [drive(env, [one])[0][4] for env, one in zip(singles, actions, strict=True)]
+    for i, single in enumerate((guided(), guided())):
+        np.testing.assert_equal(
+            infos["planned_actions"][i], infos_of(single, 3 + i, most=0)[0]["planned_actions"]
+        )
 
 
 def test_a_pickled_room_drives_on_alike():
@@ -212,18 +190,12 @@ def test_a_pickled_room_drives_on_alike():
     np.testing.assert_equal(plan.after(env._episode), env._setting.plan.after(env._episode))
 
 
-def test_a_driver_can_be_taken_away_and_the_rest_of_the_world_stays():
+def test_any_world_can_have_a_driver_and_lose_it_and_its_keys_change_alone():
     world = guided().world
-    env = guided(driver="none")
-    assert env.world == dataclasses.replace(world, driver=None)
-    np.testing.assert_array_equal(env.plan, RoomEnv().plan)
+    assert guided(driver="none").world == dataclasses.replace(world, driver=None)
+    np.testing.assert_array_equal(guided(driver="none").plan, RoomEnv().plan)
     assert guided(driver=None).world == world
-    assert RoomEnv(driver="none").world == RoomEnv().world
-
-
-def test_any_world_can_have_a_driver_and_its_keys_change_alone():
-    assert RoomEnv().world.driver is None
-    assert RoomEnv(driver={}).world.driver == guided().world.driver
+    assert RoomEnv(driver={}).world.driver == world.driver
     driver = guided(driver={"look_ahead": 40}).world.driver
     assert (driver.look_ahead, driver.on_the_spot) == (40, 0.5)
     assert infos_of(RoomEnv(driver=driver))[-1]["planned_count"] == 0
@@ -232,8 +204,6 @@ def test_any_world_can_have_a_driver_and_its_keys_change_alone():
 @pytest.mark.parametrize(
     ("driver", "said"),
     [
-        ({"look_ahead": 0}, r"driver\.look_ahead is 0"),
-        ({"on_the_spot": 0}, r"driver\.on_the_spot is 0"),
         ({"speed": 3}, "key in driver"),
         (5, "driver is 5, but must be a Driver"),
         ("nobody", r'driver is \'nobody\', but must be .* or "none" to take it away'),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from room_cases import STILL, calm, drive
+from room_cases import STILL
 
 from deqmcl_gym.envs.info import RoomInfo
 from deqmcl_gym.envs.room import RoomEnv
@@ -12,50 +12,27 @@ from deqmcl_gym.envs.room import RoomEnv
 ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}
 
 
-def said_in_an_episode(env: RoomEnv) -> list[dict]:
-    _, info = env.reset(seed=0)
-    return [info] + [said[4] for said in drive(env, env.plan)]
-
-
-@pytest.mark.parametrize("horizon", [None, 1, 20, 1000])
-def test_keys_types_and_shapes_never_change(horizon):
+@pytest.mark.parametrize("horizon", [None, 1, 1000])
+def test_info_has_its_types_and_shapes_and_the_plan_shows_the_next_actions_and_then_zeros(horizon):
     env = RoomEnv(horizon=horizon, ends_at_goal=False)
-    rows = len(env.plan) if horizon is None else horizon
+    plan, rows = env.plan, horizon or len(env.plan)
     shapes = {"planned_actions": (rows, 2), "action": (2,), "truth": (3,)}
-    for info in said_in_an_episode(env):
+    _, info = env.reset(seed=0)
+    infos = [info]
+    for action in plan:
+        infos.append(env.step(action)[4])
+        np.testing.assert_array_equal(infos[-1]["truth"], env.pose)
+    for step, info in enumerate(infos):
         assert set(info) == set(RoomInfo.__annotations__)
         assert type(info["planned_count"]) is int
         assert type(info["collided"]) is bool
         for key, dtype in ARRAYS.items():
-            assert type(info[key]) is np.ndarray
-            assert info[key].dtype == dtype
-            assert info[key].shape == shapes[key]
+            assert (info[key].dtype, info[key].shape) == (dtype, shapes[key])
             assert np.isfinite(info[key]).all()
-
-
-@pytest.mark.parametrize("horizon", [None, 1, 20, 1000])
-def test_the_plan_shows_the_next_actions_and_then_zeros(horizon):
-    env = RoomEnv(horizon=horizon, ends_at_goal=False)
-    plan = env.plan
-    infos = said_in_an_episode(env)
-    assert len(infos) == len(plan) + 1
-    for step, info in enumerate(infos):
-        count = min(horizon or len(plan), len(plan) - step)
+        count = min(rows, len(plan) - step)
         assert info["planned_count"] == count
         np.testing.assert_array_equal(info["planned_actions"][:count], plan[step : step + count])
         assert not info["planned_actions"][count:].any()
-
-
-def test_the_plan_goes_by_the_step_count_also_after_a_deviating_action():
-    env = calm(horizon=10)
-    for step in range(1, 30):
-        info = env.step(np.float32([0.0, 0.5]))[4]  # planned are 25 drives first
-        np.testing.assert_array_equal(info["planned_actions"], env.plan[step : step + 10])
-
-
-def test_every_planned_action_is_one():
-    env = RoomEnv()
-    assert all(env.action_space.contains(action) for action in env.plan)
 
 
 def test_action_is_the_command_before_noise_and_contact():
@@ -71,14 +48,7 @@ def test_action_is_the_command_before_noise_and_contact():
         assert way != pytest.approx(command[0], abs=1e-3)  # noise or contact: not what was done
 
 
-def test_truth_is_the_pose_of_the_env():
-    env = RoomEnv()
-    env.reset(seed=0)
-    for action in env.plan[:40]:
-        np.testing.assert_array_equal(env.step(action)[4]["truth"], env.pose)
-
-
-@pytest.mark.parametrize("heading", [math.pi, 4.0, -4.0, 2 * math.pi, -2 * math.pi])
+@pytest.mark.parametrize("heading", [math.pi, 4.0, -2 * math.pi])
 def test_the_heading_of_truth_is_wrapped_from_the_start(heading):
     start = {"pose": (175, 50, heading), "sd_heading": 1.0}
     env = RoomEnv(start=start, noise=STILL, ends_at_goal=False)

@@ -10,7 +10,7 @@ from room_cases import PAPER, SEVERAL, drive
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Driver, Lap, Start
@@ -67,19 +67,18 @@ def test_an_episode_along_the_plan_is_the_same_with_and_without_a_driver(preset)
     assert_same_episode(*pair(RoomEnv, PAPER, preset=preset))
 
 
-@pytest.mark.parametrize("plan", [PAPER, SEVERAL], ids=["paper", "several"])
-def test_rough_driving_with_contacts_is_the_same_in_one_room(plan):
-    agent = np.random.default_rng(4)
-    commands = np.column_stack([agent.uniform(5, 10, 1000), agent.uniform(-0.6, 0.6, 1000)])
-    envs = pair(RoomEnv, plan, lidar={"beams": 5}, noise=ROUGH, ends_at_goal=False)
+@pytest.mark.parametrize(
+    ("make", "plan", "batch", "kwargs"),
+    [
+        (RoomEnv, PAPER, (), {"ends_at_goal": False}),
+        (RoomEnv, SEVERAL, (), {"ends_at_goal": False}),
+        (RoomVectorEnv, PAPER, (6,), {"num_envs": 6}),
+    ],
+)
+def test_rough_driving_with_contacts_is_the_same_in_one_room_and_in_many(make, plan, batch, kwargs):
+    commands = np.random.default_rng(4).uniform((5, -0.6), (10, 0.6), (1000, *batch, 2))
+    envs = pair(make, plan, lidar={"beams": 5}, noise=ROUGH, **kwargs)
     assert assert_same_episode(*envs, commands) > 20
-
-
-def test_rough_driving_with_contacts_is_the_same_in_many_rooms():
-    agent = np.random.default_rng(4)
-    commands = agent.uniform((5, -0.6), (10, 0.6), (1000, 6, 2))
-    envs = pair(RoomVectorEnv, PAPER, num_envs=6, lidar={"beams": 5}, noise=ROUGH)
-    assert assert_same_episode(*envs, commands) > 100
 
 
 def test_frames_have_the_same_size_and_all_but_the_same_pixels():
@@ -121,14 +120,16 @@ def test_sentences_say_the_unit_of_the_map():
             RoomEnv(floor_plan=metres(PAPER), **changed)
 
 
-def test_an_unknown_unit_is_refused():
-    with pytest.raises(InputError, match="unknown unit of length 'km'"):
-        RoomEnv(floor_plan=PAPER | {"unit": "km"})
-    with pytest.raises(InputError, match="unknown unit of length"):
-        PolygonMap(PAPER["outer"], unit=None)
-
-
-def test_a_room_too_large_in_metres_for_a_picture_is_refused_with_its_size_in_pixels():
-    wide = {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"}
-    with pytest.raises(InputError, match="would have 9016 x 9016 pixels"):
-        RoomEnv(floor_plan=wide, render_mode="rgb_array")
+@pytest.mark.parametrize(
+    ("text", "kwargs"),
+    [
+        ("unknown unit of length 'km'", {"floor_plan": PAPER | {"unit": "km"}}),
+        ("unknown unit of length None", {"floor_plan": PAPER | {"unit": None}}),
+        ("would have 9016 x 9016 pixels", {
+            "floor_plan": {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"},
+            "render_mode": "rgb_array"}),
+    ],
+)  # fmt: skip
+def test_an_unknown_unit_and_a_room_too_large_in_metres_for_a_picture_are_refused(text, kwargs):
+    with pytest.raises(InputError, match=text):
+        RoomEnv(**kwargs)

@@ -4,19 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from room_cases import SEVERAL, calm
+from room_cases import calm
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.drawing import (
-    GRAY,
-    LIGHT_BLUE,
-    ORANGE,
-    PALE,
-    PINK,
-    Drawing,
-    View,
-)
+from deqmcl_gym.world.drawing import GRAY, ORANGE, PALE, PINK, Drawing, View
 from deqmcl_gym.world.paper_room import PAPER_ROOM
 
 SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
@@ -31,14 +23,7 @@ def pixels_of(image: np.ndarray, color: tuple) -> int:
     return int((image == color).all(axis=2).sum())
 
 
-def test_a_frame_is_an_even_sized_uint8_image():
-    env = calm(render_mode="rgb_array")
-    frame = env.render()
-    assert frame.dtype == np.uint8
-    assert frame.shape == (300 * 2 + 16, 350 * 2 + 16, 3)
-
-
-@pytest.mark.parametrize("side", [100.0, 100.3, 100.7, 101.0, 101.4])
+@pytest.mark.parametrize("side", [100.0, 100.3, 101.0])
 def test_frames_of_odd_floor_plans_are_even_and_large_enough(side):
     room = PolygonMap([(0, 0), (side, 0), (side, 2 * side + 0.25), (0, 2 * side + 0.25)])
     width, height = View(room).size
@@ -47,24 +32,22 @@ def test_frames_of_odd_floor_plans_are_even_and_large_enough(side):
     assert height >= (2 * side + 0.25) * SCALE + 2 * MARGIN
 
 
-@pytest.mark.parametrize("pose", [(175, 50, 0.0), (60, 240, 0.0), (300, 30, math.pi)])
-def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up(pose):
-    x, y, _ = pose
-    frame = calm(start={"pose": pose}, render_mode="rgb_array").render()
-    # Across the heading, clear of the nose line (1 px) and of the rim (8 px ± 1 px).
-    assert {at(frame, x, y + d) for d in (-6, -4, 4, 6)} == {GRAY}
-    assert GRAY not in {at(frame, x + dx, y + dy) for dx, dy in ((0, 10), (0, -10), (-10, 2))}
-    assert at(frame, x, 300 - y + 4) != GRAY  # nor upside down
+def test_the_robots_gray_disc_is_where_the_robot_is_with_y_up():
+    frame = calm(start={"pose": (60, 240, 0.0)}, render_mode="rgb_array").render()
+    assert frame.dtype == np.uint8
+    rows, columns = np.nonzero((frame == GRAY).all(axis=2))
+    # the nose line covers a little of its right half; row 0 is the top, y = 300
+    assert abs(rows.mean() - ((300 - 240) * SCALE + MARGIN)) < 1
+    assert abs(columns.mean() - (60 * SCALE + MARGIN)) < 2
     # A disc of radius 16 image pixels, less a rim of 2 and a nose line of 4 × 16 at most.
-    assert math.pi * 14**2 - 64 <= pixels_of(frame, GRAY) <= math.pi * 16**2
+    assert math.pi * 14**2 - 64 <= len(rows) <= math.pi * 16**2
 
 
 def test_obstacles_are_pale_walls_dark_and_the_floor_white():
     frame = calm(render_mode="rgb_array").render()
-    assert at(frame, 150, 120) == PALE
-    assert max(at(frame, 100, 120)) < 60  # a side of the obstacle
-    assert max(at(frame, 0, 120)) < 60  # the outer wall
-    assert at(frame, 30, 120) == (255, 255, 255)
+    obstacle, side, wall, floor = (frame[-8 - 2 * 120, 8 + 2 * x] for x in (150, 100, 0, 30))
+    assert (tuple(obstacle), tuple(floor)) == (PALE, (255, 255, 255))
+    assert max(side) < 60 > max(wall)
 
 
 def test_rendering_changes_nothing_and_every_frame_is_fresh():
@@ -84,18 +67,12 @@ def test_without_a_render_mode_there_is_no_frame_but_a_warning():
         assert calm().render() is None
 
 
-def test_points_are_dots_at_their_pixels():
-    image = Drawing(View(PAPER_ROOM)).points([(30, 60), (330, 280)], ORANGE).image
-    assert at(image, 30, 60) == at(image, 330, 280) == ORANGE
-    assert pixels_of(image, ORANGE) == 2 * 3 * 3
-    image = Drawing(View(PAPER_ROOM)).points([(30, 60, 1.5)], ORANGE, size=1).image
-    assert pixels_of(image, ORANGE) == 1
-
-
-def test_points_outside_the_frame_are_left_out_without_wrapping_around():
+def test_points_are_dots_at_their_pixels_and_those_outside_the_frame_are_left_out():
     far = [(-40, 50), (50, -40), (390, 50), (50, 340), (-1e6, 1e6), (-354, 150), (175, 604)]
     blank = Drawing(View(PAPER_ROOM)).image
     np.testing.assert_array_equal(Drawing(View(PAPER_ROOM)).points(far, PINK).image, blank)
+    image = Drawing(View(PAPER_ROOM)).points([(30, 60), (330, 280)], ORANGE).image
+    assert at(image, 30, 60) == at(image, 330, 280) == ORANGE
     # Half of a dot on the frame's left edge: 2 of its 3 columns, and nothing at the right.
     image = Drawing(View(PAPER_ROOM)).points([(-MARGIN / SCALE, 150)], PINK).image
     assert pixels_of(image[:, :2], PINK) == pixels_of(image, PINK) == 2 * 3
@@ -111,13 +88,3 @@ def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
     top, bottom = ((300 - y) * SCALE + MARGIN for y in (60, 40))
     assert abs(rows.min() - top) <= 1
     assert abs(rows.max() - bottom) <= 1
-
-
-def test_drawing_leaves_its_inputs_and_other_drawings_alone():
-    view = View(PolygonMap(**SEVERAL))
-    first, second = Drawing(view), Drawing(view)
-    cloud = np.array([(50.0, 50.0, 0.0), (70.0, 60.0, 1.0)])
-    kept = cloud.copy()
-    first.points(cloud, PINK).path(cloud, LIGHT_BLUE).robot(cloud[0], 8.0).number(3)
-    np.testing.assert_array_equal(cloud, kept)
-    np.testing.assert_array_equal(second.image, Drawing(view).image)

@@ -43,6 +43,15 @@ def follow(
     return beliefs
 
 
+def updated(
+    name: str, robot: localizers.RobotModel, prior: localizers.Prior, scan, action=(0, 0), **params
+) -> Any:
+    """Belief after one update, without a plan."""
+    localizer = localizers.make(name, robot, **params)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    return localizer.update(scan, action, [])
+
+
 def same(
     one: Sequence[localizers.Belief],
     other: Sequence[localizers.Belief],
@@ -51,11 +60,7 @@ def same(
     """Whether all points and weights are equal, bit by bit."""
     for a, b in zip(one, other, strict=True):
         for offset in offsets:
-            p, q = a.points(offset), b.points(offset)
-            if (p is None) != (q is None):
-                return False
-            if p is None:
-                continue
-            if not (np.array_equal(p[0], q[0]) and np.array_equal(p[1], q[1])):
+            p, q = a.points(offset) or (), b.points(offset) or ()
+            if len(p) != len(q) or not all(map(np.array_equal, p, q)):
                 return False
     return True

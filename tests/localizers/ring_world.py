@@ -9,12 +9,13 @@ must average to the enumerated figure, for every t, every state of the queue and
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from localizers.inference.lookahead import Pilots, Tabulated
-from localizers.inference.moves import RenewedFuture, Sometimes, WhenResampled
+from localizers.inference.moves import RenewedFuture
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 
@@ -49,6 +50,19 @@ class Drive:
     def commands(self, t: int, future: int) -> Plan:
         """u_1 … u_{t+F_t}."""
         return (*self.executed[:t], *self.plans[t][:future])
+
+
+AS_PLANNED = Drive.as_planned(1, 1, 2, 1)
+CHANGES = {
+    "executed differs": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (1, 2, 1), (2, 1), (1,), ())),
+    "queued step changes": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (2, 2, 1), (2, 1), (1,), ())),
+    "plan grows": Drive((1, 1, 2, 1), ((), (1,), (2, 1), (1,), ())),
+    "plan is cut short": Drive((1, 1, 2, 1), ((1, 1, 2, 1), (), (2, 1), (), ())),
+    # executed differs and the plan grows at 1; a queued step changes and the plan grows at 2;
+    # executed differs and the plan is cut short at 3
+    "everything": Drive((2, 1, 0, 1), ((1,), (1, 0), (2, 1), (), ())),
+}
+DRIVES = {"as planned": AS_PLANNED, **CHANGES}
 
 
 class RingPrior:
@@ -100,8 +114,10 @@ def transition(command: int, beta: float) -> np.ndarray:
 RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
 
 
-def ring_filter(beta: float, **parts) -> ParticleFilter:
-    return ParticleFilter(
+def ring_filter(
+    beta: float, filter_class: type[ParticleFilter] = ParticleFilter, **parts
+) -> ParticleFilter:
+    return filter_class(
         motion=RingMotion(),
         scan=RingScan(),
         feasibility=RingWalls(beta),
@@ -112,24 +128,17 @@ def ring_filter(beta: float, **parts) -> ParticleFilter:
     )
 
 
-def rejuvenated(beta: float, **parts) -> ParticleFilter:
-    ring = ring_filter(beta, past=PAST, future=FUTURE, **parts)
-    return replace(ring, move=RenewedFuture(ring.rollout))
+deq = partial(ring_filter, past=PAST, future=FUTURE, pilots=1)
 
 
-def rejuvenated_when_resampled(beta: float, **parts) -> ParticleFilter:
-    ring = rejuvenated(beta, **parts)
-    return replace(ring, move=WhenResampled(ring.move))
+def rejuvenated(beta: float, when=lambda move: move, **parts) -> ParticleFilter:
+    ring = deq(beta, **parts)
+    return replace(ring, move=when(RenewedFuture(ring.rollout)))
 
 
-def rejuvenated_sometimes(beta: float, **parts) -> ParticleFilter:
-    ring = rejuvenated(beta, **parts)
-    return replace(ring, move=Sometimes(ring.move, 1 / 3))
-
-
-def with_pilots(beta: float, pilots: int = 3, **parts) -> ParticleFilter:
+def with_pilots(beta: float, **parts) -> ParticleFilter:
     ring = ring_filter(beta, past=PAST, **parts)
-    return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=pilots))
+    return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=3))
 
 
 def with_h(beta: float, **parts) -> ParticleFilter:
@@ -190,12 +199,12 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
     return figures
 
 
-def z_scores(ring: ParticleFilter, drive: Drive, beta: float, replicates: int) -> dict:
+def z_scores(ring: ParticleFilter, drive: Drive, replicates: int) -> dict:
     """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores = {}
     for t, offset in runs[0]:
-        exact = gamma(t, drive.commands(t, looked_ahead(ring)), beta)[t + offset]
+        exact = gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta)[t + offset]
         seen = np.array([one[t, offset] for one in runs])
         error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
         # A value never seen must have no weight: an infinite score if it has some.

@@ -6,10 +6,10 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 import reference
+from following import updated
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.validation import InputError
 from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.models.likelihood_field import LikelihoodField
@@ -72,13 +72,6 @@ def test_random_poses_come_by_the_ratio_of_the_two_averages():
     assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.9))
 
 
-def test_without_rates_nothing_is_ever_drawn_anywhere():
-    recovery = Recovery()
-    for likelihood in (0.9, 1e-9, 0.5):
-        recovery = recovery.after(math.log(likelihood), 1)
-        assert recovery.share == 0.0
-
-
 @pytest.mark.parametrize("cell", [1.0, 4.0])
 def test_the_field_is_the_distance_to_the_nearest_wall(cell):
     field = LikelihoodField(floor_plan=LOPSIDED, lidar=Lidar(), sigma=5.0, cell=cell)
@@ -126,13 +119,8 @@ def test_the_number_of_particles_follows_the_spread(robot):
 
 @pytest.mark.parametrize(("interval", "selective"), [(1, False), (3, False), (1, True)])
 def test_it_resamples_when_it_should(robot, prior, drive, interval, selective):
-    localizer = localizers.make(
-        "amcl",
-        robot,
-        resample_interval=interval,
-        selective_resampling=selective,
-        laser_model_type="robot",
-    )
+    params = {"resample_interval": interval, "selective_resampling": selective}
+    localizer = localizers.make("amcl", robot, laser_model_type="robot", **params)
     model = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
     before = localizer.reset(prior, [], np.random.default_rng(0))
     actions, scans = drive
@@ -197,37 +185,7 @@ def test_at_most_max_beams_are_used_evenly_spread():
     other[[1, 2, 3, 5, 6, 7]] = 90.0
 
     def weights(ranges, **params):
-        localizer = localizers.make("amcl", robot, **params)
-        localizer.reset(prior, [], np.random.default_rng(0))
-        return localizer.update(ranges, [0.0, 0.0], []).points()[1]
+        return updated("amcl", robot, prior, ranges, **params).points()[1]
 
     assert np.array_equal(weights(scan, max_beams=3), weights(other, max_beams=3))
     assert not np.array_equal(weights(scan), weights(other))
-
-
-@pytest.mark.parametrize(
-    ("params", "words"),
-    [
-        ({"max_particles": 0}, "max_particles is 0"),
-        ({"max_particles": 10**9}, "max_particles is 1000000000"),
-        ({"min_particles": 3000}, "min_particles is 3000, but must be at most max_particles"),
-        ({"pf_err": 0}, "pf_err is 0"),
-        ({"pf_z": math.nan}, "pf_z is nan"),
-        ({"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
-        ({"recovery_alpha_fast": 1.1}, "recovery_alpha_fast is 1.1"),
-        ({"resample_interval": 0}, "resample_interval is 0"),
-        ({"selective_resampling": "yes"}, "selective_resampling is 'yes'"),
-        ({"laser_model_type": "likelihood_field_prob"}, "did you mean 'likelihood_field'"),
-        ({"max_beams": 0}, "max_beams is 0"),
-        ({"z_hit": -1}, "z_hit is -1"),
-        ({"z_hit": 0, "z_rand": 0}, "one must be above 0"),
-        ({"sigma_hit": 0}, "sigma_hit is 0"),
-        ({"lambda_short": 0, "laser_model_type": "beam"}, "lambda_short is 0"),
-        ({"laser_likelihood_max_dist": 0}, "laser_likelihood_max_dist is 0"),
-        ({"field_cell": 0}, "field_cell is 0"),
-        ({"field_cell": 1e-3}, "give larger cells"),
-    ],
-)
-def test_a_bad_parameter_is_refused(robot, params, words):
-    with pytest.raises(InputError, match=words):
-        localizers.make("amcl", robot, **params)

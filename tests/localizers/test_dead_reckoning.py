@@ -34,12 +34,3 @@ def test_it_follows_what_was_carried_out_not_what_was_planned(robot, prior):
     x, y, _ = prior.mean
     assert belief.points()[0][0, :2].tolist() == [x + 3, y]
     assert belief.points(1)[0][0, :2].tolist() == [x + 10, y]
-
-
-def test_reset_forgets_the_track(robot, prior):
-    localizer = localizers.make("dead-reckoning", robot)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    localizer.update([100.0], [3.0, 0.0], [])
-    belief = localizer.reset(prior, [], np.random.default_rng(0))
-    assert belief.points()[0][0].tolist() == list(prior.mean)
-    assert belief.points(-1) is None

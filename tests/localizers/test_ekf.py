@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from following import updated
 
 import localizers
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.validation import InputError
 from localizers.inference import gaussian_kernels as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
 
@@ -98,9 +98,7 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
     # Left and right beams give y to 4 / √2 px, the one ahead x to 4 px; the heading stays known to
     # about 0.01 rad. At (100, 50, 0): 50 to the right, 200 ahead, 50 to the left.
     prior = localizers.GaussianPrior(mean=(90, 45, 0.0), sd_position=20.0, sd_heading=0.01)
-    localizer = localizers.make("ekf", corridor)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    belief = localizer.update([50.0, 200.0, 50.0], [0.0, 0.0], [])
+    belief = updated("ekf", corridor, prior, [50.0, 200.0, 50.0])
     assert belief.mean[:2] == pytest.approx([100, 50], abs=0.6)  # the prior's share: (4 / 20)² · 10
     assert belief.covariance[0, 0] == pytest.approx(1 / (1 / 16 + 1 / 400), rel=0.05)
     assert belief.covariance[1, 1] == pytest.approx(1 / (2 / 16 + 1 / 400), rel=0.05)
@@ -109,24 +107,20 @@ def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):
 def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     prior = localizers.GaussianPrior(mean=(100, 50, 0.0), sd_position=2.0, sd_heading=0.01)
 
-    def after(scan, **params):
-        localizer = localizers.make("ekf", corridor, **params)
-        localizer.reset(prior, [], np.random.default_rng(0))
-        return localizer.update(scan, [0.0, 0.0], [])
-
-    gated, lost = after([50.0, 90.0, 50.0]), after([50.0, math.nan, 50.0])
+    gated, lost = (
+        updated("ekf", corridor, prior, [50.0, ahead, 50.0]) for ahead in (90.0, math.nan)
+    )
     assert gated.events.gated_beams == 1
     assert gated.mean == pytest.approx(lost.mean)
     assert gated.covariance == pytest.approx(lost.covariance)
     assert lost.events.skipped_beams == 1
-    assert after([50.0, 90.0, 50.0], gate=1).events.gated_beams == 0
+    ungated = updated("ekf", corridor, prior, [50.0, 90.0, 50.0], gate=1)
+    assert ungated.events.gated_beams == 0
 
 
 def test_outside_the_walls_it_goes_on_by_its_commands(corridor):
     prior = localizers.GaussianPrior(mean=(290, 50, 0.0), sd_position=2.0, sd_heading=0.01)
-    localizer = localizers.make("ekf", corridor)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    belief = localizer.update([50.0, 20.0, 50.0], [30.0, 0.0], [])
+    belief = updated("ekf", corridor, prior, [50.0, 20.0, 50.0], action=[30.0, 0.0])
     assert belief.mean == pytest.approx([320, 50, 0])
     assert belief.events.unpredicted_beams == 3
 
@@ -148,28 +142,3 @@ def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
             if moment.step == max(steps):
                 break
     assert (np.abs(sums - 3 * worlds) < 4 * math.sqrt(6 * worlds)).all(), sums / worlds
-
-
-@pytest.mark.parametrize("gate", [0, -1, 1.1, math.nan, "x"])
-def test_a_bad_gate_is_refused(robot, gate):
-    with pytest.raises(InputError, match="gate is"):
-        localizers.make("ekf", robot, gate=gate)
-
-
-def test_a_scan_model_without_moments_is_refused(robot):
-    class Odd:
-        pass
-
-    plain = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, scan=Odd())
-    with pytest.raises(InputError, match="hit_moments"):
-        localizers.make("ekf", plain)
-
-
-@pytest.mark.parametrize("name", ["grid", "ekf"])
-def test_a_motion_that_can_only_be_drawn_from_is_refused(robot, name):
-    class Odd:
-        pass
-
-    drawn = localizers.RobotModel(floor_plan=robot.floor_plan, lidar=robot.lidar, motion=Odd())
-    with pytest.raises(InputError, match="give an OdometryMotion"):
-        localizers.make(name, drawn)

@@ -199,23 +199,6 @@ def test_driving_out_of_the_map_is_a_counted_collapse(robot, prior):
     assert belief.mass == pytest.approx(before.mass)
 
 
-@pytest.mark.parametrize(
-    ("params", "words"),
-    [
-        ({"cell": 0.5}, "allowed is 1 GiB"),
-        ({"cell": 1e-9}, "allowed is 1 GiB"),
-        ({"cell": 0}, "cell is 0"),
-        ({"cell": math.nan}, "cell is nan"),
-        ({"headings": 3}, "headings is 3"),
-        ({"headings": 7.5}, "headings is 7.5"),
-        ({"headings": 10**12}, "allowed is 1 GiB"),
-    ],
-)
-def test_a_bad_grid_is_refused_before_memory_is_taken(robot, params, words):
-    with pytest.raises(InputError, match=words):
-        localizers.make("grid", robot, **params)
-
-
 def test_a_prior_that_is_nowhere_on_the_map_is_refused(robot):
     away = localizers.GaussianPrior(mean=(-1e6, 0, 0), sd_position=1.0)
     with pytest.raises(InputError, match="must lie on the floor plan"):

@@ -1,8 +1,10 @@
 """What the queue holds: L states back, min(L, what is planned) states ahead, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from following import follow
+from following import follow, same
 
 import localizers
 
@@ -35,22 +37,14 @@ def test_a_method_without_future_holds_none_whatever_the_plan(
         assert held(belief) == list(range(-min(past, t), 1))
 
 
-def test_an_empty_plan_leaves_the_present_and_the_past(robot, prior, drive):
-    empty = [np.empty((0, 2))] * (T + 1)
-    beliefs = follow(deq(robot, 5), prior, drive, plans=empty)
-    for t, belief in enumerate(beliefs):
-        assert held(belief) == list(range(-min(5, t), 1))
-    assert beliefs[-1].events.replanned_steps == 0
-
-
-@pytest.mark.parametrize("empty", [[], (), np.empty(0), np.empty((0, 2)), [[]]])
+@pytest.mark.parametrize("empty", [[], np.empty(0), [[]]])
 def test_an_empty_plan_may_come_in_any_shape(robot, prior, drive, empty):
     localizer = deq(robot, 3)
     assert held(localizer.reset(prior, empty, np.random.default_rng(0))) == [0]
     assert held(localizer.update(drive[1][0], drive[0][0], empty)) == [-1, 0]
 
 
-@pytest.mark.parametrize("horizon", [1, 2, 4])
+@pytest.mark.parametrize("horizon", [0, 1, 2, 4])
 def test_a_plan_shorter_than_the_lag_shrinks_the_window(robot, prior, drive, horizon):
     actions, _ = drive
     plans = [actions[t : t + horizon] for t in range(T + 1)]
@@ -61,16 +55,9 @@ def test_a_plan_shorter_than_the_lag_shrinks_the_window(robot, prior, drive, hor
 
 
 def test_a_plan_longer_than_the_lag_is_looked_at_no_further(robot, prior, drive):
-    actions, _ = drive
-    whole = [actions[t:] for t in range(T + 1)]
-    window = [actions[t : t + 4] for t in range(T + 1)]
-    for a, b in zip(
-        follow(deq(robot, 4), prior, drive, plans=whole),
-        follow(deq(robot, 4), prior, drive, plans=window),
-        strict=True,
-    ):
-        assert np.array_equal(a.points(0)[0], b.points(0)[0])
-        assert held(a) == held(b)
+    window = [drive[0][t : t + 4] for t in range(T + 1)]
+    whole, cut = (follow(deq(robot, 4), prior, drive, plans=plans) for plans in (None, window))
+    assert same(whole, cut, offsets=range(-5, 6))
 
 
 def test_a_plan_that_is_cut_and_grows_again_is_followed_and_the_cut_is_counted(robot, prior, drive):
@@ -117,18 +104,16 @@ def test_an_action_equal_to_the_planned_one_in_value_is_no_change_whatever_its_t
     assert belief.events.replanned_steps == 0
 
 
-def test_the_queued_future_is_the_plan_rolled_out(room, robot, prior):
+def test_the_queued_future_is_the_plan_rolled_out(robot, prior):
     still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
-    exact = localizers.RobotModel(floor_plan=room, lidar=robot.lidar, motion=still, scan=robot.scan)
+    exact = replace(robot, motion=still)
     plan = np.array([(10.0, 0.0), (10.0, np.pi / 2), (10.0, 0.0)])
     belief = deq(exact, 3, beta=0.0).reset(prior, plan, np.random.default_rng(0))
     (start, _), (end, _) = belief.points(0), belief.points(3)
     # equal weights: systematic resampling keeps everyone in its place
     x, y, heading = start.astype(float).T
-    ahead, left = (
-        np.array([np.cos(heading), np.sin(heading)]),
-        np.array([-np.sin(heading), np.cos(heading)]),
-    )
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    left = np.array([-ahead[1], ahead[0]])
     # float32 at 100 px: 4e-6 per operation, three steps
     assert np.abs(end[:, :2].T - (np.array([x, y]) + 10 * ahead + 20 * left)).max() < 5e-5
     assert np.abs(end[:, 2] - heading - np.pi / 2).max() < 2e-6

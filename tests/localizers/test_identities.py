@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from following import follow, same, varied
+from following import follow, same, small, varied
 
 import localizers
-from deqmcl_gym.maps import Lidar
 from localizers.models.scan import LidarScan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
@@ -27,40 +26,27 @@ def make(request, robot):
     return made
 
 
-def test_the_smoother_without_lag_is_mcl(make, prior, drive):
-    smoother = follow(make("mcl-smoother", lag=0), prior, drive)
-    assert same(smoother, follow(make("mcl"), prior, drive), offsets=PAST)
+CHARGED, WITHOUT_G_AND_FUTURE = {"lag": 5, "beta": 2.0}, {"future": 0, "feasibility": None}
 
 
-@pytest.mark.parametrize("lag", [1, 5, 20])
-def test_the_smoother_at_the_present_is_mcl(make, prior, drive, lag):
-    smoother = follow(make("mcl-smoother", lag=lag), prior, drive)
-    assert same(smoother, follow(make("mcl"), prior, drive))
-    assert not same(smoother, follow(make("mcl"), prior, drive), offsets=PAST)
-
-
-@pytest.mark.parametrize("lag", [0, 5])
-def test_the_map_based_smoother_at_the_present_is_map_based_mcl(make, prior, drive, lag):
-    smoother = follow(make("mcl-map-smoother", lag=lag, beta=2.0), prior, drive)
-    assert same(smoother, follow(make("mcl-map", beta=2.0), prior, drive))
-
-
-def test_deq_mcl_without_future_and_without_g_is_the_smoother(make, prior, drive):
-    deq = varied(make("deq-mcl", lag=5), future=0, feasibility=None)
-    assert same(
-        follow(deq, prior, drive), follow(make("mcl-smoother", lag=5), prior, drive), offsets=BOTH
-    )
-
-
-def test_deq_mcl_without_future_is_the_map_based_smoother(make, prior, drive):
-    deq = follow(varied(make("deq-mcl", lag=5, beta=2.0), future=0), prior, drive)
-    ablation = follow(make("mcl-map-smoother", lag=5, beta=2.0), prior, drive)
-    assert same(deq, ablation, offsets=BOTH)
-
-
-def test_deq_mcl_without_lag_is_map_based_mcl(make, prior, drive):
-    deq = follow(make("deq-mcl", lag=0, beta=2.0), prior, drive)
-    assert same(deq, follow(make("mcl-map", beta=2.0), prior, drive), offsets=BOTH)
+@pytest.mark.parametrize(
+    ("name", "params", "parts", "other", "others", "offsets"),
+    [
+        ("mcl-smoother", {"lag": 0}, {}, "mcl", {}, PAST),
+        *[("mcl-smoother", {"lag": lag}, {}, "mcl", {}, [0]) for lag in (1, 5, 20)],
+        ("mcl-map-smoother", {"lag": 0, "beta": 2.0}, {}, "mcl-map", {"beta": 2.0}, [0]),
+        ("mcl-map-smoother", CHARGED, {}, "mcl-map", {"beta": 2.0}, [0]),
+        ("deq-mcl", {"lag": 5}, WITHOUT_G_AND_FUTURE, "mcl-smoother", {"lag": 5}, BOTH),
+        ("deq-mcl", CHARGED, {"future": 0}, "mcl-map-smoother", CHARGED, BOTH),
+        ("deq-mcl", {"lag": 0, "beta": 2.0}, {}, "mcl-map", {"beta": 2.0}, BOTH),
+        # the past that is kept does not touch the present and the future
+        ("deq-mcl", CHARGED, {"past": 0}, "deq-mcl", CHARGED, range(7)),
+    ],
+    ids=str,
+)
+def test_it_is_the_other_method(make, prior, drive, name, params, parts, other, others, offsets):
+    one = follow(varied(make(name, **params), **parts), prior, drive)
+    assert same(one, follow(make(other, **others), prior, drive), offsets=offsets)
 
 
 @pytest.mark.parametrize("future", [0, 2, 5])
@@ -79,13 +65,6 @@ def test_beta_zero_is_g_one_also_where_the_future_is_redrawn(make, prior, drive)
     one, other = (follow(f, prior, (actions, scans), plans=plans) for f in (deq, free))
     assert one[-1].events.replanned_steps > 0
     assert same(one, other, offsets=BOTH)
-
-
-def test_the_past_that_is_kept_does_not_touch_the_present_and_the_future(make, prior, drive):
-    deq = make("deq-mcl", lag=5, beta=2.0)
-    assert same(
-        follow(deq, prior, drive), follow(varied(deq, past=0), prior, drive), offsets=range(7)
-    )
 
 
 @pytest.mark.parametrize(
@@ -145,16 +124,21 @@ def test_two_localizers_do_not_disturb_each_other(robot, prior, drive):
     assert same(alone, beliefs, offsets=BOTH)
 
 
-def test_a_scan_with_more_beams_is_used(robot, prior, drive):
-    wide = Lidar(beams=3, max_range=400.0)
-    three = localizers.RobotModel(
-        floor_plan=robot.floor_plan, lidar=wide, motion=robot.motion, scan=robot.scan
-    )
-    actions, scans = drive
-    one = follow(localizers.make("mcl", robot, particles=60), prior, drive)
-    padded = np.hstack([np.full_like(scans, np.nan), scans, np.full_like(scans, np.nan)])
-    blind = follow(localizers.make("mcl", three, particles=60), prior, (actions, padded))
-    assert same(one, blind)  # skipped beams are no beams
-    seeing = np.hstack([scans, scans, scans])
-    more = follow(localizers.make("mcl", three, particles=60), prior, (actions, seeing))
-    assert not same(one, more)
+@pytest.mark.parametrize("name", localizers.names())
+def test_read_only_arrays_and_plain_lists_are_the_same(robot, prior, drive, name):
+    actions, scans = (array.copy() for array in drive)
+    actions.flags.writeable = scans.flags.writeable = False
+    one, other = (localizers.make(name, robot, **small(name, 30)) for _ in range(2))
+    lists = [actions[t:].tolist() for t in range(len(actions) + 1)]
+    beliefs = follow(one, prior, (actions, scans))
+    assert same(beliefs, follow(other, prior, (actions.tolist(), scans.tolist()), plans=lists))
+    counts = {"dead-reckoning": {1}, "ekf": {512}, "grid": range(1, 9 * 10 * 12 + 1)}
+    assert {len(belief.points()[0]) for belief in beliefs} <= set(counts.get(name, {30}))
+
+
+def test_the_mean_pose_is_weighted_and_its_heading_a_mean_of_directions():
+    poses = np.array([(1, 5, np.radians(179)), (3, 7, np.radians(-179))])
+    x, y, heading = localizers.mean_pose(poses, np.array([0.75, 0.25]))
+    assert (x, y) == (1.5, 5.5)
+    s, c = np.sin(np.radians(179)), np.cos(np.radians(179))
+    assert heading == pytest.approx(np.arctan2(0.5 * s, c))

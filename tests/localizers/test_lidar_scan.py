@@ -29,23 +29,19 @@ def only(scan: LidarScan, beam: int) -> np.ndarray:
     return scan.log_likelihood(POSES, ranges)
 
 
-def test_a_scan_is_the_product_of_its_beams(scan):
-    together = scan.log_likelihood(POSES, SCAN)
-    assert together.dtype == np.float64
-    # sums of five logs in another order: some units of float64
-    assert together == pytest.approx(sum(only(scan, beam) for beam in range(5)), rel=1e-12)
-    assert np.ptp(together) > 0.1
-
-
 @pytest.mark.parametrize("bad", [NAN, INF, -INF, -1e-9, 400.001, 1e9])
-@pytest.mark.parametrize("beam", range(5))
-def test_a_beam_that_is_no_number_within_the_range_is_skipped(scan, beam, bad):
-    spoilt = SCAN.copy()
-    spoilt[beam] = bad
-    seen = scan.log_likelihood(POSES, spoilt)
-    others = sum(only(scan, other) for other in range(5) if other != beam)
-    assert seen == pytest.approx(others, rel=1e-12)
-    assert usable_beams(spoilt, 400.0).tolist() == [i != beam for i in range(5)]
+def test_a_scan_is_the_product_of_its_beams_but_for_those_that_are_no_number_in_range(scan, bad):
+    # sums of five logs in another order: some units of float64
+    each = np.array([only(scan, beam) for beam in range(5)])
+    together = scan.log_likelihood(POSES, SCAN)
+    assert together == pytest.approx(each.sum(axis=0), rel=1e-12)
+    assert np.ptp(together) > 0.1
+    for beam in range(5):
+        spoilt = SCAN.copy()
+        spoilt[beam] = bad
+        others = np.delete(each, beam, axis=0).sum(axis=0)
+        assert scan.log_likelihood(POSES, spoilt) == pytest.approx(others, rel=1e-12)
+        assert usable_beams(spoilt, 400.0).tolist() == [i != beam for i in range(5)]
 
 
 @pytest.mark.parametrize("limit", [0.0, 400.0])
@@ -75,14 +71,6 @@ def test_inside_the_solid_rectangle_its_own_walls_are_what_is_seen(scan):
     one[2] = 75.0
     likelihoods = scan.log_likelihood(POSES, one)
     assert likelihoods.argmax() == 3
-
-
-def test_what_is_given_is_left_alone(scan):
-    poses, ranges = POSES.copy(), np.array([60.0, NAN, 250.0, INF, -1.0])
-    before = ranges.copy()
-    scan.log_likelihood(poses, ranges)
-    assert np.array_equal(poses, POSES)
-    assert np.array_equal(ranges, before, equal_nan=True)
 
 
 def test_many_poses_are_looked_at_block_by_block_each_by_itself(scan):

@@ -32,13 +32,11 @@ def make(request, robot):
 
 
 @pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_without_lag_it_is_map_based_mcl(make, prior, drive, name, params):
+def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
+    make, prior, drive, name, params
+):
     looking = follow(make(name, lag=0, **params), prior, drive)
     assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
-
-
-@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_without_a_plan_it_is_the_map_based_smoother(make, prior, drive, name, params):
     empty = [np.empty((0, 2))] * 13
     looking = follow(make(name, lag=5, **params), prior, drive, plans=empty)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive, plans=empty)
@@ -78,15 +76,14 @@ def test_resampled_by_h_a_particle_keeps_one_over_h(make, prior, drive):
     assert kept.log_evidence == pytest.approx(start.log_evidence + left, abs=1e-12)
 
 
-def test_pilots_of_a_free_map_say_nothing(make, prior, drive):
-    pilots = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
-    assert same(pilots, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
-
-
-def test_more_pilots_leave_the_cloud_as_it_is(make, prior, drive):
+def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(
+    make, prior, drive
+):
     few, many = (follow(make("mcl-pilots", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
+    free = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
+    assert same(free, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
 
 
 @pytest.fixture
@@ -157,15 +154,3 @@ def test_the_forms_of_moving_differ(make, prior, drive):
     ends.append(follow(make("deq-mcl", lag=5, ess_threshold=0.5), prior, drive)[-1])
     clouds = {end.points()[0].tobytes() for end in ends}
     assert len(clouds) == 4
-
-
-@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_where_collisions_are_forbidden_estimates_stay_sound(make, prior, drive, name, params):
-    actions, scans = drive
-    into_the_wall = np.tile([80.0, 0.0], (12, 1))
-    plans = [actions[t:] if t % 2 else into_the_wall[t:] for t in range(13)]
-    localizer = make(name, lag=5, beta=np.inf, **params)
-    for belief in follow(localizer, prior, (actions, scans), plans=plans):
-        poses, weights = belief.points()
-        assert np.isfinite(poses).all()
-        assert weights.sum() == pytest.approx(1.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, UniformPrior, make
 
@@ -35,19 +34,6 @@ def test_headings_a_full_turn_apart_have_the_same_density():
     assert density == pytest.approx(np.full(3, density[0]), abs=1e-9)
 
 
-def test_the_density_leaves_the_poses_given_alone():
-    poses = np.array([(50, 40, 9.0)])
-    PRIOR.log_density(poses)
-    assert poses.tolist() == [[50, 40, 9.0]]
-
-
-def test_a_prior_without_spread_draws_its_mean():
-    draws = GaussianPrior(mean=(1, 2, 3), sd_position=0, sd_heading=0).sample(
-        5, np.random.default_rng(0)
-    )
-    assert draws.tolist() == [[1, 2, 3]] * 5
-
-
 @pytest.mark.parametrize(
     "bad",
     [
@@ -63,11 +49,6 @@ def test_a_bad_prior_is_refused_on_one_line(bad):
     with pytest.raises(InputError, match=r"prior.*\.$") as caught:
         GaussianPrior(**{"mean": (1, 2, 0), **bad})
     assert "\n" not in str(caught.value)
-
-
-def test_a_scaled_prior_keeps_its_headings():
-    scaled_prior = scaled(PRIOR, 0.02)
-    assert scaled_prior == GaussianPrior(mean=(1.0, 0.8, 3.0), sd_position=0.3, sd_heading=0.2)
 
 
 def test_draws_of_a_uniform_prior_are_free_and_even_over_space_and_headings(room):
@@ -93,13 +74,6 @@ def test_a_uniform_prior_for_a_robot_too_wide_is_refused():
     narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
     with pytest.raises(InputError, match=r"prior\.radius is 8, but nothing that wide fits"):
         UniformPrior(floor_plan=narrow, radius=8)
-
-
-def test_dead_reckoning_refuses_a_prior_without_a_mean(robot):
-    with pytest.raises(InputError, match="needs a mean to start from"):
-        make("dead-reckoning", robot).reset(
-            UniformPrior(floor_plan=robot.floor_plan), [], np.random.default_rng(0)
-        )
 
 
 def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):

@@ -5,13 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.validation import InputError
 from localizers.inference import kernels
 from localizers.inference.resampling import (
     SCHEMES,
     Always,
     WhenDegenerate,
-    resampling,
     stratified,
     systematic,
 )
@@ -30,19 +28,20 @@ def random_weights(n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 64, 1000])
-def test_systematic_resampling_copies_each_particle_floor_or_ceil_n_w_times(n):
+def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_stratified(n):
+    # n w is rounded: a count may differ where n w is within 1e-9 of a whole number. Of the strata
+    # those that a particle's interval covers wholly give one copy each, those at its ends may.
     rng = np.random.default_rng(n)
     for _ in range(200):
         weights = random_weights(n, rng)
         copies = counts(systematic(weights, rng))
-        # n w is rounded: a count may differ where n w is within 1e-9 of a whole number
         assert (copies >= np.floor(n * weights - 1e-9)).all()
         assert (copies <= np.ceil(n * weights + 1e-9)).all()
+        assert (np.abs(counts(stratified(weights, rng)) - n * weights) < 2 + 1e-9).all()
 
 
-@pytest.mark.parametrize("n", [1, 3, 50])
-def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle(n):
-    assert systematic(np.zeros(n), np.random.default_rng(0)).tolist() == [0] * n
+def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle():
+    assert systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
 
 
 @pytest.mark.parametrize("n", range(10))
@@ -52,16 +51,6 @@ def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
     for place in range(n):
         assert kernels.largest(np.roll(values, place)) == -1.0
     assert kernels.largest(np.full(n, -math.inf)) == -math.inf
-
-
-@pytest.mark.parametrize("n", [2, 7, 64])
-def test_stratified_resampling_copies_each_particle_within_two_of_n_w(n):
-    # the strata that a particle's interval covers wholly give one copy each, those at its ends may
-    rng = np.random.default_rng(n)
-    for _ in range(200):
-        weights = random_weights(n, rng)
-        copies = counts(stratified(weights, rng))
-        assert (np.abs(copies - n * weights) < 2 + 1e-9).all()
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -114,12 +103,9 @@ def test_multinomial_resampling_has_the_multinomial_variance():
     assert copies.var(axis=0) == pytest.approx(4 * weights * (1 - weights), rel=5 * 0.015)
 
 
-@pytest.mark.parametrize("name", SCHEMES)
-def test_equal_weights_under_systematic_and_stratified_keep_every_particle(name):
-    chosen = SCHEMES[name](np.full(50, 1 / 50), np.random.default_rng(6))
-    if name == "multinomial":  # independent draws: all 50 different has probability 3e-21
-        assert counts(chosen).max() > 1
-    else:
+def test_equal_weights_under_systematic_and_stratified_keep_every_particle():
+    for scheme in (systematic, stratified):
+        chosen = scheme(np.full(50, 1 / 50), np.random.default_rng(6))
         assert chosen.tolist() == list(range(50))
 
 
@@ -137,13 +123,6 @@ def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weigh
         states.append(rng.bit_generator.state)
     assert all(state == states[0] for state in states)
     assert states[0] != np.random.default_rng(7).bit_generator.state
-
-
-def test_systematic_resampling_draws_one_uniform_number():
-    rng, other = np.random.default_rng(8), np.random.default_rng(8)
-    systematic(np.full(30, 1 / 30), rng)
-    other.random()
-    assert rng.bit_generator.state == other.bit_generator.state
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.3, 0.5, 0.9, 1.0])
@@ -174,24 +153,6 @@ def test_log_weights_are_summed_normalised_and_counted():
     assert normalized(log_weights) == pytest.approx([1 / 8, 2 / 8, 5 / 8])
     assert effective_sample_size(normalized(log_weights)) == pytest.approx(64 / 30)
     assert log_sum_exp(np.full(3, -math.inf)) == -math.inf
-
-
-def test_no_threshold_means_always():
-    assert resampling("systematic", None) == Always(systematic)
-    assert resampling("stratified", 0.5) == WhenDegenerate(0.5, stratified)
-
-
-@pytest.mark.parametrize("threshold", [-0.1, 1.1, math.nan, "a", True])
-def test_a_threshold_outside_zero_to_one_is_refused(threshold):
-    with pytest.raises(InputError, match=r"^ess_threshold is .* from 0 to 1\.$"):
-        resampling("systematic", threshold)
-
-
-def test_an_unknown_scheme_is_refused_with_the_names():
-    with pytest.raises(
-        InputError, match=r"'systmatic'.*'systematic'.*multinomial, stratified, sys"
-    ):
-        resampling("systmatic", None)
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 1000])

@@ -1,80 +1,20 @@
-"""The redraw rule is exact: with it the target is γ_t of the new plan, for every number of pilots.
-
-z-tests as in test_ring_exactness, at most 80 per case, |z| > 5 fails: 2e-4 for the three of the
-default run together. "everything" holds each kind of change; one kind at a time: slow.
-"""
+"""When the future is redrawn, and by how many pilots; that it is exact: ``test_ring_exactness``."""
 
 from dataclasses import replace
 
 import pytest
-from ring_world import (
-    FUTURE,
-    PAST,
-    RESAMPLING,
-    Drive,
-    RingMotion,
-    beliefs,
-    ring_filter,
-    worst,
-    z_scores,
-)
-
-DRIVES = {
-    "executed differs": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (1, 2, 1), (2, 1), (1,), ())),
-    "queued step changes": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (2, 2, 1), (2, 1), (1,), ())),
-    "plan grows": Drive((1, 1, 2, 1), ((), (1,), (2, 1), (1,), ())),
-    "plan is cut short": Drive((1, 1, 2, 1), ((1, 1, 2, 1), (), (2, 1), (), ())),
-    # executed differs and the plan grows at 1; a queued step changes and the plan grows at 2;
-    # executed differs and the plan is cut short at 3
-    "everything": Drive((2, 1, 0, 1), ((1,), (1, 0), (2, 1), (), ())),
-}
-REDRAWS = {  # updates at which the future is redrawn
-    "executed differs": 1,
-    "queued step changes": 1,
-    "plan grows": 0,
-    "plan is cut short": 2,
-    "everything": 3,
-}
+from ring_world import AS_PLANNED, CHANGES, Drive, RingMotion, beliefs, deq
 
 
-def deq(pilots: int, strategy: str = "always", beta: float = 1.0):
-    return ring_filter(
-        beta, past=PAST, future=FUTURE, pilots=pilots, resampling=RESAMPLING[strategy]
-    )
-
-
-@pytest.mark.parametrize(
-    ("drive", "pilots", "strategy"),
-    [
-        ("everything", 1, "always"),
-        ("everything", 2, "when degenerate"),
-        ("everything", 16, "always"),
-    ],
-)
-def test_after_a_redraw_the_target_is_gamma_of_the_new_plan(drive, pilots, strategy):
-    ring = deq(pilots, strategy)
-    assert worst(z_scores(ring, DRIVES[drive], 1.0, replicates=2_000)) < 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("strategy", "beta"), [("always", 2.0), ("when degenerate", 1.0)])
-@pytest.mark.parametrize("pilots", [1, 2, 16])
-@pytest.mark.parametrize("drive", DRIVES)
-def test_after_a_redraw_the_target_is_gamma_at_10_000_replicates(drive, pilots, strategy, beta):
-    ring = deq(pilots, strategy, beta)
-    assert worst(z_scores(ring, DRIVES[drive], beta, replicates=10_000)) < 5
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-def test_a_redraw_is_counted_and_nothing_else_is(drive):
-    last = list(beliefs(deq(2), DRIVES[drive], seed=0))[-1]
-    assert last.events.replanned_steps == REDRAWS[drive]
+@pytest.mark.parametrize(("drive", "redraws"), [*zip(CHANGES, (1, 1, 0, 2, 3), strict=True)])
+def test_a_redraw_is_counted_and_nothing_else_is(drive, redraws):
+    last = list(beliefs(deq(1.0, pilots=2), CHANGES[drive], seed=0))[-1]
+    assert last.events.replanned_steps == redraws
     assert last.events.weight_collapses == 0
 
 
 def test_a_plan_that_is_kept_is_never_redrawn_and_draws_nothing_for_it():
-    drive = Drive.as_planned(1, 1, 2, 1)
-    few, many = (list(beliefs(deq(pilots), drive, seed=0))[-1] for pilots in (1, 16))
+    few, many = (list(beliefs(deq(1.0, pilots=m), AS_PLANNED, seed=0))[-1] for m in (1, 16))
     assert few.events.replanned_steps == 0
     assert few.log_weights.tolist() == many.log_weights.tolist()
 
@@ -89,7 +29,7 @@ def test_a_redraw_rolls_out_one_pilot_less_of_the_old_plan_than_of_the_new(pilot
             drawn.append((action[0], states.shape[1]))
             return super().sample(states, action, rng)
 
-    ring = replace(deq(pilots), motion=Counting())
+    ring = replace(deq(1.0, pilots=pilots), motion=Counting())
     drive = Drive((3, 0, 0, 0), ((1, 2, 0, 0), (4, 0, 0), (0, 0), (0,), ()))
     running = beliefs(ring, drive, seed=0)
     next(running)

@@ -1,29 +1,26 @@
 """Deliberately wrong filters are caught by the same tests: the exactness tests can fail."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import pytest
 from ring_world import (
-    FUTURE,
-    PAST,
-    Drive,
-    RingMotion,
-    RingScan,
+    AS_PLANNED,
+    DRIVES,
     RingWalls,
-    rejuvenated_when_resampled,
+    deq,
+    rejuvenated,
     twisted_by_h,
     with_pilots,
     worst,
     z_scores,
 )
-from test_ring_redraw import DRIVES
 
-from localizers.inference.moves import RenewedFuture
+from localizers.inference.moves import RenewedFuture, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.replanning import Redraw
-from localizers.inference.resampling import Always, WhenDegenerate
+from localizers.inference.resampling import WhenDegenerate
 from localizers.inference.rollout import Rollout
 
 REPLICATES = 500  # fewer than where the right ones pass
@@ -70,20 +67,6 @@ class NeverNotices(Redraw):
         return belief
 
 
-def deq(filter_class: type[ParticleFilter] = ParticleFilter, pilots: int = 1) -> ParticleFilter:
-    return filter_class(
-        motion=RingMotion(),
-        scan=RingScan(),
-        feasibility=RingWalls(1.0),
-        resampling=Always(),
-        particles=8,
-        past=PAST,
-        future=FUTURE,
-        pilots=pilots,
-        dtype=np.intp,
-    )
-
-
 def redrawing_by(part: type[Redraw] | type[Rollout]) -> type[ParticleFilter]:
     class Varied(ParticleFilter):
         @cached_property
@@ -93,25 +76,6 @@ def redrawing_by(part: type[Redraw] | type[Rollout]) -> type[ParticleFilter]:
             return Redraw(part(self.motion, self.feasibility), self.pilots)
 
     return Varied
-
-
-def test_recharging_the_future_at_every_step_is_caught():
-    drive = Drive.as_planned(1, 1, 2, 1)
-    assert worst(z_scores(deq(RechargesTheFuture), drive, 1.0, REPLICATES)) > 5
-
-
-@pytest.mark.parametrize(
-    ("part", "pilots", "drive"),
-    [
-        (OldFutureIsFree, 1, "everything"),
-        (NewFutureIsFree, 1, "everything"),
-        (NeverNotices, 1, "executed differs"),
-        (KeepsAnyPilot, 16, "everything"),
-    ],
-)
-def test_a_wrong_redraw_is_caught(part, pilots, drive):
-    ring = deq(redrawing_by(part), pilots)
-    assert worst(z_scores(ring, DRIVES[drive], 1.0, REPLICATES)) > 5
 
 
 class AcceptsEverything(RenewedFuture):
@@ -144,36 +108,39 @@ class CountsPilotsEveryStep(ParticleFilter):
         return belief if belief.log_h is None else belief.reweighted(belief.log_h)
 
 
+class ForgetsH(ParticleFilter):
+    """Resamples by h without taking it out of the weights."""
+
+    def _resampled(self, belief, rng):
+        left = super()._resampled(belief, rng)
+        return left._replace(log_weights=np.zeros_like(left.log_weights))
+
+
+def moving_by(move: type[RenewedFuture]) -> ParticleFilter:
+    ring = deq(1.0)
+    return replace(ring, move=move(ring.rollout))
+
+
 @pytest.mark.parametrize(
-    ("move", "replicates"), [(AcceptsEverything, REPLICATES), (MovesDuplicates, 4_000)]
+    ("ring", "drive", "replicates"),
+    [
+        (deq(1.0, RechargesTheFuture), "as planned", REPLICATES),
+        (deq(1.0, redrawing_by(OldFutureIsFree)), "everything", REPLICATES),
+        (deq(1.0, redrawing_by(NewFutureIsFree)), "everything", REPLICATES),
+        (deq(1.0, redrawing_by(NeverNotices)), "executed differs", REPLICATES),
+        (deq(1.0, redrawing_by(KeepsAnyPilot), pilots=16), "everything", REPLICATES),
+        (moving_by(AcceptsEverything), "as planned", REPLICATES),
+        (moving_by(MovesDuplicates), "as planned", 4_000),
+        (with_pilots(1.0, filter_class=CountsPilotsEveryStep), "as planned", REPLICATES),
+        (twisted_by_h(1.0, filter_class=ForgetsH), "as planned", REPLICATES),
+    ],
 )
-def test_a_wrong_move_is_caught(move, replicates):
-    ring = deq()
-    ring = replace(ring, move=move(ring.rollout))
-    assert worst(z_scores(ring, Drive.as_planned(1, 1, 2, 1), 1.0, replicates)) > 5
-
-
-def test_multiplying_pilots_into_the_filter_at_every_step_is_caught():
-    right = with_pilots(1.0)
-    parts = {field.name: getattr(right, field.name) for field in fields(right)}
-    ring = CountsPilotsEveryStep(**parts)
-    assert worst(z_scores(ring, Drive.as_planned(1, 1, 2, 1), 1.0, REPLICATES)) > 5
-
-
-def test_resampling_by_h_without_taking_it_out_of_the_weights_is_caught():
-    ring = twisted_by_h(1.0)
-
-    class Forgets(type(ring)):
-        def _resampled(self, belief, rng):
-            left = super()._resampled(belief, rng)
-            return left._replace(log_weights=np.zeros_like(left.log_weights))
-
-    parts = {field.name: getattr(ring, field.name) for field in fields(ring)}
-    assert worst(z_scores(Forgets(**parts), Drive.as_planned(1, 1, 2, 1), 1.0, REPLICATES)) > 5
+def test_a_wrong_filter_is_caught(ring, drive, replicates):
+    assert worst(z_scores(ring, DRIVES[drive], replicates)) > 5
 
 
 @pytest.mark.slow
 def test_moving_only_when_resampled_is_not_exact_with_eight_particles():
     # Known and documented (decision 23): the choice to move depends on the future that is moved.
-    ring = rejuvenated_when_resampled(2.0, resampling=WhenDegenerate(0.5))
-    assert worst(z_scores(ring, Drive.as_planned(1, 1, 2, 1), 2.0, 20_000)) > 5
+    ring = rejuvenated(2.0, WhenResampled, resampling=WhenDegenerate(0.5))
+    assert worst(z_scores(ring, AS_PLANNED, 20_000)) > 5

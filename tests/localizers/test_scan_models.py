@@ -12,8 +12,7 @@ from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.beams import beam_model
 
 MAX = 400.0
-EXPECTED = [0.5, 5.0, 120.0, 395.0, 400.0, 420.0, 800.0]
-SIGMAS = [5.0, 100.0]
+MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]
 
 
 def phi(z: float) -> float:
@@ -41,80 +40,38 @@ def integral(model, expected: float) -> float:
     return total
 
 
-@pytest.mark.parametrize("sigma", SIGMAS)
-@pytest.mark.parametrize("expected", EXPECTED)
-def test_the_censored_model_and_its_two_atoms_come_to_one(expected, sigma):
-    model = CensoredGaussianUniform(sigma=sigma)
-    atoms = density(model, [0.0, MAX], expected).sum()
-    assert integral(model, expected) + atoms == pytest.approx(1.0, abs=1e-5)
-
-
-@pytest.mark.parametrize("sigma", SIGMAS)
-@pytest.mark.parametrize("expected", EXPECTED)
-def test_the_beam_model_and_its_atom_at_max_range_come_to_one(expected, sigma):
-    # Table 6.1 gives the atom as a share of its own beside the densities: it is the jump there.
-    model = BeamModel(sigma=sigma)
-    below, at = density(model, [np.nextafter(MAX, 0), MAX], expected)
-    # the uniform part ends where the atom is; the short part ends at ô
-    continuous = below - model.rand / MAX
-    assert at - continuous == pytest.approx(model.max, abs=1e-9)
-    assert integral(model, expected) + model.max == pytest.approx(1.0, abs=1e-5)
-
-
-@pytest.mark.parametrize("sigma", SIGMAS)
-@pytest.mark.parametrize("expected", EXPECTED)
-def test_the_gaussian_uniform_comes_to_one_but_for_the_normals_tails_beyond_the_range(
-    expected, sigma
-):
+@pytest.mark.parametrize("sigma", [5.0, 100.0])
+@pytest.mark.parametrize("expected", [0.5, 5.0, 120.0, 395.0, 400.0, 420.0, 800.0])
+def test_densities_and_atoms_come_to_one(expected, sigma):
+    censored = CensoredGaussianUniform(sigma=sigma)
+    atoms = density(censored, [0.0, MAX], expected).sum()
+    assert integral(censored, expected) + atoms == pytest.approx(1.0, abs=1e-5)
+    # Table 6.1 gives the atom as a share of its own beside the densities: it is the jump there,
+    # where the uniform part ends.
+    beam = BeamModel(sigma=sigma)
+    below, at = density(beam, [np.nextafter(MAX, 0), MAX], expected)
+    assert at - below + beam.rand / MAX == pytest.approx(beam.max, abs=1e-9)
+    assert integral(beam, expected) + beam.max == pytest.approx(1.0, abs=1e-5)
     # As published: the normal is not renormalised, so what lies beyond [0, max_range] is lost.
-    model = GaussianUniform(sigma=sigma)
     kept = phi((MAX - expected) / sigma) - phi(-expected / sigma)
-    assert integral(model, expected) == pytest.approx(0.95 * kept + 0.05, abs=1e-5)
-
-
-@pytest.mark.parametrize("expected", [30.0, 390.0])
-def test_the_censored_model_is_what_a_world_that_clips_its_noise_does(expected):
-    # 200,000 beams into 20 bins and two atoms: 44 shares at 5 standard errors, false alarms 3e-5
-    rng, n, sigma = np.random.default_rng(1), 200_000, 60.0
-    measured = np.clip(expected + sigma * rng.standard_normal(n), 0, MAX)
-    model = CensoredGaussianUniform(sigma=sigma, uniform=0.0)
-    edges = np.linspace(0, MAX, 21)
-    shares = [np.mean(measured == 0), np.mean(measured == MAX)]
-    inside = measured[(measured > 0) & (measured < MAX)]
-    shares += (np.histogram(inside, edges)[0] / n).tolist()
-    exact = density(model, [0.0, MAX], expected).tolist()
-    for a, b in pairwise(edges):
-        middles = a + (np.arange(2000) + 0.5) * (b - a) / 2000
-        exact.append(density(model, middles, expected).mean() * (b - a))
-    error = np.sqrt(np.array(exact) * (1 - np.array(exact)) / n)
-    assert (np.abs(np.array(shares) - exact) <= 5 * error + 1e-7).all()
-
-
-@pytest.mark.parametrize("model", [GaussianUniform, CensoredGaussianUniform, BeamModel])
-@pytest.mark.parametrize("bad", [0, "a"])
-def test_a_sigma_that_is_not_above_zero_is_refused(model, bad):
-    with pytest.raises(InputError, match=r"^scan\.sigma is .* above 0\.$"):
-        model(sigma=bad)
-
-
-@pytest.mark.parametrize("model", [GaussianUniform, CensoredGaussianUniform])
-@pytest.mark.parametrize("bad", [-0.1, 1.1])
-def test_a_uniform_share_outside_zero_to_one_is_refused(model, bad):
-    with pytest.raises(InputError, match=r"^scan\.uniform is .* from 0 to 1\.$"):
-        model(uniform=bad)
+    published = integral(GaussianUniform(sigma=sigma), expected)
+    assert published == pytest.approx(0.95 * kept + 0.05, abs=1e-5)
 
 
 @pytest.mark.parametrize(
-    ("bad", "words"),
+    ("model", "bad", "words"),
     [
-        ({"hit": 0.9}, "must add up to 1"),
-        ({"rand": -0.1}, r"scan\.rand is -0\.1"),
-        ({"decay": 0}, r"scan\.decay is 0"),
+        *[(model, {"sigma": 0}, r"^scan\.sigma is 0.* above 0\.$") for model in MODELS],
+        (GaussianUniform, {"uniform": 1.1}, r"^scan\.uniform is .* from 0 to 1\.$"),
+        (CensoredGaussianUniform, {"uniform": -0.1}, r"^scan\.uniform is .* from 0 to 1\.$"),
+        (BeamModel, {"hit": 0.9}, "must add up to 1"),
+        (BeamModel, {"rand": -0.1}, r"scan\.rand is -0\.1"),
+        (BeamModel, {"decay": 0}, r"scan\.decay is 0"),
     ],
 )
-def test_a_beam_model_whose_shares_or_decay_are_bad_is_refused(bad, words):
+def test_a_bad_parameter_is_refused_with_its_field(model, bad, words):
     with pytest.raises(InputError, match=words):
-        BeamModel(**bad)
+        model(**bad)
 
 
 def exact_density(model, o: float, expected: float) -> float:
@@ -136,7 +93,7 @@ def exact_density(model, o: float, expected: float) -> float:
 
 
 @pytest.mark.parametrize("sigma", [0.5, 5.0, 100.0, 1000.0])
-@pytest.mark.parametrize("model", [GaussianUniform, CensoredGaussianUniform, BeamModel])
+@pytest.mark.parametrize("model", MODELS)
 def test_the_compiled_log_likelihood_is_the_sum_of_the_logs_of_the_formulas(model, sigma):
     rng, beam = np.random.default_rng(1), model(sigma=sigma)
     measured = rng.uniform(0, MAX, 40)  # more than one fold
@@ -174,7 +131,7 @@ def test_beam_models_are_made_by_name():
         beam_model("beam-model", sigm=3.0)
 
 
-@pytest.mark.parametrize("model", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
+@pytest.mark.parametrize("model", [model() for model in MODELS])
 def test_lengths_in_another_unit_are_the_same_model(model):
     measured, expected = np.array([0.0, 90.0, 399.0, 400.0]), np.array([[20, 100, 250, 500]])
     in_px = model.density(measured, expected.astype(float), MAX)
@@ -186,7 +143,7 @@ def test_lengths_in_another_unit_are_the_same_model(model):
         assert in_m[:, :3] * 0.02 == pytest.approx(in_px[:, :3], rel=1e-12)
 
 
-@pytest.mark.parametrize("model", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
+@pytest.mark.parametrize("model", [model() for model in MODELS])
 def test_nan_in_a_scan_or_among_the_exact_ranges_is_no_likelihood(model):
     expected = np.array([[100.0, 50.0], [100.0, np.nan], [np.nan, 50.0]], np.float32)
     told = model.log_likelihood(np.array([90.0, 60.0]), expected, MAX)

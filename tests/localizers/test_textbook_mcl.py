@@ -121,12 +121,3 @@ def test_motion_without_noise_is_the_textbooks():
         assert np.abs(seen[:2].T - exact[:, :2]).max() < 1e-4
         apart = np.angle(np.exp(1j * (seen[2] - exact[:, 2])))
         assert np.abs(apart).max() < 2e-6
-
-
-def test_the_books_sampler_copies_each_particle_about_n_w_times():
-    # The oracle itself: counts are ⌊n w⌋ or ⌈n w⌉.
-    weights = [0.5, 1.0, 2.5, 0.0, 1.0]
-    for seed in range(200):
-        chosen = book.low_variance_sampler(range(5), weights, random.Random(seed))
-        counts = np.bincount(chosen, minlength=5)
-        assert (np.abs(counts - np.array(weights)) < 1).all()

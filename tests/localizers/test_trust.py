@@ -11,7 +11,7 @@ import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference.kernels import log_evidence
 from localizers.inference.trust import FOUND, LOST, MEMORY, Anywhere, Trust
-from localizers.models.free_space import even_poses, random_poses
+from localizers.models.free_space import even_poses
 
 LOCALIZING = [name for name in localizers.names() if name != "dead-reckoning"]
 
@@ -92,13 +92,6 @@ def test_the_evidence_is_that_of_evenly_spaced_particles(n):
         assert seen == pytest.approx(math.log(both.sum() / w.sum()), rel=1e-9)
 
 
-@pytest.mark.parametrize("level", [0.0, -700.0, 1e-3])
-def test_the_evidence_of_equal_weights_is_the_mean_likelihood(level):
-    likelihoods = np.random.default_rng(9).normal(size=100)
-    seen = log_evidence(np.full(100, level), likelihoods, 256)
-    assert seen == pytest.approx(math.log(np.exp(likelihoods).mean()), rel=1e-9)
-
-
 def test_the_short_cut_of_equal_weights_changes_no_bit():
     likelihoods = np.random.default_rng(9).normal(size=101)
     likelihoods[-1] = -math.inf
@@ -113,13 +106,9 @@ def test_even_poses_cover_free_space_and_turns_evenly(room):
     poses = even_poses(room, 4000)
     assert room.free(poses.T).all()
     assert np.array_equal(poses, even_poses(room, 4000))
-    drawn = random_poses(room, 4000, np.random.default_rng(0))
-    assert room.free(drawn.T).all()
-    for sample in (poses, drawn):
-        # share of a quarter of the area or of the turns: sd √(¼ ¾ / 4000) = 0.0068; 5 sd
-        assert (sample[2] < -np.pi / 2).mean() == pytest.approx(0.25, abs=0.034)
-        quarter = (sample[0] < 175) & (sample[1] < 150)
-        assert quarter.mean() == pytest.approx(0.25, abs=0.034)
+    # shares of a quarter of the turns and of the area: more even than those of random poses (0.034)
+    assert (poses[2] < -np.pi / 2).mean() == pytest.approx(0.25, abs=0.01)
+    assert ((poses[0] < 175) & (poses[1] < 150)).mean() == pytest.approx(0.25, abs=0.01)
 
 
 def kidnapped(name: str) -> list[float]:

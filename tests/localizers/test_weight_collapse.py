@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from following import follow
+from following import follow, updated
 
 import localizers
 from deqmcl_gym.maps import Lidar
@@ -51,24 +51,22 @@ def cloud(log_weights: list[float]) -> ParticleBelief:
     return ParticleBelief(Queue((np.zeros((3, n)),)), np.array(log_weights), np.empty((0, 2)))
 
 
-def test_a_factor_that_leaves_no_weight_is_dropped_and_counted():
-    before = cloud([-1.0, -2.0, -INF])
-    after = before.reweighted(np.full(3, -INF))
-    assert after.log_weights.tolist() == before.log_weights.tolist()
-    assert after.events.weight_collapses == 1
-    assert after.log_evidence == before.log_evidence
-
-
-def test_a_factor_that_denies_only_the_particles_still_alive_is_a_collapse_too():
-    after = cloud([0.0, -INF]).reweighted(np.array([-INF, 0.0]))
-    assert after.weights.tolist() == [1.0, 0.0]
-    assert after.events.weight_collapses == 1
-
-
-def test_one_particle_that_can_explain_the_evidence_is_enough():
-    after = cloud([-5.0, 0.0]).reweighted(np.array([-700.0, -INF]))
-    assert after.weights.tolist() == [1.0, 0.0]
-    assert after.events.weight_collapses == 0
+@pytest.mark.parametrize(
+    ("held", "factor", "kept", "collapses"),
+    [
+        ([0.0, 0.0, -INF], [-INF, -INF, -INF], [0.5, 0.5, 0.0], 1),
+        ([0.0, -INF], [-INF, 0.0], [1.0, 0.0], 1),  # only those still alive are denied
+        ([-5.0, 0.0], [-700.0, -INF], [1.0, 0.0], 0),  # one that can explain it is enough
+    ],
+)
+def test_a_factor_that_leaves_no_weight_is_dropped_and_counted(held, factor, kept, collapses):
+    before = cloud(held)
+    after = before.reweighted(np.array(factor))
+    assert after.weights.tolist() == kept
+    assert after.events.weight_collapses == collapses
+    if collapses:
+        assert after.log_weights.tolist() == held
+        assert after.log_evidence == before.log_evidence
 
 
 def test_evidence_however_unlikely_keeps_its_ratios_in_log_space():
@@ -82,14 +80,10 @@ def test_evidence_however_unlikely_keeps_its_ratios_in_log_space():
 def test_with_infinite_beta_and_all_colliding_the_weights_are_those_of_the_scan_alone(
     steady, start, name, ess_threshold
 ):
-    def run(beta: float):
-        localizer = localizers.make(
-            name, steady, particles=50, beta=beta, ess_threshold=ess_threshold
-        )
-        localizer.reset(start, [], np.random.default_rng(0))
-        return localizer.update([40.0], [-80.0, 0.0], [])
-
-    collapsed, uncharged = run(INF), run(0.0)
+    params = {"particles": 50, "ess_threshold": ess_threshold}
+    collapsed, uncharged = (
+        updated(name, steady, start, [40.0], [-80.0, 0.0], beta=beta, **params) for beta in (INF, 0)
+    )
     assert uncharged.events.weight_collapses == 0
     assert collapsed.events.weight_collapses == 1
     assert np.array_equal(collapsed.points()[1], uncharged.points()[1])
@@ -128,14 +122,9 @@ def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
     steady, start, planned, beta, pilots, ess_threshold
 ):
     # The queued future collides for all particles or many; then another plan is driven.
+    params = {"particles": 50, "lag": 3, "beta": beta}
     localizer = localizers.make(
-        "deq-mcl",
-        steady,
-        particles=50,
-        lag=3,
-        beta=beta,
-        pilots=pilots,
-        ess_threshold=ess_threshold,
+        "deq-mcl", steady, pilots=pilots, ess_threshold=ess_threshold, **params
     )
     plans = [planned, *(AHEAD[t:] for t in range(1, 7))]
     beliefs = follow(localizer, start, (AHEAD, SCANS), plans=plans)
@@ -145,14 +134,24 @@ def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
     assert beliefs[-1].events.replanned_steps == 1
 
 
-@pytest.mark.parametrize("pilots", [1, 16])
-@pytest.mark.parametrize("ess_threshold", [None, 0.0])
-def test_a_new_plan_into_the_wall_leaves_sound_weights(steady, start, pilots, ess_threshold):
-    localizer = localizers.make(
-        "deq-mcl", steady, particles=50, lag=3, beta=INF, pilots=pilots, ess_threshold=ess_threshold
-    )
+@pytest.mark.parametrize(
+    ("name", "params"),
+    [
+        ("deq-mcl", {"pilots": 1}),
+        ("deq-mcl", {"pilots": 16}),
+        ("deq-mcl-rejuvenated", {}),
+        ("mcl-h", {}),
+        ("mcl-h", {"form": "twisted"}),
+        ("mcl-pilots", {}),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("ess_threshold", [None, 0.0, 0.5])
+def test_a_new_plan_into_the_wall_leaves_sound_weights(steady, start, name, params, ess_threshold):
+    params = {"particles": 50, "lag": 3, "beta": INF, "ess_threshold": ess_threshold, **params}
+    localizer = localizers.make(name, steady, **params)
     plans = [AHEAD, AHEAD[1:], *(INTO_THE_WALL[t:] for t in range(2, 7))]
     beliefs = follow(localizer, start, (AHEAD, SCANS), plans=plans)
     for belief in beliefs:
         assert_sound(belief)
-    assert beliefs[2].events.weight_collapses >= 1
+    assert beliefs[2].events.weight_collapses >= name.startswith("deq-mcl")

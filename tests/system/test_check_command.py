@@ -9,7 +9,7 @@ from deqmcl_command import exit_code, files
 
 from localizers.checks import LAWS
 
-BROKEN = Path(__file__).parents[1] / "localizers" / "broken"
+BROKEN = Path(__file__).parents[1] / "localizers" / "broken.py"
 
 
 def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_0(capsys):
@@ -25,7 +25,7 @@ def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_
 
 
 def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3(capsys):
-    assert exit_code("check", f"{BROKEN / 'finite.py'}:Broken") == 3
+    assert exit_code("check", f"{BROKEN}:Finite") == 3
     printed = capsys.readouterr()
     lines = printed.out.splitlines()
     assert [line[9:].partition(":")[0] for line in lines] == [law.name for law in LAWS]

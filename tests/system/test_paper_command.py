@@ -18,6 +18,8 @@ from benchmarks.sweeps.suites import SUITES, paper_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials import attempt
 from benchmarks.trials.spec import unworded
+from deqmcl_gym.validation import integer
+from localizers.naming import registry
 
 SMALL_SWEEP = paper_sweep(trials=2, particles=100)
 FIGURES = (
@@ -210,3 +212,38 @@ def test_another_seed_gives_other_worlds(one_worker, tmp_path):
     theirs = {row["error"] for row in rows_of(one_worker, "trials.csv")}
     assert len(ours) == 6
     assert not ours & theirs
+
+
+def broken(robot):
+    raise ArithmeticError("broken\nfrom the start")
+
+
+def test_a_failing_localizer_fails_the_run_in_one_line_and_the_others_trials_are_kept(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    few = ("--trials", "2", "--localizers", "broken,dead-reckoning", "--jobs", "1")
+    assert exit_code("paper", *few, "--out", tmp_path) == 3
+    printed = capsys.readouterr()
+    assert printed.out.startswith("The paper's experiment: 2 of 4 trials finished, 2 failed.\n")
+    assert printed.err == (
+        "deqmcl: 2 of 4 trials failed, the rest is kept; first: broken, trial 0: ArithmeticError: "
+        "broken from the start (--debug shows where)\n"
+    )
+    assert len([name for name in files(tmp_path) if name.startswith("trials/")]) == 2
+    assert not (tmp_path / "table.md").exists()  # no Table 1 of half an experiment
+
+
+def test_a_localizer_that_refuses_its_parameters_is_bad_input_and_nothing_is_written(
+    tmp_path, monkeypatch, capsys
+):
+    def picky(robot, *, particles):
+        integer("particles", particles, low=50)
+
+    monkeypatch.setitem(registry._FACTORIES, "picky", picky)
+    few = ("--trials", "2", "--localizers", "dead-reckoning,picky", "--jobs", "1")
+    assert exit_code("paper", *few, "--particles", 49, "--out", tmp_path / "out") == 2
+    assert capsys.readouterr().err == (
+        "deqmcl: particles is 49, but must be a whole number of 50 or more.\n"
+    )
+    assert list(tmp_path.iterdir()) == []
