@@ -1,17 +1,13 @@
 """``deqmcl phase``: place fields over the theta phase."""
 
-import csv
-
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
+from sweep_command import broken, lines
+
+from localizers.naming import registry
 
 FEW = ("--particles", "20", "--lag", "5", "--seed", "3")
 WRITTEN = {"cycles.csv", "fields.csv", "phase.md", "phase.png"}
-
-
-def rows(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +28,7 @@ def test_it_leaves_a_figure_its_data_and_a_page_and_nothing_else(drawn):
 
 
 def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
-    lines = rows(drawn[1] / "cycles.csv")
+    rows = lines(drawn[1], "cycles.csv")
     offsets = {"perfect queue": range(-5, 6), "mcl": range(1), "mcl-smoother": range(-5, 1)}
     offsets |= dict.fromkeys(("deq-mcl", "deq-mcl-rejuvenated"), range(-5, 6))
     expected = [
@@ -43,8 +39,8 @@ def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
         if 0 <= t + k <= 204
     ]
     named = ("step", "offset", "state")
-    assert [(line["method"], *(int(line[n]) for n in named)) for line in lines] == expected
-    for line in lines:
+    assert [(line["method"], *(int(line[n]) for n in named)) for line in rows] == expected
+    for line in rows:
         mass = [float(line[f"field_{i}"]) for i in range(1, 13)]
         assert min(mass) >= 0
         assert sum(mass) <= 1 + 12 * 5e-5  # four digits of each
@@ -55,11 +51,11 @@ def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
 def test_fields_methods_scenario_and_lag_are_those_asked_for(tmp_path):
     arguments = ("--localizers", "dead-reckoning", "--scenario", "sharp", "--lag", "30")
     assert exit_code("phase", *arguments, "--fields", "7", "--out", tmp_path) == 0
-    assert [line["field"] for line in rows(tmp_path / "fields.csv")] == [*map(str, range(1, 8))]
-    lines = rows(tmp_path / "cycles.csv")
-    assert [name for name in lines[0] if "field" in name] == [f"field_{i}" for i in range(1, 8)]
-    assert {line["method"] for line in lines} == {"perfect queue", "dead-reckoning"}
-    assert {int(line["offset"]) for line in lines} == {*range(-30, 31)}
+    assert [line["field"] for line in lines(tmp_path, "fields.csv")] == [*map(str, range(1, 8))]
+    rows = lines(tmp_path, "cycles.csv")
+    assert [name for name in rows[0] if "field" in name] == [f"field_{i}" for i in range(1, 8)]
+    assert {line["method"] for line in rows} == {"perfect queue", "dead-reckoning"}
+    assert {int(line["offset"]) for line in rows} == {*range(-30, 31)}
     assert "scenario sharp, N = 1000, L = 30, seed 0" in (tmp_path / "phase.md").read_text()
 
 
@@ -75,16 +71,8 @@ def test_a_queue_of_the_present_alone_is_drawn_too(tmp_path):
     assert set(files(tmp_path)) == WRITTEN
 
 
-def test_a_lap_that_fails_leaves_nothing_written(tmp_path, capsys):
-    plug_in = tmp_path / "lost.py"
-    plug_in.write_text(
-        "from localizers import PoseBelief\n"
-        "class Lost:\n"
-        "    def __init__(self, robot): pass\n"
-        "    def reset(self, prior, plan, rng): return PoseBelief(prior.mean)\n"
-        "    def update(self, ranges, action, plan): raise ValueError('no idea')\n"
-    )
-    out = tmp_path / "out"
-    assert exit_code("phase", "--localizers", f"mcl,{plug_in}:Lost", *FEW, "--out", out) == 3
-    assert capsys.readouterr().err == "deqmcl: ValueError: no idea (--debug shows where)\n"
-    assert files(out) == {}
+def test_a_lap_that_fails_leaves_nothing_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    assert exit_code("phase", "--localizers", "mcl,broken", *FEW, "--out", tmp_path) == 3
+    assert capsys.readouterr().err == "deqmcl: ArithmeticError: broken (--debug shows where)\n"
+    assert files(tmp_path) == {}

@@ -46,10 +46,12 @@ def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     assert all(name in done.stdout for name in files(out))
 
 
-def test_the_trajectories_are_tum_files_of_the_true_and_estimated_poses(tmp_path):
+def test_curve_and_trajectories_hold_the_true_and_estimated_poses_of_every_offset(tmp_path):
     arguments = ("--localizer", "deq-mcl", *FEW, "--lag", "30")
     assert exit_code("run", *arguments, "--out", tmp_path) == 0
     lines = curve(tmp_path)
+    states = {offset: [int(row["state"]) for row in rows] for offset, rows in lines.items()}
+    assert states == {0: [*range(205)], -30: [*range(175)], 30: [*range(30, 205)]}
     for name, offset in (("t", 0), ("t-30", -30), ("t+30", 30)):
         rows = np.loadtxt(tmp_path / f"trajectory_{name}.tum")
         assert rows[:, 0].tolist() == [row["state"] for row in lines[offset]]
@@ -80,11 +82,6 @@ def test_the_animation_has_a_frame_for_every_second_step(lap):
     assert all(side % 2 == 0 for side in animation.frames[0].shape[:2])
 
 
-def test_the_curve_is_a_picture(lap):
-    height, width, _ = cv2.imread(str(lap[1] / "error.png")).shape
-    assert width > height > 200
-
-
 def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     done, out = lap
     (trial,) = paper_suite(
@@ -97,18 +94,6 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     (said,) = re.findall(r"x\[t\]: error +([\d.]+), position RMSE", done.stdout)
     assert float(said) == pytest.approx(row["error"], abs=0.005)  # two decimals
     assert done.stdout.startswith("MCL, scenario paper, seed 3: 204 steps\n")
-
-
-def test_the_curve_holds_the_true_states_and_the_errors_of_every_offset_held(tmp_path):
-    arguments = ("--localizer", "dead-reckoning", "--lag", "30", "--scenario", "matched")
-    assert exit_code("run", *arguments, "--out", tmp_path) == 0
-    lines = curve(tmp_path)
-    states = {offset: [int(row["state"]) for row in rows] for offset, rows in lines.items()}
-    assert states == {0: [*range(205)], -30: [*range(175)], 30: [*range(30, 205)]}
-    for row in lines[0]:  # one point: its error in (x, y) is at most the whole error
-        apart = math.hypot(row["x"] - row["true_x"], row["y"] - row["true_y"])
-        assert apart <= row["error"] * (1 + 1e-12)  # rounding
-        assert row["error"] <= math.hypot(apart, 2)  # directions are at most 2 apart
 
 
 def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):

@@ -1,18 +1,15 @@
 """``deqmcl sweep``: what it writes and says, the same numbers however it is run."""
 
 import json
-import os
-import re
 import shutil
 from dataclasses import replace
 
 import pytest
-from deqmcl_command import DEQMCL, files, process
+from deqmcl_command import files
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 from benchmarks.report import writing
 from benchmarks.sweeps import manifest, sweepfile
-from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.suites import SUITES
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials.spec import unworded
@@ -25,20 +22,6 @@ def test_a_sweep_writes_tables_manifest_and_one_file_per_trial_and_no_lock_stays
     assert len(trial_files(finished)) == 4
     assert len(lines(finished)) == 2 * 1 + 2 * 3  # mcl holds x[t], dead reckoning x[t±4] too
     assert all(line["steps_done"] == line["scans_used"] == "204" for line in lines(finished))
-
-
-def test_the_manifest_says_what_was_run_by_what_code_where_and_how(file, finished):
-    manifest = json.loads((finished / "manifest.json").read_text())
-    assert manifest["command"] == [
-        *("deqmcl", "sweep", str(file), "--out", str(finished), "--jobs", "1"),
-    ]
-    identity = manifest["identity"]
-    assert identity["sweep"]["trials"] == 2
-    assert identity["sweep"]["localizers"][0] == {"name": "mcl", "params": {}}
-    assert re.fullmatch("[0-9a-f]{64}", identity["code"])
-    assert set(identity["libraries"]) == {"numpy", "numba", "pymunk", "gymnasium"}
-    assert manifest["cpu"]
-    assert manifest["environment"]["python"]
 
 
 @pytest.mark.parametrize("how", [("--jobs", "2"), ("--jobs", "1", "--timeout", "600")])
@@ -56,9 +39,12 @@ def test_the_numbers_depend_neither_on_processes_nor_on_how_many(
 
 
 def test_jobs_timeout_and_executor_are_no_part_of_what_a_sweep_is(file, copy, ran):
+    before = files(copy)
     how = ("--jobs", "2", "--timeout", "600", "--executor", "in_threads:executor")
     assert sweep(file, copy, *how) == 0
     assert ran == []
+    after = files(copy)
+    assert {name for name in after if after[name] != before.get(name)} == {"written.json"}
 
 
 def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
@@ -78,47 +64,11 @@ def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
     assert not list(out.glob(".lock*"))
 
 
-def test_a_localizer_added_stands_in_the_tables_beside_the_others(file, tmp_path):
-    out = tmp_path / "out"
-    assert sweep(file, out, "--with", "mcl-map,mcl", "--with", "deq-mcl") == 0
-    assert list(dict.fromkeys(line["method"] for line in lines(out))) == [
-        *("mcl", "dead-reckoning", "mcl-map", "deq-mcl"),
-    ]
-
-
 @pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed", "guided", "study-plan"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = SUITES[name]
     text = json.dumps(manifest.identity(sweep)["sweep"], allow_nan=False)
     assert sweep_of(unworded(json.loads(text)), title="") == sweep
-
-
-def test_a_trial_is_stored_with_the_quality_at_every_step_if_its_localizer_gives_one(finished):
-    for found in results_in(finished).records:
-        if found["trial"]["localizer"] == "dead-reckoning":
-            assert found["quality"] is None
-        else:
-            assert len(found["quality"]) == found["steps_done"]
-            assert all(0 <= q <= 1 for q in found["quality"])
-
-
-@pytest.mark.slow  # its kernels are compiled anew
-def test_a_sweep_without_home_display_or_our_locale_gives_the_same_numbers(
-    file, finished, tmp_path
-):
-    gone = ("HOME", "DISPLAY", "XDG_CACHE_HOME", "XDG_RUNTIME_DIR")
-    bare = {name: value for name, value in os.environ.items() if name not in gone}
-    bare |= {
-        "HOME": "/proc/no-such-home",
-        "LC_ALL": "de_DE.UTF-8",
-        "LC_NUMERIC": "de_DE.UTF-8",
-        "TZ": "Pacific/Chatham",
-        "NUMBA_CACHE_DIR": "/proc/nowhere",
-        "OMP_NUM_THREADS": "3",
-    }
-    done = process(DEQMCL, "sweep", file, "--out", tmp_path / "out", "--jobs", "1", env=bare)
-    assert done.returncode == 0, done.stderr
-    assert tables(tmp_path / "out") == tables(finished)
 
 
 def test_a_family_writes_each_of_its_suites_into_a_folder_of_its_name(
@@ -139,11 +89,7 @@ def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, 
     file = write_small(tmp_path, trials=1, more="\n[[vary]]\nparams.particles = [5, 6, 5]\n")
     assert sweep(file, tmp_path / "out") == 0
     assert "3 combinations equal others and were run once." in capsys.readouterr().out
-    assert [(t.localizer, dict(t.params)) for t in ran] == [
-        ("mcl", {"particles": 5}),
-        ("dead-reckoning", {}),
-        ("mcl", {"particles": 6}),
-    ]
+    assert len(ran) == 3
 
 
 def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_command(
