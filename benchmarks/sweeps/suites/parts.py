@@ -31,11 +31,5 @@ def wrapper(kind: str, **arguments: Any) -> Params:
 def home_again() -> tuple[tuple[float, float], ...]:
     """Actions from step 100 of the paper room's lap: turn round and drive back to the start."""
     drive, left, right = (5.0, 0.0), (0.0, math.pi / 12), (0.0, -math.pi / 12)
-    return (
-        *(left,) * 12,
-        *(drive,) * 23,
-        *(right,) * 6,
-        *(drive,) * 40,
-        *(right,) * 6,
-        *(drive,) * 25,
-    )
+    legs = ((left, 12), (drive, 23), (right, 6), (drive, 40), (right, 6), (drive, 25))
+    return tuple(action for action, steps in legs for _ in range(steps))
