@@ -81,24 +81,18 @@ class Where:
             with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
                 yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
         elif self.executor == "process":
-            workers = self._here(trials)
-            with self._processes(workers) as executor:
+            workers = max(1, min(self.jobs or available_cpus(), trials))
+            if workers == 1 and self.timeout is None:
+                yield Engine(executor=ThisProcess(), slots=1)
+                return
+            with Processes(workers, timeout=self.timeout) as executor:
                 # one trial waits beside the workers, so that none waits until a result is stored
-                spare = isinstance(executor, Processes)
-                yield Engine(executor=executor, slots=workers + spare)
+                yield Engine(executor=executor, slots=workers + 1)
         else:
             with _made_by(self.executor) as executor:
                 yield Engine(
                     executor=executor, slots=self.jobs or available_cpus(), timeout=self.timeout
                 )
-
-    def _here(self, trials: int) -> int:
-        return max(1, min(self.jobs or available_cpus(), trials))
-
-    def _processes(self, workers: int) -> Executor:
-        if workers == 1 and self.timeout is None:
-            return ThisProcess()
-        return Processes(workers, timeout=self.timeout)
 
 
 class ThisProcess(Executor):

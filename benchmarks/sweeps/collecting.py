@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,20 +23,33 @@ def collected(
     title: str, trials: Mapping[str, Trial], store: Store, command: Sequence[str]
 ) -> Results:
     """Return what the store has of these trials (by key)."""
+    planned = {key: trial.canonical() for key, trial in trials.items()}
+    return _found(planned, store.get, store.failure, title, command, environment())
+
+
+def _found(
+    planned: Mapping[str, dict[str, Any]],
+    record: Callable[[str], dict[str, Any] | None],
+    failure: Callable[[str], dict[str, Any] | None],
+    title: str,
+    command: Sequence[str],
+    environment: dict[str, Any],
+) -> Results:
+    """Return what is found of the trials that were planned, in their order."""
     records, failures = [], []
-    for key, trial in trials.items():
-        if (record := store.get(key)) is not None:
-            records.append(record)
-        elif (failed := store.failure(key)) is not None:
-            failures.append(Failure(trial=trial.canonical(), reason=failed["reason"]))
+    for name, trial in planned.items():
+        if (finished := record(name)) is not None:
+            records.append(finished)
+        elif (failed := failure(name)) is not None:
+            failures.append(Failure(trial=trial, reason=failed["reason"]))
     return Results(
         title=title,
         records=records,
         failures=failures,
-        missing=len(trials) - len(records) - len(failures),
-        planned=len(trials),
+        missing=len(planned) - len(records) - len(failures),
+        planned=len(planned),
         command=list(command),
-        environment=environment(),
+        environment=environment,
     )
 
 
@@ -75,22 +88,8 @@ def results_in(folder: Path) -> Results:
             f"none of the {len(store.rejected)} trials in {folder} can be read ({name} {why}): "
             "run them anew, into a new --out."
         )
-    planned = [trial.canonical() for trial in sweep.distinct()]
-    records = [finished[name] for trial in planned if (name := _name(trial)) in finished]
-    failures = [
-        Failure(trial=trial, reason=failed[name]["reason"])
-        for trial in planned
-        if (name := _name(trial)) in failed and name not in finished
-    ]
-    results = Results(
-        title=sweep.title,
-        records=records,
-        failures=failures,
-        missing=len(planned) - len(records) - len(failures),
-        planned=len(planned),
-        command=command,
-        environment=environment,
-    )
+    planned = {_name(own): own for own in (trial.canonical() for trial in sweep.distinct())}
+    results = _found(planned, finished.get, failed.get, sweep.title, command, environment)
     return of_sweep(sweep, results)
 
 

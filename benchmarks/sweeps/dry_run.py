@@ -1,7 +1,6 @@
 """What a sweep would run, and about how long that takes."""
 
 import time
-from collections import Counter
 from collections.abc import Sequence
 
 from tabulate import tabulate
@@ -58,14 +57,8 @@ def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool
     attempt(cells[0][0], key_of(cells[0][0]))  # compile first
     known: dict[int, float | None] = {}
     rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
-    # first one cell of each form, then the others
-    seen: Counter[tuple[str, Params]] = Counter()
-    turn = []
-    for cell in cells:
-        turn.append(seen[_form(cell[0])])
-        seen[_form(cell[0])] += 1
-    order = sorted(range(len(cells)), key=turn.__getitem__)
-    for index in order:
+    first = {_form(cell[0]): index for index, cell in reversed([*enumerate(cells)])}
+    for index in sorted(range(len(cells)), key=lambda i: i not in first.values()):
         trial = cells[index][0]
         if time.perf_counter() - began > BUDGET and _form(trial) in rates:
             continue

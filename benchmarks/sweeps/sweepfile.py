@@ -9,7 +9,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.trials.plugins import takes
-from benchmarks.trials.spec import Params, frozen
+from benchmarks.trials.spec import Params, frozen, tuples
 from deqmcl_gym.validation import InputError, one_of
 
 _KEYS = (
@@ -122,7 +122,7 @@ def _axis(table: Any) -> Axis:
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
         axis[name] = tuple(
-            _wrappers(name, point) if name == "disturbance" else _tuples(point) for point in points
+            _wrappers(name, point) if name == "disturbance" else tuples(point) for point in points
         )
     return Axis(values=axis)
 
@@ -145,7 +145,3 @@ def _list(what: str, value: Any) -> Sequence[Any]:
         hint = ": write [[vary]]" if what == "vary" else ""
         raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
     return value
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

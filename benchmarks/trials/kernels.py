@@ -76,7 +76,7 @@ def calibration(
     floor: Floats,
     out: Floats,
 ) -> None:
-    """Fill in energy score, rank of the truth and NEES; see ``clouds.measured``, (k, 3).
+    """Fill in energy score, rank of the truth and NEES; see ``clouds.calibration``, (k, 3).
 
     Args:
         poses, weights, ends: as ``moments``.

@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.trials.clouds import Clouds, Task
-from deqmcl_gym.maps.units import pixel
+from benchmarks.trials.clouds import Clouds, Task, covariance_floor
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
@@ -108,8 +107,7 @@ def entropy(variances: Floats, unit: str) -> Floats:
     The entropy of a Gaussian with these variances and no correlation, f = (0.1 px)² and 10⁻⁶. The
     paper gives no formula.
     """
-    position = 1e-2 * pixel(unit) ** 2
-    floored = np.maximum(variances, [position, position, 1e-6, 1e-6])  # NaN stays NaN
+    floored = np.maximum(variances, covariance_floor(unit)[[0, 1, 2, 2]])  # NaN stays NaN
     total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
     return total
 

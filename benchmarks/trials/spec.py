@@ -92,7 +92,7 @@ class Trial:
 
 def frozen(values: Mapping[str, Any]) -> Params:
     """Return a mapping as pairs sorted by name, its lists as tuples."""
-    return tuple(sorted((name, _tuples(value)) for name, value in values.items()))
+    return tuple(sorted((name, tuples(value)) for name, value in values.items()))
 
 
 def thawed(params: Params) -> dict[str, Any]:
@@ -109,8 +109,9 @@ def unworded(value: Any) -> Any:
     return float(value) if value in ("inf", "-inf") else value
 
 
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list | tuple) else value
+def tuples(value: Any) -> Any:
+    """Return a value with its lists as tuples."""
+    return tuple(tuples(item) for item in value) if isinstance(value, list | tuple) else value
 
 
 def _jsonable(value: Any) -> Any:

@@ -22,18 +22,8 @@ def estimate(x, y, heading, length=1.0):
 def test_the_state_error_is_the_norm_over_x_y_cosine_and_sine_of_each_state():
     # (3, 4) px off, and (1, 0) where the heading π/2 has (0, 1): 9 + 16 + 1 + 1 = 27
     means = np.array([[13.0, 24, 1, 0], [0, 0, 0, 0]])
-    truth = np.array([[10, 20, PI / 2], [0, 0, 0]])
+    truth = np.array([[10, 20, PI / 2 - 2 * PI], [0, 0, 0]])
     assert metrics.state_error(means, truth) == pytest.approx([math.sqrt(27), 1], rel=1e-12)
-
-
-def test_the_state_error_of_the_truth_itself_is_zero_whatever_full_turns_it_holds():
-    truth = np.array([[10.0, 20.0, 3.0 - 2 * PI]])
-    assert metrics.state_error(estimate(10, 20, 3.0), truth) == pytest.approx([0.0], abs=1e-14)
-
-
-def test_the_position_error_is_the_distance_and_knows_no_heading():
-    truth = np.array([[10.0, 20.0, 2.0]])
-    assert metrics.position_error(estimate(13, 24, -1.0), truth).tolist() == [5.0]
 
 
 @pytest.mark.parametrize(
@@ -57,14 +47,8 @@ def test_the_heading_error_is_the_shorter_way_round_however_short_the_mean_is(
     assert error == pytest.approx([apart], abs=1e-12)  # a few roundings of numbers below 20
 
 
-# ½ log(2πe v) of v = 100, 4, 0.25, 0.01, by hand: 4 · ½ log(2πe) + ½ log 1
+# 4 · ½ log(2πe), by hand
 FOUR = 5.6757541328
-
-
-def test_entropy_is_that_of_four_independent_gaussians():
-    assert metrics.entropy(np.array([[100, 4, 0.25, 0.01]]), "px") == pytest.approx(
-        [FOUR], abs=1e-9
-    )
 
 
 def test_entropy_does_not_fall_below_that_of_the_floors():
@@ -86,10 +70,6 @@ def test_entropy_grows_by_a_half_log_2_where_a_variance_above_its_floor_doubles(
     variances[:, component] = floor, 2 * floor
     low, high = metrics.entropy(variances, "px")
     assert high - low == pytest.approx(0.5 * math.log(2), abs=1e-12)
-
-
-def test_entropy_of_an_unknown_variance_is_unknown():
-    assert np.isnan(metrics.entropy(np.array([[1.0, 1.0, np.nan, 1.0]]), "px")).all()
 
 
 def test_rms_and_mean_are_by_hand_and_those_of_nothing_are_unknown():

@@ -7,36 +7,28 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.files import writable_folder, write_bytes, write_text
+from benchmarks.files import writable_folder, write_text
 from deqmcl_gym.validation import InputError
 
 
 @pytest.mark.parametrize("broken", ["fsync", "replace"])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
-    tmp_path, monkeypatch, broken
+    tmp_path, monkeypatch, broken, error
 ):
     target = tmp_path / "table.csv"
     write_text(target, "old\n")
 
     def fail(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise error
 
     monkeypatch.setattr(os, broken, fail)
-    with pytest.raises(OSError, match="No space left") as caught:
+    with pytest.raises(type(error)) as caught:
         write_text(target, "new\n")
-    assert caught.value.filename == str(target)  # which file, for the reader of the message
+    # which file, for the reader of the message
+    assert isinstance(error, KeyboardInterrupt) or caught.value.filename == str(target)
     assert sorted(os.listdir(tmp_path)) == ["table.csv"]
     assert target.read_text() == "old\n"
-
-
-def test_an_interrupted_write_leaves_no_temporary_file(tmp_path, monkeypatch):
-    def interrupt(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "fsync", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        write_bytes(tmp_path / "lap.webp", b"x")
-    assert sorted(os.listdir(tmp_path)) == []
 
 
 def test_a_write_becomes_visible_only_when_it_is_whole(tmp_path, monkeypatch):
@@ -52,13 +44,6 @@ def test_a_write_becomes_visible_only_when_it_is_whole(tmp_path, monkeypatch):
     write_text(target, "new\n")
     assert seen == [("old\n", "new\n", tmp_path)]
     assert target.read_text() == "new\n"
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write to a read-only folder")
-def test_a_read_only_folder_is_refused(tmp_path):
-    tmp_path.chmod(0o555)
-    with pytest.raises(InputError, match=r"cannot be written to \(Permission denied\)"):
-        writable_folder(tmp_path)
 
 
 @pytest.mark.parametrize("kind", [errno.EACCES, errno.EROFS, errno.ENOSPC])

@@ -82,11 +82,13 @@ def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed()
         assert pool.submit(calls.add, 1, 1).result() == 2
 
 
-def test_one_call_waits_beside_the_workers_so_that_none_waits_for_the_store():
-    with Where(jobs=2).engine(10) as engine:
-        assert engine.slots == 3
-    with Where(jobs=1).engine(10) as engine:  # in this process nothing can wait
-        assert engine.slots == 1
+@pytest.mark.parametrize(
+    ("jobs", "trials", "slots"),
+    [(2, 10, 3), (64, 2, 3), (1, 10, 1)],  # no more workers than trials; here nothing can wait
+)
+def test_one_call_waits_beside_the_workers_so_that_none_waits_for_the_store(jobs, trials, slots):
+    with Where(jobs=jobs).engine(trials) as engine:
+        assert engine.slots == slots
 
 
 def test_leaving_kills_what_runs_and_begins_nothing_more():

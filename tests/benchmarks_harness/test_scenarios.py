@@ -1,6 +1,8 @@
 """Scenarios: ours and users', what a trial changes of them, and how they are refused."""
 
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -36,14 +38,19 @@ def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_al
     assert np.array_equal(ours, theirs)  # another sensor, the same motion
 
 
-def test_an_assumption_reaches_the_filters_and_no_other_is_changed():
+def test_an_assumption_reaches_the_filters_and_no_other_and_the_world_is_not_changed():
     sharp = scenario("sharp")
     assumed = {"scan.sigma": 7.0, "motion.drive": 0.3, "prior.sd_heading": 0.5}
     changed = sharp.changed(assumed=assumed)
     assert changed.scan == replace(sharp.scan, sigma=7.0)
     assert changed.motion == replace(sharp.motion, drive=0.3)
     assert changed.prior == replace(sharp.prior, sd_heading=0.5)
-    assert sharp.scan.sigma == 5.0
+    ours, theirs = (
+        list(trial_moments(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)))
+        for assumed in ((), (("scan.sigma", 50.0),))
+    )
+    assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
+    assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
 
 
 def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
@@ -63,41 +70,6 @@ def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
     assert prior.mean is None
 
 
-def test_a_driver_can_be_taken_away():
-    assert scenario("guided").world.driver is not None
-    changed = scenario("guided").changed({"driver": "none"})
-    assert changed.world.driver is None
-    assert changed.room().world.driver is None
-
-
-def test_an_assumption_changes_the_filter_and_not_the_world():
-    sharp = trial(localizer="mcl", params=(("particles", 20),))
-    ours, theirs = (
-        list(trial_moments(t)) for t in (sharp, trial(**vars(sharp) | {"assumed": SIGMA}))
-    )
-    assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
-    assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
-
-
-SIGMA = (("scan.sigma", 50.0),)
-
-
-def test_a_kidnapped_robot_is_elsewhere_from_its_step_on():
-    kidnap = ((("kind", "kidnap"), ("step", 100)),)
-    ours = [m.truth for m in trial_moments(trial())]
-    theirs = [m.truth for m in trial_moments(trial(disturbance=kidnap))]
-    assert np.array_equal(ours[:100], theirs[:100])
-    assert not np.array_equal(ours[100], theirs[100])
-
-
-def test_lost_beams_read_infinity_and_do_not_move_the_robot():
-    dropout = ((("kind", "dropout"), ("probability", 0.5)),)
-    ours, theirs = list(trial_moments(trial())), list(trial_moments(trial(disturbance=dropout)))
-    assert np.array_equal([m.truth for m in ours], [m.truth for m in theirs])
-    lost = np.isinf([m.ranges for m in theirs])
-    assert 0.4 < lost.mean() < 0.6  # 205 x 9 beams: 0.5 within 8 standard deviations
-
-
 def test_disturbances_are_stacked():
     both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
     moments = list(trial_moments(trial(disturbance=both)))
@@ -108,13 +80,11 @@ def test_disturbances_are_stacked():
 BAD = [
     ({"world": (("lidr.beams", 9),)}, ["'lidr'", "did you mean 'lidar'?"]),
     ({"world": (("lidar.beans", 9),)}, ["'beans'", "did you mean 'beams'?"]),
-    ({"world": (("lidar.beams", 0),)}, ["lidar.beams", "0"]),
     ({"world": (("lidar", 9),)}, ["lidar", "9", "mapping"]),
     ({"world": (("driver", "nobody"),)}, ["driver", "'nobody'", "none"]),
     ({"world": (("driver", "none"), ("driver.look_ahead", 9.0))}, ["driver", "whole and by key"]),
     ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
     ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
-    ({"assumed": (("scan.sigma", 0),)}, ["scan.sigma", "0"]),
     ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
     ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
     ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
@@ -124,18 +94,25 @@ BAD = [
     ({"disturbance": ((("step", 3),),)}, ["no kind", "kidnap"]),
     ({"disturbance": ((("kind", "kidnapp"),),)}, ["did you mean 'kidnap'?"]),
     ({"disturbance": ((("kind", "kidnap"),),)}, ["'kidnap'", "step"]),
-    ({"disturbance": ((("kind", "kidnap"), ("step", 0)),)}, ["step", "0"]),
     ({"disturbance": ((("kind", "kidnap"), ("stop", 3)),)}, ["did you mean 'step'?"]),
     ({"disturbance": ((("kind", "dropout"), ("probability", 2)),)}, ["probability", "2"]),
 ]
 
 
-@pytest.mark.parametrize(("changes", "named"), BAD)
-def test_a_setting_that_cannot_be_is_refused(changes, named):
+@contextmanager
+def refused(*named):
+    """What is done in here is refused in one sentence with these words."""
     with pytest.raises(InputError) as caught:
-        list(trial_moments(trial(**changes)))
+        yield
+    assert str(caught.value).count(". ") == 0
     for words in named:
         assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("changes", "named"), BAD)
+def test_a_setting_that_cannot_be_is_refused(changes, named):
+    with refused(*named):
+        list(trial_moments(trial(**changes)))
 
 
 ROOM = """
@@ -183,17 +160,15 @@ def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map
     assert ours.thresholds == Thresholds(far=0.02 * 50, lost=2.0)
     assert ours.room().world.robot.radius == 0.02 * base.world.robot.radius
     assert make_agent(ours.agent, ours.robot_model(ours.room())).robot.lidar.beams == 5
-
-
-def test_another_kind_is_told_in_the_unit_of_the_map(room):
-    kind = scenario(str(room)).changed(assumed={"scan.kind": "beam-model"}).scan
-    assert kind == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
+    another = ours.changed(assumed={"scan.kind": "beam-model"}).scan
+    assert another == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
 
 
 def test_a_scenario_can_be_the_base_of_another_and_one_of_python_too(room):
     (room.parent / "more.toml").write_text('base = "room.toml"\nenv.driver = "none"')
     more = scenario(str(room.parent / "more.toml"))
     assert (more.words, more.world.driver, more.world.lidar.beams) == ("more", None, 5)
+    assert more.room().world.driver is None
     assert more.agent == scenario(str(room)).agent
     code = "from benchmarks.setup.names import scenario\nMINE = scenario('sharp').changed()\n"
     (room.parent / "mine.py").write_text(code)
@@ -225,11 +200,9 @@ BAD_FILES = [
     ("base = 'papr'", ["did you mean 'paper'?"]),
     ("base = 'room.toml'", ["its own base"]),
     ("env = 3", ["env", "3", "table"]),
-    ("[env.lidr]\nbeams = 3", ["'lidr'", "did you mean 'lidar'?"]),
     ("[env.lidar]\nbeans = 3", ["'beans'", "did you mean 'beams'?"]),
     ("[env.floor_plan]\nouter = [[0, 0], [1, 0]]", ["outer", "3"]),
     ("[assumed.scan]\nsigm = 3", ["did you mean 'scan.sigma'?"]),
-    ("[prior]\nkind = 'unifrom'", ["did you mean 'uniform'?"]),
     ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
     ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
     ("agent = 3", ["agent", "3", "text"]),
@@ -238,44 +211,27 @@ BAD_FILES = [
 
 
 @pytest.mark.parametrize(("text", "named"), BAD_FILES, ids=[text for text, _ in BAD_FILES])
-def test_a_bad_scenario_file_is_refused_in_one_sentence_that_names_it(tmp_path, text, named):
+def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
     path = tmp_path / "room.toml"
     path.write_text(text)
-    with pytest.raises(InputError) as caught:
+    with refused(str(path), *named):
         scenario(str(path))
-    for words in (str(path), *named):
-        assert words in str(caught.value)
-    assert str(caught.value).count(". ") == 0
 
 
 @pytest.mark.parametrize(
-    ("name", "named"),
+    ("find", "name", "named"),
     [
-        ("papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
-        ("gone.toml", ["gone.toml", "No such file"]),
-        ("gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
-        ("math:pi", ["the scenario 'math:pi' is 3.14", "a Scenario"]),
+        (scenario, "papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
+        (scenario, "gone.toml", ["gone.toml", "No such file"]),
+        (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
+        (scenario, "math:pi", ["the scenario 'math:pi' is 3.14", "a Scenario"]),
+        (partial(make_agent, robot=None), "open-lop", ["'open-loop'?", "file.py:NAME"]),
+        (partial(make_agent, robot=None), "math:pi", ["'math:pi'", "act"]),
     ],
 )
-def test_a_scenario_that_is_not_there_is_refused(name, named):
-    with pytest.raises(InputError) as caught:
-        scenario(name)
-    for words in named:
-        assert words in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "named"),
-    [
-        ("open-lop", ["did you mean 'open-loop'?", "file.py:NAME"]),
-        ("math:pi", ["'math:pi'", "act"]),
-    ],
-)
-def test_an_agent_that_is_not_there_or_cannot_act_is_refused(name, named):
-    with pytest.raises(InputError) as caught:
-        make_agent(name, None)
-    for words in named:
-        assert words in str(caught.value)
+def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name, named):
+    with refused(*named):
+        find(name)
 
 
 @pytest.mark.parametrize("name", scenario_names())

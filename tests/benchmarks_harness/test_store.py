@@ -6,7 +6,6 @@ import pytest
 
 from benchmarks.sweeps import store as store_module
 from benchmarks.sweeps.store import Store
-from deqmcl_gym.validation import InputError
 
 RECORD = {"scores": [{"offset": 0, "error": 1.5, "entropy": None}], "steps_done": 3}
 KEY = "0123abcd"
@@ -122,23 +121,3 @@ def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):
     monkeypatch.setattr(store_module, "write_text", note)
     stored(tmp_path)
     assert written == ["timings", "trials"]
-
-
-def test_a_nan_is_never_written(tmp_path):
-    store = Store(tmp_path)
-    with pytest.raises(ValueError, match="JSON"):
-        store.put(KEY, {"scores": [float("nan")]}, 1.0)
-    assert store.get(KEY) is None
-    assert not (tmp_path / "trials").exists()
-
-
-def test_a_store_that_is_only_read_needs_no_leave_to_write_and_makes_nothing(tmp_path, monkeypatch):
-    stored(tmp_path)
-    monkeypatch.setattr(store_module, "writable_folder", refuse)
-    assert Store(tmp_path, reading=True).get(KEY) == RECORD | {"seconds": 2.5}
-    assert Store(tmp_path / "none", reading=True).get(KEY) is None
-    assert not (tmp_path / "none").exists()
-
-
-def refuse(path):
-    raise InputError(f"{path} cannot be written to")

@@ -40,11 +40,8 @@ def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_a
 def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
     change = SUITES["disturbed"].vary[0].values["disturbance"][3]
     still = (("noise.drive", 0.0), ("noise.turn", 0.0), ("noise.drift", 0.0))
-    truths = [m.truth for m in trial_moments(_trial(still, change))]
+    trial = Trial(scenario="sharp", world=still, disturbance=change,
+                  localizer="dead-reckoning", params=(), lag=0, seed=0, trial=0)  # fmt: skip
+    truths = [m.truth for m in trial_moments(trial)]
     assert len(truths) == 1 + 100 + 12 + 23 + 6 + 40 + 6 + 25
     assert np.allclose(truths[-1][:2], truths[0][:2], atol=1e-3)  # float32 actions
-
-
-def _trial(world, disturbance):
-    return Trial(scenario="sharp", world=world, disturbance=disturbance,
-                 localizer="dead-reckoning", params=(), lag=0, seed=0, trial=0)  # fmt: skip

@@ -68,24 +68,19 @@ def test_without_a_lag_the_window_is_the_whole_lap():
     )
 
 
-@pytest.mark.parametrize("missing", [-L, L])
-def test_an_offset_that_a_method_does_not_hold_has_no_row(missing):
-    held = [k for k in OFFSETS if k != missing]
-    assert set(scored(traced(T, held, OFFSETS))) == set(held)
+@pytest.mark.parametrize("held", [(0, -8), (0, 8, 2)])
+def test_offsets_that_a_method_does_not_hold_have_no_row_and_no_place_in_the_profile(held):
+    trace = traced(40, held, (0, -8, 8))
+    assert set(scored(trace, 8)) == set(held) - {2}  # which is not scored
+    assert set(profile(trace, 8)) == set(held)
 
 
-def test_an_offset_held_at_some_steps_only_is_scored_there_only():
-    trace = traced(T, OFFSETS)
-    states = {offset: kept.states.tolist() for offset, kept in trace.offsets.items()}
-    assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
-
-
-def test_states_after_the_end_of_the_lap_are_not_scored_even_if_believed_in():
+def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_believed_in():
     everything = FakeBelief({k: (truth_of(0)[None], np.ones(1)) for k in OFFSETS})
     moments = [Moment(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
-    trace = trace_of(moments, OFFSETS, TASK)
-    assert trace.offsets[L].states.tolist() == [*range(L, T + 1)]
-    assert trace.offsets[-L].states.tolist() == [*range(T - L + 1)]
+    for trace in (traced(T, OFFSETS), trace_of(moments, OFFSETS, TASK)):
+        states = {offset: kept.states.tolist() for offset, kept in trace.offsets.items()}
+        assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
 
 
 @pytest.mark.parametrize("lag", [T + 1, 10 * T])
@@ -173,11 +168,6 @@ def test_the_profile_has_every_offset_over_the_same_states():
     assert profile(trace, lag) == {
         k: pytest.approx(mean_error((10, 15, 20, 25, 30), k), **CLOSE) for k in range(-8, 9, 2)
     }
-
-
-def test_the_profile_holds_only_the_offsets_that_a_method_holds():
-    trace = traced(40, (0, -2, -8), (0, -8, 8))
-    assert set(profile(trace, 8)) == {0, -2, -8}
 
 
 def test_a_belief_is_scored_as_it_was_when_it_was_given():

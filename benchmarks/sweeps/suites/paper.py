@@ -1,11 +1,12 @@
 """The paper's experiment and its methods: on few worlds, on many, over one parameter at a time."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.suites.parts import axis, home_again, methods, wrapper
+from benchmarks.sweeps.suites.parts import axis, home_again, methods, noises, wrapper
 from benchmarks.trials.spec import Trial, frozen
 
 PAPER_METHODS = (
@@ -19,6 +20,8 @@ PAPER_METHODS = (
 CLASSICAL = ("grid", "amcl", "ekf")
 BEYOND = ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
 SCENARIOS = ("paper", "matched", "sharp")
+_SIGMAS = (5.0, 20.0, 50.0, 100.0)
+_NOISES = (0.02, 0.05, 0.1, 0.2)
 
 
 def paper_sweep(
@@ -56,6 +59,8 @@ def paper_suite(**given: Any) -> list[Trial]:
     return paper_sweep(**given).distinct()
 
 
+_VARIED = replace(paper_sweep(particles=1000), trials=40)
+
 PAPER_SUITES = MappingProxyType(
     {
         "quick": Sweep(
@@ -73,66 +78,52 @@ PAPER_SUITES = MappingProxyType(
             params=frozen({"particles": 1000}),
             vary=(axis(scenario=SCENARIOS),),
         ),
-        "particles": Sweep(
+        "particles": replace(
+            _VARIED,
             title="Error against the number of particles",
             localizers=methods(*PAPER_METHODS[:-1]),
-            trials=40,
+            params=(),
             vary=(
                 axis(scenario=SCENARIOS),
                 axis(params__particles=(30, 100, 300, 1000, 3000)),
             ),
         ),
-        "lag": Sweep(
+        "lag": replace(
+            _VARIED,
             title="Error against the lag L of the queue",
-            localizers=methods(*("mcl-smoother", "mcl-map-smoother", "deq-mcl")),
-            trials=40,
-            params=frozen({"particles": 1000}),
+            localizers=methods("mcl-smoother", "mcl-map-smoother", "deq-mcl"),
             vary=(axis(scenario=SCENARIOS), axis(lag=(0, 5, 10, 20, 40))),
         ),
-        "beta": Sweep(
+        "beta": replace(
+            _VARIED,
             title="Error against β, the charge on a step that collides",
-            localizers=methods(*("mcl", "mcl-map", "mcl-map-smoother", "deq-mcl")),
-            trials=40,
-            params=frozen({"particles": 1000}),
+            localizers=methods("mcl", "mcl-map", "mcl-map-smoother", "deq-mcl"),
             vary=(axis(scenario=SCENARIOS), axis(params__beta=(0.0, 1.0, 3.0, 10.0, 30.0))),
         ),
-        "sensor": Sweep(
+        "sensor": replace(
+            _VARIED,
             title="Error against the noise of the sensor, which the filters know",
-            localizers=methods(*PAPER_METHODS),
             scenario="matched",
-            trials=40,
-            params=frozen({"particles": 1000}),
             vary=(
                 axis(world__lidar__beams=(1, 9)),
-                axis(
-                    world__lidar__sigma=(5.0, 20.0, 50.0, 100.0),
-                    assumed__scan__sigma=(5.0, 20.0, 50.0, 100.0),
-                ),
+                axis(world__lidar__sigma=_SIGMAS, assumed__scan__sigma=_SIGMAS),
             ),
         ),
-        "noise": Sweep(
+        "noise": replace(
+            _VARIED,
             title="Error against the noise of the motion, which the filters know",
-            localizers=methods(*PAPER_METHODS),
             scenario="matched",
-            trials=40,
-            params=frozen({"particles": 1000}),
             vary=(
                 axis(
-                    world__noise__drive=(0.02, 0.05, 0.1, 0.2),
-                    world__noise__turn=(0.02, 0.05, 0.1, 0.2),
-                    world__noise__drift=(0.0005, 0.00125, 0.0025, 0.005),
-                    assumed__motion__drive=(0.02, 0.05, 0.1, 0.2),
-                    assumed__motion__turn=(0.02, 0.05, 0.1, 0.2),
-                    assumed__motion__drift=(0.0005, 0.00125, 0.0025, 0.005),
+                    **noises("world__noise", _NOISES, 40), **noises("assumed__motion", _NOISES, 40)
                 ),
             ),
         ),
-        "disturbed": Sweep(
+        "disturbed": replace(
+            _VARIED,
             title="Trouble at half of the lap: none, kidnapped, beams lost, plan changed",
             localizers=methods(*PAPER_METHODS, *BEYOND, *CLASSICAL),
             scenario="sharp",
-            trials=40,
-            params=frozen({"particles": 1000}),
             vary=(
                 axis(
                     disturbance=(

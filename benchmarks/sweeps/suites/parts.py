@@ -31,11 +31,11 @@ def wrapper(kind: str, **arguments: Any) -> Params:
 def home_again() -> tuple[tuple[float, float], ...]:
     """Actions from step 100 of the paper room's lap: turn round and drive back to the start."""
     drive, left, right = (5.0, 0.0), (0.0, math.pi / 12), (0.0, -math.pi / 12)
-    return (
-        *(left,) * 12,
-        *(drive,) * 23,
-        *(right,) * 6,
-        *(drive,) * 40,
-        *(right,) * 6,
-        *(drive,) * 25,
-    )
+    legs = ((left, 12), (drive, 23), (right, 6), (drive, 40), (right, 6), (drive, 25))
+    return tuple(action for action, steps in legs for _ in range(steps))
+
+
+def noises(part: str, levels: tuple[float, ...], by: int) -> dict[str, tuple[float, ...]]:
+    """Levels of the noise of drive and turn, for an axis; that of the drift per px is 1/by."""
+    drift = tuple(level / by for level in levels)
+    return {f"{part}__drive": levels, f"{part}__turn": levels, f"{part}__drift": drift}

@@ -10,13 +10,13 @@ from typing import Any
 
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Axis
-from benchmarks.sweeps.suites.parts import axis, home_again, methods, wrapper
+from benchmarks.sweeps.suites.parts import axis, home_again, methods, noises, wrapper
 from benchmarks.trials.spec import frozen
 
 _CENTRES = axis(scenario=("matched", "guided"))
 _CHANGED = wrapper("plan-change", step=100, actions=home_again())
 _SIGMAS = (5.0, 25.0, 100.0)
-_NOISES = (0.02, 0.05, 0.1, 0.2)  # of drive and turn; the drift per px is a tenth of it
+_NOISES = (0.02, 0.05, 0.1, 0.2)
 _ASSUMED = (0.02, 0.1, 0.2, 0.4)
 
 
@@ -33,11 +33,6 @@ def _study(title: str, *axes: Axis, **changes: Any) -> Sweep:
     return replace(base, **changes)
 
 
-def _noises(part: str, levels: tuple[float, ...]) -> dict[str, tuple[float, ...]]:
-    drift = tuple(level / 10 for level in levels)
-    return {f"{part}__drive": levels, f"{part}__turn": levels, f"{part}__drift": drift}
-
-
 STUDY_SUITES = MappingProxyType(
     {
         "study-sensor": _study(
@@ -47,10 +42,10 @@ STUDY_SUITES = MappingProxyType(
         ),
         "study-noise": _study(
             "The noise of the motion, which the filters know",
-            axis(**_noises("world__noise", _NOISES), **_noises("assumed__motion", _NOISES)),
+            axis(**noises("world__noise", _NOISES, 10), **noises("assumed__motion", _NOISES, 10)),
         ),
         "study-assumed": _study(
-            "The noise that the filters assume", axis(**_noises("assumed__motion", _ASSUMED))
+            "The noise that the filters assume", axis(**noises("assumed__motion", _ASSUMED, 10))
         ),
         "study-particles": _study(
             "The number of particles", axis(params__particles=(100, 300, 1000))
