@@ -5,7 +5,3 @@ from concurrent.futures import ThreadPoolExecutor
 
 def executor():
     return ThreadPoolExecutor(1)
-
-
-def nothing():
-    return None

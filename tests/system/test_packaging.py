@@ -2,13 +2,12 @@
 
 import ast
 import shutil
-import subprocess
-import sys
 import tomllib
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+from deqmcl_command import python
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
@@ -52,13 +51,7 @@ def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
         "\n".join(line for line in lines if not line.startswith("license"))
     )
     build = "from setuptools import setup; setup()"
-    done = subprocess.run(
-        [sys.executable, "-c", build, "-q", "build", "--build-lib", "built"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python(build, "-q", "build", "--build-lib", "built", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     built = {p.relative_to(tmp_path / "built") for p in (tmp_path / "built").rglob("*.*")}
     expected = {

@@ -3,11 +3,11 @@
 import ctypes
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from deqmcl_command import process
 
 ROOT = Path(__file__).parents[2]
 MAKE = """
@@ -47,11 +47,8 @@ def locked(tmp_path_factory):
 
 def run(locked, temporary, *arguments):
     bare = {"PATH": os.environ["PATH"], "PYTHONPATH": str(locked), "HOME": str(locked / "home")}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
+    done = process(
+        *(sys.executable, "-W", "error", "-c", *arguments),
         cwd=locked,
         env=bare | {"TMPDIR": str(temporary)},
         preexec_fn=heed_permissions,
