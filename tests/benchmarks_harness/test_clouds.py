@@ -83,6 +83,13 @@ def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
     assert np.mean(ratios) == pytest.approx(1, abs=0.05)
 
 
+def test_the_energy_score_of_two_points_is_known_by_hand():
+    poses = np.array([[0.0, 0, 0], [10.0, 0, 0]])
+    energy, _, _ = calibrated(poses, np.full(2, 0.5), np.array([5.0, 12.0, 0.0]))
+    # both are 13 away; the 64 + 64 copies have 64 · 64 of 128 · 127 / 2 pairs 10 apart
+    assert energy == pytest.approx(13 - 0.5 * 10 * 64 * 64 / (64 * 127), rel=1e-12)
+
+
 def test_rank_and_nees_are_those_of_numpys_linear_algebra():
     for seed in range(20):
         poses, weights = cloud(300, seed)

@@ -70,12 +70,11 @@ PAPER_SUITES = MappingProxyType(
             params=frozen({"particles": 500}),
         ),
         "paper": paper_sweep(particles=1000),
-        "headline": Sweep(
+        "headline": replace(
+            _VARIED,
             title="The paper's methods on 200 worlds of three scenarios, 3 runs each",
-            localizers=methods(*PAPER_METHODS),
             trials=200,
             filter_seeds=3,
-            params=frozen({"particles": 1000}),
             vary=(axis(scenario=SCENARIOS),),
         ),
         "particles": replace(
