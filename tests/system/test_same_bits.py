@@ -2,11 +2,10 @@
 
 import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from deqmcl_command import python
 
 # Every number of one trial of each localizer, by its exact bits.
 DIGEST = """
@@ -36,13 +35,7 @@ print(json.dumps(digests))
 
 
 def digests(**environment: str) -> dict[str, str]:
-    done = subprocess.run(
-        [sys.executable, "-c", DIGEST],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | environment,
-    )
+    done = python(DIGEST, env=os.environ | environment)
     assert done.returncode == 0, done.stderr
     found: dict[str, str] = json.loads(done.stdout)
     return found
