@@ -90,7 +90,7 @@ FIGURES = (
         what=f"step with a likelihood field and KLD-sampling, N = {FEW:,}, B = {BEAMS}",
         unit="µs/step",
         ours=_AMCL,
-        other=Published("beluga, as published, on another machine", 383),
+        other=Published("beluga, on another machine", 383),
     ),
     Figure(
         name="censored_vs_inside",
