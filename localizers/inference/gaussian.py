@@ -10,7 +10,9 @@ from deqmcl_gym.numerics.types import Floats
 from localizers.inference import gaussian_kernels as kernels
 
 POINTS = 512
-_STEPS = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # of an even sequence in four dimensions
+# Powers -1 to -4 of 1.1673039782614187, the steps of an even sequence in four dimensions; written
+# out, as NumPy's powers differ between processors.
+_STEPS = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378086, 0.53859725722361])
 
 
 def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
