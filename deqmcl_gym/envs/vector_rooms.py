@@ -15,15 +15,17 @@ class Rooms:
     def __init__(self, setting: Setting, number: int, limit: int) -> None:
         """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
         world, course = setting.world, setting.course
-        self._setting, self._path = setting, course.path
+        self._setting = setting
         noise, radius, most = world.noise, float(world.robot.radius), len(course.actions)
         rules = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(world.floor_plan.walls),
             radius=radius,
             skin=SKIN * world.pixel,
+            reach=world.floor_plan.reach,
             edges=course.path.edges,
             length=course.path.length,
+            once_round=setting.once_round,
             penalty=setting.penalty,
             near=radius if setting.ends_at_goal else -1.0,
             most=most,
@@ -68,7 +70,7 @@ class Rooms:
         starts = [self._setting.start(*episode) for episode in episodes]
         robots = self._robots
         robots.poses[rooms] = robots.starts[rooms] = np.array(starts)
-        robots.arcs[rooms] = np.array([self._path.arc((x, y)) for x, y, _ in starts])
+        robots.arcs[rooms] = np.array([self._setting.first_arc((x, y)) for x, y, _ in starts])
         robots.gaps[rooms] = robots.progress[rooms] = 0.0
         robots.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):

@@ -8,8 +8,10 @@ import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.elementary import atan2_64
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, plain
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Path, Pose, wrapped
 
@@ -23,11 +25,13 @@ class Course:
     Attributes:
         path: closed, counterclockwise unless waypoints say otherwise.
         start: expected pose at reset (x, y, θ).
+        arc: arc length of the path where the lap begins, the nearest to the start.
         actions: (distance, turn), (T, 2) float32.
     """
 
     path: Path
     start: Pose
+    arc: float
     actions: Singles
 
     @classmethod
@@ -39,16 +43,18 @@ class Course:
                 there to the path, or cannot take such steps.
         """
         path = path_of(world)
-        start = path.bottom_centre() if world.start.pose is None else world.start.pose
+        given = world.start.pose
+        arc = path.bottom_centre() if given is None else path.arc(given[:2])
+        start = path.at(arc) if given is None else given
         check_free("start.pose", start, world)
-        x, y, _ = path.at(path.arc(start[:2]))
+        x, y, _ = path.at(arc)
         if world.floor_plan.collides([start], [(x, y)], world.robot.radius)[0]:
             raise InputError(
                 f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
                 "lap.waypoints."
             )
-        return cls(path, start, plan_actions(path, start, world))
+        return cls(path, start, arc, plan_actions(path, arc, start, world))
 
 
 def check_free(what: str, at: Pose, world: World) -> None:
@@ -99,11 +105,13 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     hull = _convex_hull(np.vstack([np.array(polygon) for polygon in floor_plan.obstacles]))
     into = hull - np.roll(hull, 1, axis=0)
     out_of = np.roll(hull, -1, axis=0) - hull
-    into /= np.hypot(*into.T)[:, None]
-    out_of /= np.hypot(*out_of.T)[:, None]
+    into /= np.sqrt((into**2).sum(axis=1, keepdims=True))
+    out_of /= np.sqrt((out_of**2).sum(axis=1, keepdims=True))
     bisectors = into - out_of
-    headings = np.arctan2(bisectors[:, 1], bisectors[:, 0])
-    outside = hull + 1e-3 * px * bisectors  # past the obstacle's own walls
+    headings = arrays.arctan2(bisectors[:, 1], bisectors[:, 0])
+    x0, y0, x1, y1 = floor_plan.bounds
+    past = max(1e-3 * px, 1e-6 * max(x1 - x0, y1 - y0))  # float32 tells it from the wall
+    outside = hull + past * bisectors
     gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
     if (lost := ~np.isfinite(gaps)).any():
         x, y = hull[lost.argmax()]
@@ -111,13 +119,13 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
             f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap goes "
             "around it: give lap.waypoints."
         )
-    steps = gaps[:, None] / 2 * np.column_stack([np.cos(headings), np.sin(headings)])
+    steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
     corners: Floats = np.round((hull + steps) / px, 2) * px
     return corners
 
 
-def plan_actions(path: Path, start: Pose, world: World) -> Singles:
-    """Return the actions (distance, turn) that drive once around from ``start``, (T, 2).
+def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
+    """Return the actions (distance, turn) that drive from ``start`` to ``arc``, once around, (T, 2).
 
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 
@@ -131,9 +139,9 @@ def plan_actions(path: Path, start: Pose, world: World) -> Singles:
     ):
         if step > most:
             raise InputError(
-                f"{name} is {step:g}, but the robot can do at most {most:g} in a step."
+                f"{name} is {plain(step)}, but the robot can do at most {most:g} in a step."
             )
-    legs = list(_legs(path, start, 1e-6 * world.pixel))
+    legs = list(_legs(path.corners_from(arc), start, 1e-6 * world.pixel))
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
@@ -147,14 +155,15 @@ def plan_actions(path: Path, start: Pose, world: World) -> Singles:
     return np.array(actions, dtype=np.float32).reshape(-1, 2)
 
 
-def _legs(path: Path, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
-    """Turn and distance to each point to drive to, if ``shortest`` or farther off."""
+def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
+    """Turn and distance to each of the points to drive to, if ``shortest`` or farther off."""
     x, y, heading = start
-    for corner_x, corner_y in path.corners_from((x, y)).tolist():
-        distance = math.hypot(corner_x - x, corner_y - y)
+    for corner_x, corner_y in points.tolist():
+        dx, dy = corner_x - x, corner_y - y
+        distance = math.sqrt(dx * dx + dy * dy)
         if distance < shortest:
             continue
-        bearing = math.atan2(corner_y - y, corner_x - x)
+        bearing = atan2_64(dy, dx)
         yield wrapped(bearing - heading), distance
         x, y, heading = corner_x, corner_y, bearing
 

@@ -27,7 +27,7 @@ class Underway(Protocol):
 
     @property
     def arc(self) -> float:
-        """Arc length of the path's point nearest to the robot."""
+        """Arc length at which the robot is on the path."""
         ...
 
     @property
