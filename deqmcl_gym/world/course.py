@@ -102,12 +102,11 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     if not floor_plan.obstacles:
         middle = (outer.min(axis=0) + outer.max(axis=0)) / 2
         return _counterclockwise((outer + middle) / 2)
-    hull = _convex_hull(np.vstack([np.array(polygon) for polygon in floor_plan.obstacles]))
+    corners = np.vstack([np.array(polygon) for polygon in floor_plan.obstacles])
+    hull = _thinned(_convex_hull(corners), 10 * px)
     into = hull - np.roll(hull, 1, axis=0)
     out_of = np.roll(hull, -1, axis=0) - hull
-    into /= np.sqrt((into**2).sum(axis=1, keepdims=True))
-    out_of /= np.sqrt((out_of**2).sum(axis=1, keepdims=True))
-    bisectors = into - out_of
+    bisectors = _unit(_unit(into) - _unit(out_of))
     headings = arrays.arctan2(bisectors[:, 1], bisectors[:, 0])
     x0, y0, x1, y1 = floor_plan.bounds
     past = max(1e-3 * px, 1e-6 * max(x1 - x0, y1 - y0))  # float32 tells it from the wall
@@ -120,8 +119,8 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
             "around it: give lap.waypoints."
         )
     steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
-    corners: Floats = np.round((hull + steps) / px, 2) * px
-    return corners
+    lap: Floats = np.round((hull + steps) / px, 2) * px
+    return lap
 
 
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
@@ -178,6 +177,22 @@ def _counterclockwise(corners: Floats) -> Floats:
     x, y = corners.T
     clockwise = np.dot(x, np.roll(y, -1)) < np.dot(y, np.roll(x, -1))
     return corners[::-1] if clockwise else corners
+
+
+def _unit(vectors: Floats) -> Floats:
+    units: Floats = vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))
+    return units
+
+
+def _thinned(hull: Floats, apart: float) -> Floats:
+    """Leave out corners of something round that are not so far ``apart``: a leg each is many."""
+    lengths = np.sqrt(((hull - np.roll(hull, 1, axis=0)) ** 2).sum(axis=1))
+    apart = min(apart, lengths.sum() / 32)
+    way, kept = np.cumsum(lengths) - lengths[0], [0]
+    for corner in range(1, len(hull)):
+        if min(way[corner] - way[kept[-1]], way[-1] + lengths[0] - way[corner]) >= apart:
+            kept.append(corner)
+    return hull[kept]
 
 
 def _convex_hull(points: Floats) -> Floats:

@@ -36,11 +36,14 @@ class Walls:
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]
         outlines += [oriented_edges(obstacle, solid=True) for obstacle in floor_plan.obstacles]
+        shapes: list[pymunk.Shape] = []
         for edges in outlines:
-            walls = [pymunk.Segment(body, edge[:2], edge[2:], radius) for edge in edges.tolist()]
+            shapes += [pymunk.Segment(body, edge[:2], edge[2:], radius) for edge in edges.tolist()]
             # A query that starts beside the end of a segment may miss its rounding.
-            tips = [pymunk.Circle(body, radius, tip) for tip in _corners_into_the_room(edges)]
-            self.space.add(*walls, *tips)
+            shapes += [pymunk.Circle(body, radius, tip) for tip in _corners_into_the_room(edges)]
+        # pymunk's tree of shapes is balanced if neighbours do not come one after the other.
+        shuffled = np.random.default_rng(0).permutation(len(shapes))
+        self.space.add(*(shapes[i] for i in shuffled))
 
     def gap(self, centre: Point) -> float:
         """How far the disc's rim is from the nearest wall, negative if they overlap."""
