@@ -69,15 +69,15 @@ def number(
     allowed = _interval(low, high, above, finite)
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
+    if finite and abs(value) > LARGEST and value == value and abs(value) != math.inf:
+        allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
+        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     try:
         given = float(value)
-    except OverflowError:
-        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.") from None
+    except OverflowError:  # of an integer
+        given = math.inf if value > 0 else -math.inf
     inside = low < given if above else low <= given
     if not (inside and given <= high) or (finite and not math.isfinite(given)):
-        raise InputError(f"{what} is {plain(given)}, but must be a number {allowed}.")
-    if finite and abs(given) > LARGEST:
-        allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
         raise InputError(f"{what} is {plain(given)}, but must be a number {allowed}.")
     return given
 

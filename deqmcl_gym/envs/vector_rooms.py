@@ -46,6 +46,14 @@ class Rooms:
         self._fixed = tuple(self._robots), tuple(rules)  # as the kernel takes them
         self._every = np.arange(number)
 
+    @staticmethod
+    def bytes_each(setting: Setting) -> int:
+        """Memory that a room takes, about: its random numbers, its scan and the plan shown."""
+        beams, steps = setting.world.lidar.beams, len(setting.course.actions)
+        rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
+        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * setting.plan.horizon + 64
+        return 8 * numbers
+
     @property
     def poses(self) -> Floats:
         """The true poses (x, y, θ), (n, 3)."""

@@ -40,6 +40,11 @@ class Plan(Protocol):
     """What is to be done next, at any moment of an episode."""
 
     @property
+    def horizon(self) -> int:
+        """h, actions shown ahead."""
+        ...
+
+    @property
     def actions(self) -> Actions:
         """The whole lap from the expected start, (T, 2) float32: distance, turn."""
         ...
