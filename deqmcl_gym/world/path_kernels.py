@@ -32,29 +32,31 @@ def follow(
 ) -> tuple[float, float]:
     """Return the arc length that one comes to by driving from arc ``before`` to (x, y); the way.
 
-    Of the nearest points of all edges it is the one with the least max(d, e / 4), d its distance
-    and e how much farther or less far along the path it is than one drove. So a robot stays on its
-    own stretch of a path that crosses or retraces itself, and takes a shortcut (or comes back to
-    another stretch) where that is nearer by far. The way is signed.
+    Of the nearest points of all edges it is the one with the least max(d, e / 8) + b: d is its
+    distance, e how much farther along the path it is than one drove, b how far one drove against
+    that edge. So a robot stays on its own stretch of a path that crosses or retraces itself, goes
+    on to the next one at a hairpin, and takes a shortcut where the path is nearer by far. The way
+    is signed.
     """
     step_x, step_y = x - from_x, y - from_y
     driven = np.sqrt(step_x * step_x + step_y * step_y)
     if driven == 0.0:
         return before, 0.0
-    same = 1e-12 * length * length  # of squares: rounding errors
-    least, least_ahead = np.inf, np.inf
+    same = 1e-9 * length  # but for rounding errors
+    least, least_off = np.inf, np.inf
     arc, way = before, 0.0
     for corner_x, corner_y, dx, dy, edge_length, edge_arc in edges:
         to_x, to_y = x - corner_x, y - corner_y
         share = min(max((to_x * dx + to_y * dy) / (edge_length * edge_length), 0.0), 1.0)
         off_x, off_y = to_x - share * dx, to_y - share * dy
-        square = off_x * off_x + off_y * off_y
+        distance = np.sqrt(off_x * off_x + off_y * off_y)
         there = edge_arc + share * edge_length
         gone = driven + centred64(there - before - driven, length)
-        ahead = abs(gone - driven)
-        cost = max(square, (ahead / 4) * (ahead / 4))
-        if cost < least - same or (cost < least + same and ahead < least_ahead - 1e-6 * length):
-            least, least_ahead, arc, way = min(cost, least), ahead, there, gone
+        back = max(-(step_x * dx + step_y * dy) / edge_length, 0.0)
+        cost = max(distance, (abs(gone) - driven) / 8) + back
+        off = abs(gone - driven)
+        if cost < least - same or (cost < least + same and off < least_off - same):
+            least, least_off, arc, way = min(cost, least), off, there, gone
     return arc, way
 
 
