@@ -39,7 +39,7 @@ def shown(value: object) -> str:
 def plain(value: float) -> str:
     """Return a number in few digits if they tell it exactly, else in all."""
     short = f"{value:g}"
-    return short if float(short) == value or value != value else repr(float(value))
+    return short if math.isnan(value) or float(short) == value else repr(float(value))
 
 
 def one_of(what: str, name: object, valid: Iterable[str]) -> str:
@@ -69,15 +69,15 @@ def number(
     allowed = _interval(low, high, above, finite)
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
-    if finite and abs(value) > LARGEST and value == value and abs(value) != math.inf:
-        allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
-        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     try:
         given = float(value)
     except OverflowError:  # of an integer
-        given = math.inf if value > 0 else -math.inf
+        given = math.inf if value > 0 else -math.inf  # type: ignore[operator]
+    if finite and abs(given) > LARGEST:
+        allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
+        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     inside = low < given if above else low <= given
-    if not (inside and given <= high) or (finite and not math.isfinite(given)):
+    if not (inside and given <= high):
         raise InputError(f"{what} is {plain(given)}, but must be a number {allowed}.")
     return given
 

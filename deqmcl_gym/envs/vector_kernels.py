@@ -205,9 +205,7 @@ def _evaluate(
 ) -> None:
     """Fill in what came of a drive of robot i."""
     x, y, _ = robots.poses[i]
-    robots.arcs[i], gone = follow(
-        from_x, from_y, x, y, robots.arcs[i], rules.edges, rules.length
-    )
+    robots.arcs[i], gone = follow(from_x, from_y, x, y, robots.arcs[i], rules.edges, rules.length)
     robots.progress[i] += gone
     moved.rewards[i] = gone - rules.penalty * moved.collided[i]
     dx, dy = x - robots.starts[i, 0], y - robots.starts[i, 1]

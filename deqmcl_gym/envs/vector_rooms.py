@@ -5,7 +5,7 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
-from deqmcl_gym.world.setting import SKIN, Setting
+from deqmcl_gym.world.setting import Setting, skin
 from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
@@ -21,7 +21,7 @@ class Rooms:
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(world.floor_plan.walls),
             radius=radius,
-            skin=SKIN * world.pixel,
+            skin=skin(world.floor_plan),
             reach=world.floor_plan.reach,
             edges=course.path.edges,
             length=course.path.length,

@@ -181,7 +181,7 @@ class PlanChange(_Once):
         self.room.replace_plan(self._actions)
 
 
-def _lossy_space(room: RoomEnv) -> gym.spaces.Box:
+def _lossy_space(room: RoomEnv) -> gym.Space[Singles]:
     return gym.spaces.Box(0.0, np.inf, (room.lidar.beams,), np.float32)
 
 

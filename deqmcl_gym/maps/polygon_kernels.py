@@ -45,11 +45,9 @@ def _apart(a: Floats, b: Floats, within: float) -> bool:
     third, fourth = _side(b, a[0], a[1]), _side(b, a[2], a[3])
     if first * second < 0.0 and third * fourth < 0.0:
         return False
-    square = min(
-        min(_square(a, b[0], b[1]), _square(a, b[2], b[3])),
-        min(_square(b, a[0], a[1]), _square(b, a[2], a[3])),
-    )
-    return square > within * within or within == 0.0
+    a_b = min(_square(a, b[0], b[1]), _square(a, b[2], b[3]))
+    b_a = min(_square(b, a[0], a[1]), _square(b, a[2], a[3]))
+    return within == 0.0 or min(a_b, b_a) > within * within
 
 
 @compiled
@@ -67,7 +65,8 @@ def _square(edge: Floats, x: float, y: float) -> float:
     px, py = x - edge[0], y - edge[1]
     share = min(max((px * dx + py * dy) / (dx * dx + dy * dy), 0.0), 1.0)
     px, py = px - share * dx, py - share * dy
-    return px * px + py * py
+    square: float = px * px + py * py
+    return square
 
 
 @compiled

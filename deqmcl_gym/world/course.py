@@ -124,7 +124,7 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
 
 
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
-    """Return the actions (distance, turn) that drive from ``start`` to ``arc``, once around, (T, 2).
+    """Return the actions (distance, turn) that drive from ``start`` round the lap, (T, 2).
 
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 

@@ -7,11 +7,10 @@ import pymunk
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.path import Point
-from deqmcl_gym.world.setting import SKIN
+from deqmcl_gym.world.setting import skin
 
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
 
@@ -31,7 +30,7 @@ class Walls:
 
     def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
         """Build the space; it never changes."""
-        self.space, self.skin = pymunk.Space(), SKIN * pixel(floor_plan.unit)
+        self.space, self.skin = pymunk.Space(), skin(floor_plan)
         self.reach = floor_plan.reach
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]

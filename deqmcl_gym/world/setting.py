@@ -8,6 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, boolean, integer, one_of
 from deqmcl_gym.world.commands import Commands
@@ -23,10 +25,19 @@ if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing
 
 COLLISION_PENALTY = 10.0  # px of progress
-# A stopped robot stands this far before the contact, so that it can drive away again.
 SKIN = 1e-3  # px
 
 _START_TRIES = 1000
+
+
+def skin(floor_plan: Map) -> float:
+    """How far before a contact a robot stops, so that it can drive away again, and is seen inside.
+
+    That is ``SKIN``, or in a large room as much as float32 tells apart there.
+    """
+    x0, y0, x1, y1 = floor_plan.bounds
+    coarse = float(np.spacing(np.float32(2 * max(x1 - x0, y1 - y0))))
+    return max(SKIN * pixel(floor_plan.unit), 4 * coarse)
 
 
 @dataclass(frozen=True)
