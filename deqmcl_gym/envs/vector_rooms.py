@@ -5,7 +5,7 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
-from deqmcl_gym.world.setting import Setting, skin
+from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
@@ -20,8 +20,8 @@ class Rooms:
         rules = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(world.floor_plan.walls),
-            radius=radius,
-            skin=skin(world.floor_plan),
+            radius=world.body,
+            skin=world.skin,
             reach=world.floor_plan.reach,
             edges=course.path.edges,
             length=course.path.length,

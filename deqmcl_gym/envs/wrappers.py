@@ -107,7 +107,7 @@ class Kidnap(_Once):
         x0, y0, x1, y1 = self.room.floor_plan.bounds
         for _ in range(_DRAWS):
             x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
-            if self.room.floor_plan.free([(x, y)], self.room.world.robot.radius)[0]:
+            if self.room.floor_plan.free([(x, y)], self.room.world.body)[0]:
                 return x, y, float(rng.uniform(-np.pi, np.pi))
         raise InputError(
             f"none of {_DRAWS:,} poses drawn for the kidnapping is free: give it a pose."

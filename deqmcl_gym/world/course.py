@@ -48,7 +48,7 @@ class Course:
         start = path.at(arc) if given is None else given
         check_free("start.pose", start, world)
         x, y, _ = path.at(arc)
-        if world.floor_plan.collides([start], [(x, y)], world.robot.radius)[0]:
+        if world.floor_plan.collides([start], [(x, y)], world.body)[0]:
             raise InputError(
                 f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
@@ -59,7 +59,7 @@ class Course:
 
 def check_free(what: str, at: Pose, world: World) -> None:
     """Refuse a pose where the robot would touch a wall."""
-    if not world.floor_plan.free([at], world.robot.radius)[0]:
+    if not world.floor_plan.free([at], world.body)[0]:
         x, y, heading = at
         raise InputError(
             f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of {_radius(world)} touches a "
@@ -81,7 +81,7 @@ def path_of(world: World) -> Path:
     corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
     path = Path(corners)
     ends = np.roll(corners, -1, axis=0)
-    blocked = world.floor_plan.collides(corners, ends, world.robot.radius)
+    blocked = world.floor_plan.collides(corners, ends, world.body)
     if blocked.any():
         (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
         raise InputError(

@@ -87,7 +87,7 @@ def _check_drivable(plan: GuidedPlan, world: World) -> None:
             f"the driver does not come round in {plan.limit:,} steps, even without noise: {wish}"
         )
     points = _points(plan.course.start, actions)
-    blocked = world.floor_plan.collides(points[:-1], points[1:], world.robot.radius)
+    blocked = world.floor_plan.collides(points[:-1], points[1:], world.body)
     if blocked.any():
         x, y = points[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")

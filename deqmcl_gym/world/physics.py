@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pymunk
 
-from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Point
-from deqmcl_gym.world.setting import skin
 
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
 
@@ -28,9 +27,10 @@ class Walls:
         reach: a length that no drive has without contact.
     """
 
-    def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
+    def __init__(self, world: World) -> None:
         """Build the space; it never changes."""
-        self.space, self.skin = pymunk.Space(), skin(floor_plan)
+        floor_plan, radius = world.floor_plan, world.body
+        self.space, self.skin = pymunk.Space(), world.skin
         self.reach = floor_plan.reach
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]

@@ -8,8 +8,6 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps import Map
-from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, boolean, integer, one_of
 from deqmcl_gym.world.commands import Commands
@@ -25,19 +23,8 @@ if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing
 
 COLLISION_PENALTY = 10.0  # px of progress
-SKIN = 1e-3  # px
 
 _START_TRIES = 1000
-
-
-def skin(floor_plan: Map) -> float:
-    """How far before a contact a robot stops, so that it can drive away again, and is seen inside.
-
-    That is ``SKIN``, or in a large room as much as float32 tells apart there.
-    """
-    x0, y0, x1, y1 = floor_plan.bounds
-    coarse = float(np.spacing(np.float32(2 * max(x1 - x0, y1 - y0))))
-    return max(SKIN * pixel(floor_plan.unit), 4 * coarse)
 
 
 @dataclass(frozen=True)
@@ -129,7 +116,7 @@ class Setting:
         return Drawing(View(self.world.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
 
     def _drawn_start(self, seed: int, number: int) -> Pose:
-        start, radius = self.world.start, self.world.robot.radius
+        start, radius = self.world.start, self.world.body
         if start.sd_position == start.sd_heading == 0.0:
             return self.course.start
         x, y, heading = self.course.start
