@@ -10,6 +10,8 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 
 ENV_ID = "deqmcl_gym/Room-v0"
+# Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
+MAX_EPISODE_STEPS = 408
 _REGISTRY = "gymnasium.envs.registration"
 
 
@@ -26,8 +28,7 @@ def _register(registry: ModuleType) -> None:
         id=ENV_ID,
         entry_point="deqmcl_gym.envs.room:RoomEnv",
         vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
-        # Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
-        max_episode_steps=408,
+        max_episode_steps=MAX_EPISODE_STEPS,
     )
 
 

@@ -14,6 +14,9 @@ from deqmcl_gym.numerics.types import Floats
 
 T = TypeVar("T")
 
+LARGEST = 1e12  # of a finite number: products and squares of such stay finite, in float32 too
+_SHOWN = 200  # characters of a value in a sentence
+
 
 class InputError(ValueError):
     """A refused input. Its text is the one sentence a user reads, also at the command line."""
@@ -21,6 +24,22 @@ class InputError(ValueError):
     def __init__(self, sentence: str) -> None:
         """Say ``sentence``, on one line even where it shows an array."""
         super().__init__(" ".join(sentence.split()))
+
+
+def shown(value: object) -> str:
+    """Return ``repr(value)``, shortened in the middle."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "a number of thousands of digits"
+    half = _SHOWN // 2
+    return text if len(text) <= _SHOWN else f"{text[:half]} … {text[-half:]}"
+
+
+def plain(value: float) -> str:
+    """Return a number in few digits if they tell it exactly, else in all."""
+    short = f"{value:g}"
+    return short if math.isnan(value) or float(short) == value else repr(float(value))
 
 
 def one_of(what: str, name: object, valid: Iterable[str]) -> str:
@@ -31,7 +50,7 @@ def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
     hint = f"did you mean {nearest[0]!r}? " if nearest else ""
     allowed = ", ".join(names) or "none"
-    raise InputError(f"unknown {what} {name!r}: {hint}allowed values: {allowed}.")
+    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}.")
 
 
 def number(
@@ -43,21 +62,30 @@ def number(
     above: bool = False,
     finite: bool = True,
 ) -> float:
-    """Return a real number in [low, high] (in (low, high] if ``above``), else refuse it."""
+    """Return a real number in [low, high] (in (low, high] if ``above``), else refuse it.
+
+    Numbers beyond ``LARGEST`` are refused too, unless they need not be ``finite``.
+    """
     allowed = _interval(low, high, above, finite)
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
-        raise InputError(f"{what} is {value!r}, but must be a number {allowed}.")
-    given = float(value)
+        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
+    try:
+        given = float(value)
+    except OverflowError:  # of an integer
+        given = math.inf if value > 0 else -math.inf  # type: ignore[operator]
+    if finite and abs(given) > LARGEST:
+        allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
+        raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     inside = low < given if above else low <= given
-    if not (inside and given <= high) or (finite and not math.isfinite(given)):
-        raise InputError(f"{what} is {given:g}, but must be a number {allowed}.")
+    if not (inside and given <= high):
+        raise InputError(f"{what} is {plain(given)}, but must be a number {allowed}.")
     return given
 
 
 def boolean(what: str, value: object) -> bool:
     """Return a truth value, else refuse it (1 and "yes" are refused)."""
     if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{what} is {value!r}, but must be True or False.")
+        raise InputError(f"{what} is {shown(value)}, but must be True or False.")
     return bool(value)
 
 
@@ -65,32 +93,35 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
-        raise InputError(f"{what} is {value!r}, but must be a whole number {allowed}.")
+        raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)
     if given < low or (high is not None and given > high):
-        raise InputError(f"{what} is {given}, but must be a whole number {allowed}.")
+        raise InputError(f"{what} is {shown(given)}, but must be a whole number {allowed}.")
     return given
 
 
 def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> Floats:
-    """Return finite numbers of ``shape`` (None: any length) as a fresh array, else refuse."""
+    """Return numbers of ``shape`` (None: any length) as a fresh array, else refuse.
+
+    None is NaN or beyond ``LARGEST``.
+    """
     try:
         given = np.asarray(value)
     except ValueError:  # ragged
         given = np.empty(0, object)
     if given.dtype.kind not in "fiu":  # "1.5" and True are no numbers
-        raise InputError(f"{what} is {value!r}, but must be {_numbers(shape)}.")
-    given = given.astype(np.float64)
+        raise InputError(f"{what} is {shown(value)}, but must be {_numbers(shape)}.")
+    with np.errstate(over="ignore"):  # of a wider float
+        given = given.astype(np.float64)
     if given.shape != shape and not _fits(given.shape, shape):
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
-    if not (math.isfinite(given.sum()) or np.isfinite(given).all()):  # a sum is quicker to ask
+    if not np.abs(given).max(initial=0.0) <= LARGEST:  # not so of NaN either
+        allowed = f"{_numbers(shape)} of at most {LARGEST:g}"
         if given.size <= 12:
-            raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
-        where = np.argwhere(~np.isfinite(given))[0].tolist()
-        raise InputError(
-            f"{what} has {given[tuple(where)]:g} at {where}, but must be {_numbers(shape)}."
-        )
+            raise InputError(f"{what} is {given.tolist()}, but must be {allowed}.")
+        where = np.argwhere(~(np.abs(given) <= LARGEST))[0].tolist()
+        raise InputError(f"{what} has {given[tuple(where)]:g} at {where}, but must be {allowed}.")
     return given
 
 
@@ -123,7 +154,8 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
     names = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
     if not isinstance(value, Mapping):
         raise InputError(
-            f"{what} is {value!r}, but must be a {cls.__name__} or a mapping of {', '.join(names)}."
+            f"{what} is {shown(value)}, but must be a {cls.__name__} or a mapping of "
+            f"{', '.join(names)}."
         )
     for key in value:
         one_of(f"key in {what}", key, names)

@@ -20,6 +20,7 @@ T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
+_COARSEST = 0.1  # px between poses
 
 
 class Prior(Protocol):
@@ -106,6 +107,14 @@ class RobotModel:
         if self.radius is None:
             object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
         number("radius", self.radius, low=0)
+        farthest = max(map(abs, self.floor_plan.bounds))
+        coarse = float(np.spacing(np.float32(farthest)))
+        if coarse > _COARSEST * pixel(self.floor_plan.unit):
+            unit = self.floor_plan.unit
+            raise InputError(
+                f"the floor plan reaches to {farthest:g} {unit}, where the float32 poses of a "
+                f"localizer are {coarse:g} {unit} apart: move it towards (0, 0)."
+            )
 
 
 def quality_of(belief: Belief) -> float | None:

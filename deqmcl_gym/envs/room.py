@@ -73,7 +73,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         )  # fmt: skip
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
-        self._walls = Walls(self.floor_plan, self.world.robot.radius)
+        self._walls = Walls(self.world)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
             setting.drawing()  # refuses a room too large for a picture

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from deqmcl_gym.envs.info import RoomInfo
 from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.numerics.types import Bools, Indices, Singles
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.registration import MAX_EPISODE_STEPS
+from deqmcl_gym.validation import InputError, integer, one_of, shown
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.setting import Setting
 
@@ -23,6 +24,7 @@ StepResult = tuple[Singles, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
 _MASKS = tuple(f"_{key}" for key in RoomInfo.__annotations__)
 _MODES = {mode.value: mode for mode in AutoresetMode}
+MAX_BYTES = 16 * 2**30  # of all rooms
 
 
 class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
@@ -50,18 +52,19 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
 
         Args:
             num_envs: n.
-            max_episode_steps: truncate episodes after so many steps; None never does.
+            max_episode_steps: truncate episodes after so many steps; None is 408, the registered
+                limit, and -1 is none, as in ``gym.make``.
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
             render_mode: None or "rgb_array".
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
-        self.num_envs = integer("num_envs", num_envs, low=1)
         self._limit = _limit(max_episode_steps)
         self._mode = _MODES[
             one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
         ]
         self._setting = setting = Setting.of(**room)
         self._plan = _same_for_all(setting.plan)
+        self.num_envs = _number(num_envs, setting)
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self.metadata = {
@@ -246,9 +249,20 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
 
 def _limit(steps: int | None) -> int:
     never: int = np.iinfo(np.intp).max
-    if steps is None or steps == -1:  # -1 as in gym.make
+    if steps == -1:
         return never
-    return min(integer("max_episode_steps", steps, low=1), never)
+    given = MAX_EPISODE_STEPS if steps is None else steps
+    return min(integer("max_episode_steps", given, low=1), never)
+
+
+def _number(rooms: int, setting: Setting) -> int:
+    given, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(setting)
+    if given > (most := MAX_BYTES // each):
+        raise InputError(
+            f"num_envs is {shown(given)}, but a room takes {each:,} bytes, and all may take "
+            f"{MAX_BYTES // 2**30} GiB: allowed values: 1 to {most:,}."
+        )
+    return given
 
 
 def _same_for_all(plan: Plan) -> FixedPlan:

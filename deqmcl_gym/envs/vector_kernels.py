@@ -20,7 +20,7 @@ def sides(walls: Floats) -> Floats:
         (x₀, y₀, unit x, unit y, length), (S, 5).
     """
     along = walls[:, 2:] - walls[:, :2]
-    length = np.hypot(*along.T)[:, None]
+    length = np.sqrt((along**2).sum(axis=1, keepdims=True))
     return np.hstack([walls[:, :2], along / length, length])
 
 
@@ -32,7 +32,7 @@ class Robots(NamedTuple):
         starts: where they began, (n, 3).
         gaps: how far each can drive in any direction without meeting a wall, at least, (n,); 0 if
             nobody knows.
-        arcs: arc length of the path's point nearest to each, (n,).
+        arcs: arc length at which each is on the path, (n,).
         progress: along the path since reset, (n,).
         steps: carried out, (n,).
     """
@@ -53,8 +53,10 @@ class Rules(NamedTuple):
         walls: as :func:`sides` returns them; free space to their left.
         radius: of the robots.
         skin: how far before a contact they stop.
+        reach: a length that no drive has without contact.
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
         length: of the path.
+        once_round: progress from which on a lap may be done.
         penalty: for a contact.
         near: how near to the start a lap ends; negative if episodes do not end with it.
         most: steps of a plan.
@@ -65,8 +67,10 @@ class Rules(NamedTuple):
     walls: Floats
     radius: float
     skin: float
+    reach: float
     edges: Floats
     length: float
+    once_round: float
     penalty: float
     near: float
     most: int
@@ -111,51 +115,47 @@ def step(
         moved: :class:`Moved`, filled in.
     """
     those, of_all, said = Robots(*robots), Rules(*rules), Moved(*moved)
-    _drive(those, of_all, commands, normals, at, resting, said.collided)
-    _evaluate(those, of_all, said)
+    for i in range(resting.size):
+        if resting[i]:
+            said.rewards[i] = 0.0
+            said.collided[i] = said.terminated[i] = said.truncated[i] = False
+            continue
+        x, y = those.poses[i, 0], those.poses[i, 1]
+        said.collided[i] = _drive(i, those, of_all, commands[i], normals[i, at[i]])
+        at[i] += 1
+        those.steps[i] += 1
+        _evaluate(i, x, y, those, of_all, said)
 
 
 @compiled
-def _drive(
-    robots: Robots,
-    rules: Rules,
-    commands: Singles,
-    normals: Floats,
-    at: Indices,
-    resting: Bools,
-    collided: Bools,
-) -> None:
+def _drive(i: int, robots: Robots, rules: Rules, command: Singles, normals: Floats) -> bool:
+    """Turn and drive robot i; return whether a wall stopped it."""
     of_drive, of_turn, of_drift = rules.noise
-    poses, gaps, walls, radius, skin = (
-        robots.poses, robots.gaps, rules.walls, rules.radius, rules.skin,
-    )  # fmt: skip
-    for i in range(resting.size):
-        collided[i] = False
-        if resting[i]:
-            continue
-        normal_drive, normal_turn = normals[i, at[i]]
-        at[i] += 1
-        robots.steps[i] += 1
-        distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
-        sd_turn = of_turn * abs(turn) + of_drift * distance
-        heading = centred64(poses[i, 2] + turn + sd_turn * normal_turn, TURN)
-        poses[i, 2] = heading
-        driven = distance * (1 + of_drive * normal_drive)
-        way = abs(driven)
-        if way == 0.0:
-            continue
-        x, y = poses[i, 0], poses[i, 1]
-        dx, dy = driven * cos64(heading), driven * sin64(heading)
-        if gaps[i] <= way + skin:
-            gaps[i] = _gap(x, y, walls) - radius
-        if gaps[i] <= way + skin:
-            share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
-            if share < np.inf:
-                collided[i] = True
-                share = max(share - skin / way, 0.0)
-                dx, dy, way = share * dx, share * dy, share * way
-        gaps[i] -= way
-        poses[i, 0], poses[i, 1] = x + dx, y + dy
+    pose, gaps, walls = robots.poses[i], robots.gaps, rules.walls
+    distance, turn = np.float64(command[0]), np.float64(command[1])
+    sd_turn = of_turn * abs(turn) + of_drift * distance
+    heading = centred64(pose[2] + turn + sd_turn * normals[1], TURN)
+    pose[2] = heading
+    driven = distance * (1 + of_drive * normals[0])
+    way = abs(driven)
+    if way == 0.0:
+        return False
+    if way > rules.reach:
+        way, driven = rules.reach, np.copysign(rules.reach, driven)
+    x, y = pose[0], pose[1]
+    dx, dy = driven * cos64(heading), driven * sin64(heading)
+    collided = False
+    if gaps[i] <= way + rules.skin:
+        gaps[i] = _gap(x, y, walls) - rules.radius
+    if gaps[i] <= way + rules.skin:
+        share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, rules.radius)
+        if share < np.inf:
+            collided = True
+            share = max(share - rules.skin / way, 0.0)
+            dx, dy, way = share * dx, share * dy, share * way
+    gaps[i] -= way
+    pose[0], pose[1] = x + dx, y + dy
+    return collided
 
 
 @compiled
@@ -200,14 +200,16 @@ def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radi
 
 
 @compiled
-def _evaluate(robots: Robots, rules: Rules, moved: Moved) -> None:
-    for i in range(robots.steps.size):
-        x, y = robots.poses[i, 0], robots.poses[i, 1]
-        robots.arcs[i], gone = follow(x, y, robots.arcs[i], rules.edges, rules.length)
-        robots.progress[i] += gone
-        moved.rewards[i] = gone - rules.penalty * moved.collided[i]
-        dx, dy = x - robots.starts[i, 0], y - robots.starts[i, 1]
-        around = np.rint(robots.progress[i] / rules.length) >= 1.0
-        home = np.sqrt(dx * dx + dy * dy) <= rules.near
-        moved.terminated[i] = (robots.steps[i] >= rules.most) | (around & home)
-        moved.truncated[i] = robots.steps[i] >= rules.limit
+def _evaluate(
+    i: int, from_x: float, from_y: float, robots: Robots, rules: Rules, moved: Moved
+) -> None:
+    """Fill in what came of a drive of robot i."""
+    x, y, _ = robots.poses[i]
+    robots.arcs[i], gone = follow(from_x, from_y, x, y, robots.arcs[i], rules.edges, rules.length)
+    robots.progress[i] += gone
+    moved.rewards[i] = gone - rules.penalty * moved.collided[i]
+    dx, dy = x - robots.starts[i, 0], y - robots.starts[i, 1]
+    around = robots.progress[i] >= rules.once_round
+    home = np.sqrt(dx * dx + dy * dy) <= rules.near
+    moved.terminated[i] = (robots.steps[i] >= rules.most) | (around & home)
+    moved.truncated[i] = robots.steps[i] >= rules.limit

@@ -5,7 +5,7 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
-from deqmcl_gym.world.setting import SKIN, Setting
+from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
@@ -15,15 +15,17 @@ class Rooms:
     def __init__(self, setting: Setting, number: int, limit: int) -> None:
         """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
         world, course = setting.world, setting.course
-        self._setting, self._path = setting, course.path
+        self._setting = setting
         noise, radius, most = world.noise, float(world.robot.radius), len(course.actions)
         rules = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(world.floor_plan.walls),
-            radius=radius,
-            skin=SKIN * world.pixel,
+            radius=world.body,
+            skin=world.skin,
+            reach=world.floor_plan.reach,
             edges=course.path.edges,
             length=course.path.length,
+            once_round=setting.once_round,
             penalty=setting.penalty,
             near=radius if setting.ends_at_goal else -1.0,
             most=most,
@@ -43,6 +45,14 @@ class Rooms:
         )
         self._fixed = tuple(self._robots), tuple(rules)  # as the kernel takes them
         self._every = np.arange(number)
+
+    @staticmethod
+    def bytes_each(setting: Setting) -> int:
+        """Memory that a room takes, about: its random numbers, its scan and the plan shown."""
+        beams, steps = setting.world.lidar.beams, len(setting.course.actions)
+        rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
+        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * setting.plan.horizon + 64
+        return 8 * numbers
 
     @property
     def poses(self) -> Floats:
@@ -68,7 +78,7 @@ class Rooms:
         starts = [self._setting.start(*episode) for episode in episodes]
         robots = self._robots
         robots.poses[rooms] = robots.starts[rooms] = np.array(starts)
-        robots.arcs[rooms] = np.array([self._path.arc((x, y)) for x, y, _ in starts])
+        robots.arcs[rooms] = np.array([self._setting.first_arc((x, y)) for x, y, _ in starts])
         robots.gaps[rooms] = robots.progress[rooms] = 0.0
         robots.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):

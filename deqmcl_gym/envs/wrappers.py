@@ -1,16 +1,17 @@
-"""Trouble, one wrapper each: kidnapping, beam drop-out, a change of plan."""
+"""Disturbances, one wrapper each: kidnapping, beam drop-out, a change of plan."""
 
 from collections.abc import Iterator
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike
 
 from deqmcl_gym import validation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, integer, number, shown
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.streams import Stream
 
@@ -18,8 +19,65 @@ Action = Singles
 StepResult = tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]
 
 
-class Kidnap(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
+_DRAWS = 100_000  # of a free pose
+
+
+class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
+    """Something that happens to the robot at one step of every episode.
+
+    An episode that ends before is reported by a warning of Gymnasium's logger.
+    """
+
+    what: str
+
+    def __init__(self, env: gym.Env[Singles, Action], step: int, **arguments: Any) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, step=step, **arguments)
+        super().__init__(env)
+        self.room = _room(env)
+        self.due = integer("step", step, low=1)
+
+    @property
+    def steps_after(self) -> int | None:
+        """How many steps an episode has after this; None: it changes nothing."""
+        return None
+
+    def step(self, action: Action) -> StepResult:
+        """Let it happen if it is time, then step."""
+        if self.room.elapsed_steps + 1 == self.due:
+            self.happen()
+        result = self.env.step(action)
+        if (result[2] or result[3]) and self.room.elapsed_steps < self.due:
+            gym.logger.warn(
+                f"{self.what} was due at step {self.due}, but the episode ended after "
+                f"{self.room.elapsed_steps} steps."
+            )
+        return result
+
+    def happen(self) -> None:
+        """Change the room."""
+        raise NotImplementedError
+
+
+def _check_all_happen(env: gym.Env[Any, Any]) -> None:
+    """Refuse a step that no episode comes to: after the plan, or the limit of a TimeLimit."""
+    layers = list(_layers(env))
+    limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
+    last = len(_room(env).plan)
+    for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
+        most = min([last, *limits])
+        if once.due > most:
+            raise InputError(
+                f"step is {shown(once.due)}, but an episode has at most {most} steps, so "
+                f"{once.what} would never come: give a step from 1 to {most}."
+            )
+        if once.steps_after is not None:
+            last = once.due + once.steps_after
+
+
+class Kidnap(_Once):
     """Carry the robot elsewhere just before it takes a step; only its scans can tell.
+
+    A step that no episode comes to is refused.
 
     Args:
         env: a RoomEnv, or wrappers around one.
@@ -27,12 +85,12 @@ class Kidnap(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordCons
         pose: where to (x, y, θ); None draws a free pose anew in each episode.
     """
 
+    what = "the kidnapping"
+
     def __init__(self, env: gym.Env[Singles, Action], step: int, pose: Pose | None = None) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self, step=step, pose=pose)
-        super().__init__(env)
-        self._room = _room(env)
-        self._step = integer("step", step, low=1)
-        self._pose = None if pose is None else self._room.checked_pose("the pose", pose)
+        super().__init__(env, step, pose=pose)
+        self._pose = None if pose is None else self.room.checked_pose("the pose", pose)
+        _check_all_happen(self)
         self._twin = sum(isinstance(layer, Kidnap) and layer.draws for layer in _layers(env))
 
     @property
@@ -40,19 +98,20 @@ class Kidnap(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordCons
         """Whether the pose is random."""
         return self._pose is None
 
-    def step(self, action: Action) -> StepResult:
-        """Kidnap if it is time, then step."""
-        if self._room.elapsed_steps + 1 == self._step:
-            self._room.place(self._drawn_pose() if self._pose is None else self._pose)
-        return self.env.step(action)
+    def happen(self) -> None:
+        """Carry the robot away."""
+        self.room.place(self._drawn_pose() if self._pose is None else self._pose)
 
     def _drawn_pose(self) -> Pose:
-        rng = self._room.stream(Stream.KIDNAP, self._twin)
-        x0, y0, x1, y1 = self._room.floor_plan.bounds
-        while True:  # a floor plan has free space, and the robot stands in some of it
+        rng = self.room.stream(Stream.KIDNAP, self._twin)
+        x0, y0, x1, y1 = self.room.floor_plan.bounds
+        for _ in range(_DRAWS):
             x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
-            if self._room.floor_plan.free([(x, y)], self._room.world.robot.radius)[0]:
+            if self.room.floor_plan.free([(x, y)], self.room.world.body)[0]:
                 return x, y, float(rng.uniform(-np.pi, np.pi))
+        raise InputError(
+            f"none of {_DRAWS:,} poses drawn for the kidnapping is free: give it a pose."
+        )
 
 
 class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
@@ -68,8 +127,14 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
         super().__init__(env)
         self._room = _room(env)
         self._probability = number("probability", probability, low=0, high=1)
+        scans, lossy = self._room.observation_space, _lossy_space(self._room)
+        if env.observation_space not in (scans, lossy):
+            raise InputError(
+                f"the env's observations are {shown(env.observation_space)}, but beams are lost "
+                "from scans: put BeamDropout inside the wrapper that changes the observation."
+            )
         self._twin = sum(isinstance(layer, BeamDropout) for layer in _layers(env))
-        self.observation_space = gym.spaces.Box(0.0, np.inf, (self._room.lidar.beams,), np.float32)
+        self.observation_space = lossy
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -89,7 +154,7 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
         return np.where(lost, np.float32(np.inf), scan)
 
 
-class PlanChange(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
+class PlanChange(_Once):
     """Replace the rest of the plan: after a given step, other actions are planned.
 
     Args:
@@ -98,19 +163,26 @@ class PlanChange(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Record
         actions: (distance, turn), (k, 2); may be empty, which ends the episode there.
     """
 
+    what = "the change of plan"
+
     def __init__(self, env: gym.Env[Singles, Action], step: int, actions: ArrayLike) -> None:
         given = validation.actions("actions", actions)
-        gym.utils.RecordConstructorArgs.__init__(self, step=step, actions=given.tolist())
-        super().__init__(env)
-        self._room = _room(env)
-        self._step = integer("step", step, low=1)
-        self._actions = self._room.checked_plan("actions", given)
+        super().__init__(env, step, actions=given.tolist())
+        self._actions = self.room.checked_plan("actions", given)
+        _check_all_happen(self)
 
-    def step(self, action: Action) -> StepResult:
-        """Change the plan if it is time, then step."""
-        if self._room.elapsed_steps + 1 == self._step:
-            self._room.replace_plan(self._actions)
-        return self.env.step(action)
+    @property
+    def steps_after(self) -> int:
+        """The new plan's."""
+        return len(self._actions)
+
+    def happen(self) -> None:
+        """Change the plan."""
+        self.room.replace_plan(self._actions)
+
+
+def _lossy_space(room: RoomEnv) -> gym.Space[Singles]:
+    return gym.spaces.Box(0.0, np.inf, (room.lidar.beams,), np.float32)
 
 
 def _room(env: gym.Env[Singles, Action]) -> RoomEnv:

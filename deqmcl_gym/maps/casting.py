@@ -113,7 +113,7 @@ def _edges(polygons: Sequence[Polygon]) -> Floats:
 def _directed(walls: Floats, overlap: float) -> Singles:
     """(x₀, y₀, unit x, unit y, low, high) of walls (S, 4), (S, 6)."""
     x0, y0, x1, y1 = walls.T
-    length = np.hypot(x1 - x0, y1 - y0)
+    length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
     start = np.full_like(length, -overlap)
     return _singles([x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, length + overlap])
 

@@ -36,12 +36,14 @@ def cells_of(walls: Floats, margin: float) -> Cells:
     width, height = np.array([max(x0.max(), x1.max()), max(y0.max(), y1.max())]) + 2 * margin - low
     side = math.sqrt(width * height / len(walls))
     columns, rows = math.ceil(width / side), math.ceil(height / side)
-    centre_x = low[0] + (np.arange(columns) + 0.5) * side
-    centre_y = low[1] + (np.arange(rows) + 0.5) * side
-    touched = [
-        np.flatnonzero(_touches(wall, centre_x, centre_y[:, None], side / 2 + margin))
-        for wall in walls
-    ]
+    ends = walls.reshape(-1, 2, 2)
+    first_cell = np.floor((ends.min(axis=1) - margin - low) / side).astype(np.intp)
+    last_cell = np.floor((ends.max(axis=1) + margin - low) / side).astype(np.intp)
+    touched = []
+    for wall, (left, lower), (right, upper) in zip(walls, first_cell, last_cell, strict=True):
+        column, row = np.arange(left, right + 1), np.arange(lower, upper + 1)[:, None]
+        x, y = low[0] + (column + 0.5) * side, low[1] + (row + 0.5) * side
+        touched.append((row * columns + column)[_touches(wall, x, y, side / 2 + margin)])
     cell = np.concatenate(touched)
     by_cell = np.argsort(cell, kind="stable")
     listed = np.repeat(np.arange(len(walls)), [len(cells) for cells in touched])[by_cell]

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics.types import Bools, Singles
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
+Point = tuple[float, float]
 
 
 class Caster(Protocol):
@@ -27,7 +28,7 @@ class Caster(Protocol):
 class Map(Protocol):
     """The map m. Lengths are in its :attr:`unit`, y points up, headings in rad from +x.
 
-    All methods take many items at once and compute in float32.
+    All methods take many items at once and compute in float32, in coordinates about :attr:`datum`.
     """
 
     @property
@@ -38,6 +39,16 @@ class Map(Protocol):
     @property
     def bounds(self) -> Box:
         """Smallest box around the building: (x_low, y_low, x_high, y_high)."""
+        ...
+
+    @property
+    def datum(self) -> Point:
+        """A point of the map, about which float32 is fine; (0, 0) if it is fine as it is."""
+        ...
+
+    @property
+    def local(self) -> "Map":
+        """The same map with (0, 0) at its datum: for float32 poses seen from there."""
         ...
 
     @property

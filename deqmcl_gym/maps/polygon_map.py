@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.clearance import clearance_of
-from deqmcl_gym.maps.map import Box, Caster
-from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
+from deqmcl_gym.maps.map import Box, Caster, Point
+from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, shown
 
 _ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
+_FARTHEST = 1e9  # px: float64 is 1e-7 px coarse there
 
 
 @final
@@ -30,8 +31,8 @@ class PolygonMap:
         unit: of all lengths, "px" or "m".
 
     Raises:
-        InputError: a polygon with fewer than 3 corners, NaN, a zero-length edge or crossing edges;
-            no free space; an unknown unit.
+        InputError: a polygon that is not simple, or has fewer than 3 corners, NaN, a coordinate too
+            large or a zero-length edge; no free space; an unknown unit.
     """
 
     outer: Polygon
@@ -39,19 +40,18 @@ class PolygonMap:
     unit: str = "px"
 
     def __post_init__(self) -> None:
-        shortest = _ZERO_LENGTH * self._pixel
-        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, shortest))
+        limits = _ZERO_LENGTH * self._pixel, _FARTHEST * self._pixel
+        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, *limits))
         try:
             given = enumerate(self.obstacles)
         except TypeError:
             raise InputError(
-                f"obstacles is {self.obstacles!r}, but must be a list of polygons; () for none."
+                f"obstacles is {shown(self.obstacles)}, but must be a list of polygons; () for "
+                "none."
             ) from None
-        solid = tuple(parse_polygon(f"obstacle {i}", o, shortest) for i, o in given)
+        solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in given)
         object.__setattr__(self, "obstacles", solid)
-        x0, y0, x1, y1 = self.bounds
-        grid = np.meshgrid(*(np.linspace(a, b, 130)[1:-1] for a, b in ((x0, x1), (y0, y1))))
-        if not self.free(np.column_stack([axis.ravel() for axis in grid])).any():
+        if not has_free_space(self.walls, limits[0]):
             raise InputError(
                 "the floor plan has no free space: its obstacles fill the outer wall; "
                 "give smaller obstacles or a larger outer wall."
@@ -64,6 +64,12 @@ class PolygonMap:
         return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
 
     @cached_property
+    def reach(self) -> float:
+        """A length that no straight drive or beam within the outer wall has."""
+        x0, y0, x1, y1 = self.bounds
+        return 2 * (x1 - x0 + y1 - y0)
+
+    @cached_property
     def walls(self) -> Floats:
         """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
 
@@ -74,15 +80,15 @@ class PolygonMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins = _rows(poses, 3)
+        origins = self._rows(poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
-        self.caster.cast(origins, beams, out)
+        self.local.caster.cast(origins, beams, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
-        before, after = _rows(starts, 2), _rows(ends, 2)
+        before, after = self._rows(starts, 2), self._rows(ends, 2)
         clear = np.empty(after.shape[1], np.bool_)
         kernels.feasible(before, after, self._walls32, np.float32(radius), self._clearance, clear)
         return ~clear
@@ -104,12 +110,13 @@ class PolygonMap:
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
-        kernels.roll_out(poses, moves, self._walls32, size, self._clearance, hits, paths)
-        return paths, hits
+        local = _moved(poses, self.datum)
+        kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
+        return _moved(paths, self.datum, -1), hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
-        centres = _rows(points, 2)
+        centres = self._rows(points, 2)
         free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
             windings = np.empty(centres.shape[1], np.int32)
@@ -123,14 +130,46 @@ class PolygonMap:
 
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = _rows(points, 2)
+        centres = self._rows(points, 2)
         square = np.empty(centres.shape[1], np.float32)
         kernels.sweep(centres, centres, self._walls32, square)
         return np.sqrt(square)
 
     @cached_property
+    def datum(self) -> Point:
+        """See ``Map.datum``: (0, 0) for a map no farther from there than it is large."""
+        x0, y0, x1, y1 = self.bounds
+        near = max(map(abs, self.bounds)) <= 2 * max(x1 - x0, y1 - y0)
+        return (0.0, 0.0) if near else (x0 + (x1 - x0) / 2, y0 + (y1 - y0) / 2)
+
+    @cached_property
+    def local(self) -> "PolygonMap":
+        """See ``Map.local``."""
+        if self.datum == (0.0, 0.0):
+            return self
+        local = object.__new__(PolygonMap)  # what it is made of has been checked
+        object.__setattr__(local, "outer", self._about_datum(self.outer))
+        object.__setattr__(local, "obstacles", tuple(map(self._about_datum, self.obstacles)))
+        object.__setattr__(local, "unit", self.unit)
+        object.__setattr__(local, "datum", (0.0, 0.0))
+        return local
+
+    def _about_datum(self, polygon: Polygon) -> Polygon:
+        x0, y0 = self.datum
+        return tuple((x - x0, y - y0) for x, y in polygon)
+
+    def _rows(self, items: ArrayLike, columns: int) -> Singles:
+        """(n, d) in any layout as contiguous rows (columns, n) about the datum; see ``_moved``."""
+        if self.datum == (0.0, 0.0):
+            # such rows' .T is not copied
+            rows = np.asarray(items, dtype=np.float32, order="F").T
+        else:
+            rows = _moved(np.asarray(items).T, self.datum)
+        return rows if len(rows) == columns else rows[:columns]
+
+    @cached_property
     def _walls32(self) -> Singles:
-        return np.ascontiguousarray(self.walls, dtype=np.float32)
+        return np.ascontiguousarray(self.local.walls, dtype=np.float32)
 
     @cached_property
     def _clearance(self) -> tuple[Any, ...]:
@@ -139,6 +178,8 @@ class PolygonMap:
     @cached_property
     def caster(self) -> Caster:
         """See ``Map.caster``."""
+        if self.local is not self:
+            return _FarCaster(self.local.caster, self.datum)
         return caster_of(self.outer, self.obstacles, self._pixel)
 
     @cached_property
@@ -161,7 +202,26 @@ def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
     return out
 
 
-def _rows(items: ArrayLike, columns: int) -> Singles:
-    """(n, d) in any layout as contiguous float32 rows (columns, n); such rows' .T is not copied."""
-    rows = np.asarray(items, dtype=np.float32, order="F").T
-    return rows if len(rows) == columns else rows[:columns]
+@dataclass(frozen=True)
+class _FarCaster:
+    """The caster of a map far from (0, 0), for poses of its own frame."""
+
+    local: Caster
+    datum: Point
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``Caster``."""
+        self.local.cast(_moved(poses, self.datum), bearings, out)
+
+
+def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
+    """Rows x, y and others (…, 2+, n), about the datum, in float32; themselves if that is (0, 0).
+
+    With ``sign`` -1 the way back.
+    """
+    if datum == (0.0, 0.0):
+        return rows
+    moved = np.array(rows, dtype=np.float64, order="C")
+    for axis in (0, 1):
+        moved[..., axis, :] -= sign * datum[axis]
+    return moved.astype(np.float32)

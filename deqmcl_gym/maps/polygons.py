@@ -5,39 +5,124 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.maps import polygon_kernels
 from deqmcl_gym.maps.map import Box
-from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, array
+from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.validation import InputError, array, plain, shown
 
 Polygon = Sequence[tuple[float, float]]
 
+_ROUNDING = 1e-12  # of heights, as a share of the floor plan's
 
-def parse_polygon(name: str, polygon: Any, shortest: float) -> tuple[tuple[float, float], ...]:
-    """Return the corners of a simple polygon with edges of length ``shortest`` or more.
+
+def parse_polygon(
+    name: str, polygon: Any, shortest: float, farthest: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a simple polygon.
+
+    Args:
+        name: what a refusal calls it.
+        polygon: its corners.
+        shortest: least length of an edge, and least distance of two edges that share no corner.
+        farthest: largest coordinate.
 
     Raises:
-        InputError: fewer than three corners, NaN, an edge of zero length, or edges that cross.
+        InputError: fewer than three corners, NaN, a coordinate that is too large, an edge of zero
+            length, or edges that cross, touch or fold back.
     """
     try:
         corners = array(name, list(polygon), (None, 2))
     except TypeError:
-        raise InputError(f"{name} is {polygon!r}, but must be a list of (x, y) corners.") from None
+        raise InputError(
+            f"{name} is {shown(polygon)}, but must be a list of (x, y) corners."
+        ) from None
     if len(corners) < 3:
         raise InputError(f"{name} has {len(corners)} corners, but a wall needs 3 or more.")
+    if (far := np.flatnonzero(np.abs(corners).max(axis=1) > farthest)).size:
+        raise InputError(
+            f"{name} has the corner {_point(corners[far[0]])}, but coordinates of more than "
+            f"{farthest:g} are too coarse in float64: move the floor plan towards (0, 0)."
+        )
     edges = _edges(corners)
-    lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
+    lengths = np.sqrt(((edges[:, 2:] - edges[:, :2]) ** 2).sum(axis=1))
     if (short := np.flatnonzero(lengths < shortest)).size:
-        x, y = corners[short[0]]
         raise InputError(
-            f"{name} has an edge of zero length at ({x:g}, {y:g}): name each corner once; "
-            "the last corner is joined to the first by itself."
+            f"{name} has an edge of zero length at {_point(corners[short[0]])}: name each corner "
+            "once; the last corner is joined to the first by itself."
         )
-    if (crossing := _first_crossing(edges)) is not None:
+    _check_simple(name, edges, lengths, shortest)
+    return tuple((x, y) for x, y in corners.tolist())
+
+
+def _check_simple(name: str, edges: Floats, lengths: Floats, shortest: float) -> None:
+    if (folds := np.flatnonzero(_folds_back(edges, lengths, shortest))).size:
+        corner = (folds[0] + 1) % len(edges)
         raise InputError(
-            f"{name} crosses itself between edges {crossing[0]} and {crossing[1]}: "
-            "give its corners in order around it."
+            f"{name} folds back on itself at corner {corner}, {_point(edges[corner, :2])}: leave "
+            "that corner out, or give the wall some thickness."
         )
-    return tuple((float(x), float(y)) for x, y in corners)
+    pairs = close_pairs(edges, shortest)
+    apart = pairs[:, 1] - pairs[:, 0]
+    strangers = pairs[(apart > 1) & (apart < len(edges) - 1)]  # share no corner
+    if strangers.size:
+        nearest = strangers[np.lexsort(strangers.T[::-1])[:1]]
+        first, second = nearest[0].tolist()
+        if np.isfinite(crossings(edges, nearest)).all():
+            raise InputError(
+                f"{name} crosses itself between edges {first} and {second}: give its corners in "
+                "order around it."
+            )
+        raise InputError(
+            f"{name} touches itself: edge {first} from {_point(edges[first, :2])} and edge "
+            f"{second} from {_point(edges[second, :2])} are nearer than {shortest:g}; move a "
+            "corner, or give two polygons."
+        )
+
+
+def _folds_back(edges: Floats, lengths: Floats, least: float) -> Any:
+    """Whether each edge and the next one lie on each other, (S,)."""
+    along, after = edges[:, 2:] - edges[:, :2], np.roll(edges[:, 2:] - edges[:, :2], -1, axis=0)
+    next_lengths = np.roll(lengths, -1)
+    across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
+    back = (along * after).sum(axis=1) < 0.0
+    # how far the far end of the shorter edge is from the longer one
+    return back & (across < least * np.maximum(lengths, next_lengths))
+
+
+def close_pairs(edges: Floats, within: float) -> Indices:
+    """Return the pairs (i, j), i < j, of edges (S, 4) nearer to each other than that, (k, 2)."""
+    by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
+    pairs: Indices = np.sort(polygon_kernels.close_pairs(edges, by_x, within), axis=1)
+    return pairs
+
+
+def crossings(edges: Floats, pairs: Indices) -> Floats:
+    """Return the points where pairs (k, 2) of edges (S, 4) cross, NaN where not inside, (k, 2)."""
+    a, b = edges[pairs[:, 0]], edges[pairs[:, 1]]
+    u, v = a[:, 2:] - a[:, :2], b[:, 2:] - b[:, :2]
+    to_b = b[:, :2] - a[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parallel = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        s = (to_b[:, 0] * v[:, 1] - to_b[:, 1] * v[:, 0]) / parallel
+        t = (to_b[:, 0] * u[:, 1] - to_b[:, 1] * u[:, 0]) / parallel
+        inside = (s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)
+        found: Floats = np.where(inside[:, None], a[:, :2] + s[:, None] * u, np.nan)
+    return found
+
+
+def has_free_space(walls: Floats, least: float) -> bool:
+    """Whether the walls (S, 4) wind once around some place wider than ``least``.
+
+    Between two heights at which walls begin, end or cross, free space is a set of trapezia: the
+    line half-way up meets each of them.
+    """
+    points = crossings(walls, close_pairs(walls, 0.0))
+    heights = np.unique(np.concatenate([walls[:, 1], points[np.isfinite(points[:, 1]), 1]]))
+    depths = np.diff(heights)
+    levels = heights[:-1] + depths / 2
+    by_depth = np.argsort(-depths, kind="stable")  # the deepest first; rounding errors are none
+    real = by_depth[depths[by_depth] > _ROUNDING * (heights[-1] - heights[0])]
+    return polygon_kernels.finds_free_space(walls, levels[real], least)
 
 
 def oriented_edges(polygon: Polygon, *, solid: bool) -> Floats:
@@ -49,32 +134,23 @@ def oriented_edges(polygon: Polygon, *, solid: bool) -> Floats:
 
 def as_box(polygon: Polygon) -> Box | None:
     """Return (x_low, y_low, x_high, y_high) if the polygon is an axis-aligned rectangle."""
+    if len(polygon) != 4:
+        return None
     (x0, y0), (x1, y1) = np.min(polygon, axis=0).tolist(), np.max(polygon, axis=0).tolist()
     corners = {(x, y) for x in (x0, x1) for y in (y0, y1)}
-    return (x0, y0, x1, y1) if len(polygon) == 4 and set(polygon) == corners else None
+    return (x0, y0, x1, y1) if set(polygon) == corners else None
 
 
 def signed_area(points: Floats) -> float:
     """½ Σ (x_i y_{i+1} - x_{i+1} y_i), positive if counterclockwise."""
-    x, y = points.T
-    return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
+    x, y = (points - points[0]).T  # seen from a corner: nothing cancels far from (0, 0)
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
 
 
 def _edges(corners: Floats) -> Floats:
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 
-def _first_crossing(edges: Floats) -> tuple[int, int] | None:
-    start, along = edges[:, :2], edges[:, 2:] - edges[:, :2]
-
-    def side(points: Floats) -> Floats:
-        """Which side of edge i (row) point j (column) lies on."""
-        offset = points[None] - start[:, None]
-        cross = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
-        signs: Floats = np.sign(cross)
-        return signs
-
-    apart = side(edges[:, :2]) * side(edges[:, 2:])  # [i, j] < 0: edge j straddles the line of i
-    crosses = (apart < 0) & (apart.T < 0)
-    first, second = np.nonzero(np.triu(crosses, k=1))
-    return (int(first[0]), int(second[0])) if first.size else None
+def _point(corner: Floats) -> str:
+    x, y = corner[:2].tolist()
+    return f"({plain(x)}, {plain(y)})"

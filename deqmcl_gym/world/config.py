@@ -15,6 +15,8 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
 
+SKIN = 1e-3  # px
+
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
@@ -145,6 +147,21 @@ class World:
     def pixel(self) -> float:
         """What a pixel of the paper's room is in the map's unit."""
         return pixel(self.floor_plan.unit)
+
+    @cached_property
+    def skin(self) -> float:
+        """How far before a contact a robot stops, so that it can drive away again.
+
+        That is ``SKIN``, or in a large room as much as float32 tells apart there.
+        """
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        coarse = float(np.spacing(np.float32(2 * max(x1 - x0, y1 - y0))))
+        return max(SKIN * self.pixel, 4 * coarse)
+
+    @property
+    def body(self) -> float:
+        """Radius of what meets the walls: the robot's, or the skin, that it is seen inside."""
+        return max(self.robot.radius, self.skin)
 
     def changed(self, **parts: Any) -> "World":
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.

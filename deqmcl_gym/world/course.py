@@ -8,8 +8,10 @@ import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.elementary import atan2_64
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, plain
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Path, Pose, wrapped
 
@@ -23,11 +25,13 @@ class Course:
     Attributes:
         path: closed, counterclockwise unless waypoints say otherwise.
         start: expected pose at reset (x, y, θ).
+        arc: arc length of the path where the lap begins, the nearest to the start.
         actions: (distance, turn), (T, 2) float32.
     """
 
     path: Path
     start: Pose
+    arc: float
     actions: Singles
 
     @classmethod
@@ -39,21 +43,23 @@ class Course:
                 there to the path, or cannot take such steps.
         """
         path = path_of(world)
-        start = path.bottom_centre() if world.start.pose is None else world.start.pose
+        given = world.start.pose
+        arc = path.bottom_centre() if given is None else path.arc(given[:2])
+        start = path.at(arc) if given is None else given
         check_free("start.pose", start, world)
-        x, y, _ = path.at(path.arc(start[:2]))
-        if world.floor_plan.collides([start], [(x, y)], world.robot.radius)[0]:
+        x, y, _ = path.at(arc)
+        if world.floor_plan.collides([start], [(x, y)], world.body)[0]:
             raise InputError(
                 f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
                 "lap.waypoints."
             )
-        return cls(path, start, plan_actions(path, start, world))
+        return cls(path, start, arc, plan_actions(path, arc, start, world))
 
 
 def check_free(what: str, at: Pose, world: World) -> None:
     """Refuse a pose where the robot would touch a wall."""
-    if not world.floor_plan.free([at], world.robot.radius)[0]:
+    if not world.floor_plan.free([at], world.body)[0]:
         x, y, heading = at
         raise InputError(
             f"{what} is ({x:g}, {y:g}, {heading:g}), where a robot of {_radius(world)} touches a "
@@ -75,7 +81,7 @@ def path_of(world: World) -> Path:
     corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
     path = Path(corners)
     ends = np.roll(corners, -1, axis=0)
-    blocked = world.floor_plan.collides(corners, ends, world.robot.radius)
+    blocked = world.floor_plan.collides(corners, ends, world.body)
     if blocked.any():
         (x0, y0), (x1, y1) = corners[blocked.argmax()], ends[blocked.argmax()]
         raise InputError(
@@ -96,14 +102,15 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     if not floor_plan.obstacles:
         middle = (outer.min(axis=0) + outer.max(axis=0)) / 2
         return _counterclockwise((outer + middle) / 2)
-    hull = _convex_hull(np.vstack([np.array(polygon) for polygon in floor_plan.obstacles]))
+    corners = np.vstack([np.array(polygon) for polygon in floor_plan.obstacles])
+    hull = _thinned(_convex_hull(corners), 10 * px)
     into = hull - np.roll(hull, 1, axis=0)
     out_of = np.roll(hull, -1, axis=0) - hull
-    into /= np.hypot(*into.T)[:, None]
-    out_of /= np.hypot(*out_of.T)[:, None]
-    bisectors = into - out_of
-    headings = np.arctan2(bisectors[:, 1], bisectors[:, 0])
-    outside = hull + 1e-3 * px * bisectors  # past the obstacle's own walls
+    bisectors = _unit(_unit(into) - _unit(out_of))
+    headings = arrays.arctan2(bisectors[:, 1], bisectors[:, 0])
+    x0, y0, x1, y1 = floor_plan.bounds
+    past = max(1e-3 * px, 1e-6 * max(x1 - x0, y1 - y0))  # float32 tells it from the wall
+    outside = hull + past * bisectors
     gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
     if (lost := ~np.isfinite(gaps)).any():
         x, y = hull[lost.argmax()]
@@ -111,13 +118,13 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
             f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap goes "
             "around it: give lap.waypoints."
         )
-    steps = gaps[:, None] / 2 * np.column_stack([np.cos(headings), np.sin(headings)])
-    corners: Floats = np.round((hull + steps) / px, 2) * px
-    return corners
+    steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
+    lap: Floats = np.round((hull + steps) / px, 2) * px
+    return lap
 
 
-def plan_actions(path: Path, start: Pose, world: World) -> Singles:
-    """Return the actions (distance, turn) that drive once around from ``start``, (T, 2).
+def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
+    """Return the actions (distance, turn) that drive from ``start`` round the lap, (T, 2).
 
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 
@@ -131,9 +138,9 @@ def plan_actions(path: Path, start: Pose, world: World) -> Singles:
     ):
         if step > most:
             raise InputError(
-                f"{name} is {step:g}, but the robot can do at most {most:g} in a step."
+                f"{name} is {plain(step)}, but the robot can do at most {most:g} in a step."
             )
-    legs = list(_legs(path, start, 1e-6 * world.pixel))
+    legs = list(_legs(path.corners_from(arc), start, 1e-6 * world.pixel))
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
@@ -147,14 +154,15 @@ def plan_actions(path: Path, start: Pose, world: World) -> Singles:
     return np.array(actions, dtype=np.float32).reshape(-1, 2)
 
 
-def _legs(path: Path, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
-    """Turn and distance to each point to drive to, if ``shortest`` or farther off."""
+def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
+    """Turn and distance to each of the points to drive to, if ``shortest`` or farther off."""
     x, y, heading = start
-    for corner_x, corner_y in path.corners_from((x, y)).tolist():
-        distance = math.hypot(corner_x - x, corner_y - y)
+    for corner_x, corner_y in points.tolist():
+        dx, dy = corner_x - x, corner_y - y
+        distance = math.sqrt(dx * dx + dy * dy)
         if distance < shortest:
             continue
-        bearing = math.atan2(corner_y - y, corner_x - x)
+        bearing = atan2_64(dy, dx)
         yield wrapped(bearing - heading), distance
         x, y, heading = corner_x, corner_y, bearing
 
@@ -169,6 +177,22 @@ def _counterclockwise(corners: Floats) -> Floats:
     x, y = corners.T
     clockwise = np.dot(x, np.roll(y, -1)) < np.dot(y, np.roll(x, -1))
     return corners[::-1] if clockwise else corners
+
+
+def _unit(vectors: Floats) -> Floats:
+    units: Floats = vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))
+    return units
+
+
+def _thinned(hull: Floats, apart: float) -> Floats:
+    """Leave out corners of something round that are not so far ``apart``: a leg each is many."""
+    lengths = np.sqrt(((hull - np.roll(hull, 1, axis=0)) ** 2).sum(axis=1))
+    apart = min(apart, lengths.sum() / 32)
+    way, kept = np.cumsum(lengths) - lengths[0], [0]
+    for corner in range(1, len(hull)):
+        if min(way[corner] - way[kept[-1]], way[-1] + lengths[0] - way[corner]) >= apart:
+            kept.append(corner)
+    return hull[kept]
 
 
 def _convex_hull(points: Floats) -> Floats:

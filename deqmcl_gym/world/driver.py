@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
@@ -60,8 +61,7 @@ class GuidedPlan:
     @cached_property
     def actions(self) -> Actions:
         """The lap from the expected start without noise, (T, 2) float32."""
-        start = self.course.start
-        arc = self.course.path.arc(start[:2])
+        start, arc = self.course.start, self.course.arc
         planned, count = self._rolled_out(start, arc, 0.0, self.limit, self.limit)
         return planned[:count]
 
@@ -87,7 +87,7 @@ def _check_drivable(plan: GuidedPlan, world: World) -> None:
             f"the driver does not come round in {plan.limit:,} steps, even without noise: {wish}"
         )
     points = _points(plan.course.start, actions)
-    blocked = world.floor_plan.collides(points[:-1], points[1:], world.robot.radius)
+    blocked = world.floor_plan.collides(points[:-1], points[1:], world.body)
     if blocked.any():
         x, y = points[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
@@ -97,5 +97,5 @@ def _points(start: Pose, actions: Floats) -> Floats:
     """Where a robot without noise comes by, (T + 1, 2)."""
     x, y, heading = start
     headings = heading + np.cumsum(actions[:, 1])
-    ways = actions[:, :1] * np.column_stack([np.cos(headings), np.sin(headings)])
+    ways = actions[:, :1] * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
     return np.cumsum(np.vstack([(x, y), ways]), axis=0)

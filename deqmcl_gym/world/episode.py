@@ -1,7 +1,5 @@
 """One episode: a robot on its way through a world, from reset to the end of its plan."""
 
-import math
-
 import numpy as np
 
 from deqmcl_gym.world.path import Pose, wrapped
@@ -19,7 +17,7 @@ class Episode:
         plan: says what is to be done next.
         step: steps carried out.
         pose: the true one (x, y, θ).
-        arc: arc length of the path's point nearest to the robot.
+        arc: arc length at which the robot is on the path.
         way: from the arc length at reset to there, jumps included.
         ended: whether there is no further one.
         scan: the last one, (B,).
@@ -32,6 +30,7 @@ class Episode:
             InputError: no start drawn is free.
         """
         world = self._world = setting.world
+        self._setting = setting
         self._path = setting.course.path
         self._seed, self._number = seed, number
         self._noise = world.noise
@@ -40,7 +39,7 @@ class Episode:
         self.pose = setting.start(seed, number)
         self._start = self.pose[:2]
         self._physics = Physics(walls, self._start)
-        self.arc, self.way = self._path.arc(self._start), 0.0
+        self.arc, self.way = setting.first_arc(self._start), 0.0
         self._progress = 0.0
         self.plan: Plan
         self.plan, self.step, self.ended = setting.plan, 0, False
@@ -53,15 +52,18 @@ class Episode:
     @property
     def lap_done(self) -> bool:
         """Whether the progress adds up to one lap and the robot is back at its start."""
-        if round(self._progress / self._path.length) < 1:
+        if self._progress < self._setting.once_round:
             return False
-        return math.dist(self._start, self._physics.position) <= self._world.robot.radius
+        (x0, y0), (x, y) = self._start, self._physics.position
+        dx, dy = x - x0, y - y0
+        return bool(np.sqrt(dx * dx + dy * dy) <= self._world.robot.radius)
 
     def place(self, pose: Pose) -> None:
         """Put the robot somewhere; that makes no progress."""
         self.pose = pose
         self._physics.place(pose[:2])
-        self._follow_path()
+        before, self.arc = self.arc, self._path.arc(pose[:2])
+        self.way += self._path.advance(before, self.arc)
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
         """Turn, drive, take a scan: one step of noisy motion.
@@ -69,17 +71,14 @@ class Episode:
         Returns:
             The progress made along the path; whether a wall stopped the robot.
         """
+        before = self._physics.position
         collided = self._move(distance, turn)
         self.step += 1
-        progress = self._follow_path()
+        self.arc, progress = self._path.follow(before, self._physics.position, self.arc)
+        self.way += progress
         self._progress += progress
         self.scan = self._sensor.scan(self.pose)
         return progress, collided
-
-    def _follow_path(self) -> float:
-        self.arc, gone = self._path.follow(self._physics.position, self.arc)
-        self.way += gone
-        return gone
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise

@@ -1,16 +1,16 @@
 """A closed polygonal path: where on it one is, and how far one has come."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from deqmcl_gym.numerics.elementary import TURN, centred64
+from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world import path_kernels
 
 Pose = tuple[float, float, float]
+Point = tuple[float, float]
 
 
 def wrapped(angle: float) -> float:
@@ -34,7 +34,7 @@ class Path:
         """Once around."""
         return float(self._lengths.sum())
 
-    def arc(self, point: tuple[float, float]) -> float:
+    def arc(self, point: Point) -> float:
         """Arc length from corner 0 to the path's point nearest to ``point``."""
         x, y = point
         return path_kernels.nearest_arc(x, y, self.edges)
@@ -46,26 +46,27 @@ class Path:
         dx, dy = self._along[edge]
         share = (arc - self._before[edge]) / self._lengths[edge]
         x, y = self.corners[edge] + share * self._along[edge]
-        return float(x), float(y), math.atan2(dy, dx)
+        return float(x), float(y), atan2_64(dy, dx)
 
     def advance(self, before: float, after: float) -> float:
         """Signed way along the path between two arc lengths, the shorter way round."""
         way: float = centred64(after - before, self.length)
         return way
 
-    def follow(self, point: tuple[float, float], before: float) -> tuple[float, float]:
-        """Return :meth:`arc` of a point, and how far one came to there from arc ``before``."""
-        x, y = point
-        return path_kernels.follow(x, y, before, self.edges, self.length)
+    def follow(self, start: Point, end: Point, before: float) -> tuple[float, float]:
+        """Return the arc length at ``end`` of a drive that began at arc ``before``, and the way.
 
-    def bottom_centre(self) -> Pose:
-        """Return the middle of the lowest edge, heading along the path."""
+        Where the path meets itself, it is followed in its order; see ``path_kernels.follow``.
+        """
+        return path_kernels.follow(*start, *end, before, self.edges, self.length)
+
+    def bottom_centre(self) -> float:
+        """Return the arc length of the middle of the lowest edge."""
         middles = self.corners + self._along / 2
-        return self.at(float((self._before + self._lengths / 2)[middles[:, 1].argmin()]))
+        return float((self._before + self._lengths / 2)[middles[:, 1].argmin()])
 
-    def corners_from(self, point: tuple[float, float]) -> Floats:
-        """Return the points to drive to, once around from the path's point nearest to ``point``."""
-        arc = self.arc(point)
+    def corners_from(self, arc: float) -> Floats:
+        """Return the points to drive to, once around from an arc length."""
         entry = np.array(self.at(arc)[:2])
         after = int(np.searchsorted(self._before, arc, side="right"))
         order = np.roll(self.corners, -after, axis=0)
@@ -82,7 +83,7 @@ class Path:
 
     @cached_property
     def _lengths(self) -> Floats:
-        lengths: Floats = np.hypot(*self._along.T)
+        lengths: Floats = np.sqrt((self._along**2).sum(axis=1))
         return lengths
 
     @cached_property

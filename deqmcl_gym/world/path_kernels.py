@@ -27,13 +27,37 @@ def nearest_arc(x: float, y: float, edges: Floats) -> float:
 
 
 @compiled
-def follow(x: float, y: float, before: float, edges: Floats, length: float) -> tuple[float, float]:
-    """Return the arc length of the path's point nearest to (x, y), and the way from ``before``.
+def follow(
+    from_x: float, from_y: float, x: float, y: float, before: float, edges: Floats, length: float
+) -> tuple[float, float]:
+    """Return the arc length that one comes to by driving from arc ``before`` to (x, y); the way.
 
-    That is signed, along the path, the shorter way round.
+    Of the nearest points of all edges it is the one with the least max(d, e / 8) + b: d is its
+    distance, e how much farther along the path it is than one drove, b how far one drove against
+    that edge. So a robot stays on its own stretch of a path that crosses or retraces itself, goes
+    on to the next one at a hairpin, and takes a shortcut where the path is nearer by far. The way
+    is signed.
     """
-    arc = nearest_arc(x, y, edges)
-    return arc, centred64(arc - before, length)
+    step_x, step_y = x - from_x, y - from_y
+    driven = np.sqrt(step_x * step_x + step_y * step_y)
+    if driven == 0.0:
+        return before, 0.0
+    same = 1e-9 * length  # but for rounding errors
+    least, least_off = np.inf, np.inf
+    arc, way = before, 0.0
+    for corner_x, corner_y, dx, dy, edge_length, edge_arc in edges:
+        to_x, to_y = x - corner_x, y - corner_y
+        share = min(max((to_x * dx + to_y * dy) / (edge_length * edge_length), 0.0), 1.0)
+        off_x, off_y = to_x - share * dx, to_y - share * dy
+        distance = np.sqrt(off_x * off_x + off_y * off_y)
+        there = edge_arc + share * edge_length
+        gone = driven + centred64(there - before - driven, length)
+        back = max(-(step_x * dx + step_y * dy) / edge_length, 0.0)
+        cost = max(distance, (abs(gone) - driven) / 8) + back
+        off = abs(gone - driven)
+        if cost < least - same or (cost < least + same and off < least_off - same):
+            least, least_off, arc, way = min(cost, least), off, there, gone
+    return arc, way
 
 
 @compiled
@@ -50,7 +74,7 @@ def roll_out(
 
     Args:
         pose: of the robot.
-        arc: arc length of the path's point nearest to it.
+        arc: arc length at which it is on the path.
         way: made along the path so far.
         edges: of the path.
         length: of the path.
@@ -67,15 +91,16 @@ def roll_out(
     for count in range(rows):
         if way >= end:
             return count
-        to_x, to_y = _point_at((arc + look_ahead) % length, edges)
-        error = centred64(atan2_64(to_y - y, to_x - x) - heading, TURN)
+        goal_x, goal_y = _point_at((arc + look_ahead) % length, edges)
+        error = centred64(atan2_64(goal_y - y, goal_x - x) - heading, TURN)
         actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
         actions[count, 1] = min(max(error, -most), most)
         # on with what float32 made of it
         heading = centred64(heading + np.float64(actions[count, 1]), TURN)
         distance = np.float64(actions[count, 0])
-        x, y = x + distance * cos64(heading), y + distance * sin64(heading)
-        arc, gone = follow(x, y, arc, edges, length)
+        to_x, to_y = x + distance * cos64(heading), y + distance * sin64(heading)
+        arc, gone = follow(x, y, to_x, to_y, arc, edges, length)
+        x, y = to_x, to_y
         way += gone
     return rows
 

@@ -4,17 +4,14 @@ import math
 
 import numpy as np
 import pymunk
-from pymunk.autogeometry import convex_decomposition
 
-from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.world.setting import SKIN
+from deqmcl_gym.world.config import World
+from deqmcl_gym.world.path import Point
 
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
-
-Point = tuple[float, float]
 
 
 class Walls:
@@ -25,24 +22,27 @@ class Walls:
     the disc, but looks for walls along the thin line then, and misses those beside it.
 
     Attributes:
-        space: outer walls as segments, obstacles as solid convex pieces; all static.
+        space: all walls as static segments; nothing is ever inside an obstacle.
         skin: how far before a contact a disc stops.
+        reach: a length that no drive has without contact.
     """
 
-    def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
+    def __init__(self, world: World) -> None:
         """Build the space; it never changes."""
-        self.space, self.skin = pymunk.Space(), SKIN * pixel(floor_plan.unit)
+        floor_plan, radius = world.floor_plan, world.body
+        self.space, self.skin = pymunk.Space(), world.skin
+        self.reach = floor_plan.reach
         body = self.space.static_body
-        edges = oriented_edges(floor_plan.outer, solid=False)
-        for x0, y0, x1, y1 in edges.tolist():
-            self.space.add(pymunk.Segment(body, (x0, y0), (x1, y1), radius))
-        # A query that starts beside the end of a segment may miss its rounding.
-        for tip in _corners_into_the_room(edges):
-            self.space.add(pymunk.Circle(body, radius, tip))
-        for obstacle in floor_plan.obstacles:
-            corners = oriented_edges(obstacle, solid=False)[:, :2].tolist()
-            for piece in convex_decomposition([*corners, corners[0]], 0.0):
-                self.space.add(pymunk.Poly(body, piece, radius=radius))
+        outlines = [oriented_edges(floor_plan.outer, solid=False)]
+        outlines += [oriented_edges(obstacle, solid=True) for obstacle in floor_plan.obstacles]
+        shapes: list[pymunk.Shape] = []
+        for edges in outlines:
+            shapes += [pymunk.Segment(body, edge[:2], edge[2:], radius) for edge in edges.tolist()]
+            # A query that starts beside the end of a segment may miss its rounding.
+            shapes += [pymunk.Circle(body, radius, tip) for tip in _corners_into_the_room(edges)]
+        # pymunk's tree of shapes is balanced if neighbours do not come one after the other.
+        shuffled = np.random.default_rng(0).permutation(len(shapes))
+        self.space.add(*(shapes[i] for i in shuffled))
 
     def gap(self, centre: Point) -> float:
         """How far the disc's rim is from the nearest wall, negative if they overlap."""
@@ -84,12 +84,14 @@ class Physics:
         way = abs(distance)
         if way == 0.0:
             return False
+        if way > self.walls.reach:  # beyond every wall: float64 would lose the contact's place
+            way, distance = self.walls.reach, math.copysign(self.walls.reach, distance)
         if way >= self._gap - self.walls.skin:
             self._gap = self.walls.gap(self.position)
             if self._gap < 0.0:
                 return True
         x, y = start = self.position
-        dx, dy = distance * math.cos(heading), distance * math.sin(heading)
+        dx, dy = distance * cos64(heading), distance * sin64(heading)
         end = (x + dx, y + dy)
         if way < self._gap - self.walls.skin:
             self.position = end
@@ -105,7 +107,7 @@ class Physics:
 
 
 def _corners_into_the_room(edges: Floats) -> list[Point]:
-    """Where a counterclockwise outer wall turns right."""
+    """Where a wall with free space to its left turns right."""
     along = edges[:, 2:] - edges[:, :2]
     before = np.roll(along, 1, axis=0)
     right = before[:, 0] * along[:, 1] < before[:, 1] * along[:, 0]

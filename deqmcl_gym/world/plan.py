@@ -27,7 +27,7 @@ class Underway(Protocol):
 
     @property
     def arc(self) -> float:
-        """Arc length of the path's point nearest to the robot."""
+        """Arc length at which the robot is on the path."""
         ...
 
     @property
@@ -38,6 +38,11 @@ class Underway(Protocol):
 
 class Plan(Protocol):
     """What is to be done next, at any moment of an episode."""
+
+    @property
+    def horizon(self) -> int:
+        """h, actions shown ahead."""
+        ...
 
     @property
     def actions(self) -> Actions:

@@ -14,7 +14,8 @@ class LidarSensor:
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
-        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+        self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
+        self._x, self._y = floor_plan.datum
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
@@ -22,7 +23,8 @@ class LidarSensor:
     def scan(self, pose: Pose) -> Singles:
         """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range]."""
         origin, exact = self._origin, self._exact
-        origin[0, 0], origin[1, 0], origin[2, 0] = pose
+        x, y, heading = pose
+        origin[0, 0], origin[1, 0], origin[2, 0] = x - self._x, y - self._y, heading
         self._caster.cast(origin, self._bearings, exact)
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)
@@ -39,7 +41,8 @@ class LidarSensors:
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
         """Mount ``lidar`` in n ``rooms``, for at ``most`` so many scans in an episode."""
-        self._caster, self._bearings = floor_plan.caster, _bearings(lidar)
+        self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
+        self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
         self._noise = NormalTable(rooms, lidar.beams, most)
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
@@ -50,7 +53,7 @@ class LidarSensors:
 
     def scan(self, rooms: Indices, poses: Floats) -> None:
         """Take a scan in each of some ``rooms`` (k,), at ``poses`` (k, 3)."""
-        origins = poses.T.astype(np.float32, order="C")
+        origins = (poses - self._datum).T.astype(np.float32, order="C")
         exact = np.empty((self._bearings.size, rooms.size), np.float32)
         self._caster.cast(origins, self._bearings, exact)
         noise = self._noise

@@ -14,7 +14,7 @@ from deqmcl_gym.world.commands import Commands
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.path import Pose, wrapped
+from deqmcl_gym.world.path import Point, Pose, wrapped
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.streams import Stream, episode_stream
@@ -23,8 +23,6 @@ if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing
 
 COLLISION_PENALTY = 10.0  # px of progress
-# A stopped robot stands this far before the contact, so that it can drive away again.
-SKIN = 1e-3  # px
 
 _START_TRIES = 1000
 
@@ -75,10 +73,22 @@ class Setting:
         return COLLISION_PENALTY * self.world.pixel
 
     @cached_property
+    def once_round(self) -> float:
+        """Progress along the path from which on a robot back at its start has done the lap."""
+        length = self.course.path.length
+        return length - min(length / 2, 4 * self.world.robot.radius)
+
+    @cached_property
     def observation_space(self) -> gym.Space[Singles]:
         """All scans of a room."""
         lidar = self.world.lidar
         return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)
+
+    def first_arc(self, start: Point) -> float:
+        """Return the arc length at which an episode begins, that of the lap's or near it."""
+        course = self.course
+        arc, _ = course.path.follow(course.start[:2], start, course.arc)
+        return arc
 
     def start(self, seed: int, number: int) -> Pose:
         """Return where the ``number``-th episode after seeding begins, heading in [-π, π).
@@ -106,7 +116,7 @@ class Setting:
         return Drawing(View(self.world.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
 
     def _drawn_start(self, seed: int, number: int) -> Pose:
-        start, radius = self.world.start, self.world.robot.radius
+        start, radius = self.world.start, self.world.body
         if start.sd_position == start.sd_heading == 0.0:
             return self.course.start
         x, y, heading = self.course.start

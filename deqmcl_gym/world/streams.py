@@ -53,12 +53,16 @@ class NormalTable:
 
         :meth:`renew` names the stream.
         """
-        # A call of NumPy for a lap, or few; about 32 KB of a room's numbers at a time, or a row.
-        blocks = -(-lap * width // 4096)
-        self.drawn = np.empty((rooms, -(-lap // blocks), width))
+        self.drawn = np.empty((rooms, self.rows(width, lap), width))
         self.at = np.zeros(rooms, np.intp)
         self._sure = 0  # calls of fill() before a room may have none left
         self._rngs: list[np.random.Generator | None] = [None] * rooms
+
+    @staticmethod
+    def rows(width: int, lap: int) -> int:
+        """How many rows are drawn at a time: about 32 KB of a room's numbers, or a row."""
+        blocks = -(-lap * width // 4096)  # a call of NumPy for a lap, or few
+        return -(-lap // blocks)
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
         """Let a room draw from another stream from now on."""

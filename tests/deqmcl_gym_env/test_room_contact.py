@@ -9,7 +9,7 @@ from room_cases import PAPER, SEVERAL, SPIKE, STILL, calm, drive, wrapped
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.setting import SKIN
+from deqmcl_gym.world.config import SKIN
 
 # float64 coordinates below 500 px have ulps of 6e-14; a contact takes some dozen operations.
 EXACT = 1e-10

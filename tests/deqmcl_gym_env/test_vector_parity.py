@@ -10,8 +10,8 @@ PLANS = {
     "paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "spike": SPIKE, "empty": EMPTY,
 }  # fmt: skip
 
-# Sines of the C library and of the kernels differ by an ulp, and so do contacts: some 1e-13 px a
-# step. What is asked for is a thousandth of a pixel.
+# Contacts differ by rounding errors, some 1e-13 px a step. What is asked for is a thousandth of a
+# pixel.
 NEAR = 1e-3
 # Ranges, as float32, from poses rounded to float32: off by 3e-5 px and by as much along a slant.
 NEAR_SCAN = 1e-2

@@ -29,7 +29,7 @@ COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
         ([SQUARE, [[(10, 10), (20, 20), (20, 10), (10, 20)]]], "obstacle 0 crosses itself"),
         ([SQUARE, [SQUARE]], "no free space"),
         ([SQUARE, [COVER]], "no free space"),
-        ([[(0, 0), (50, 0), (100, 0)]], "no free space"),
+        ([[(0, 0), (50, 0), (100, 0)]], "folds back on itself at corner 2, (100, 0)"),
     ],
 )
 def test_a_floor_plan_that_cannot_be_is_refused_in_one_sentence(polygons, text):
