@@ -95,7 +95,7 @@ def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_not
     # all ends lie on walls: d is at most a cell's diagonal in the table
     assert here == pytest.approx(9 * math.log(peak + 0.5 / 400), abs=9 * 0.5 * 2 / 25)
     assert there < here - 5
-    assert outside == -30.0
+    assert outside == 9 * -30.0
     odd = scan.copy()
     odd[[0, 3, 5]] = [math.nan, -1.0, 400.0]
     few = field.log_likelihood(states, odd)[0]
