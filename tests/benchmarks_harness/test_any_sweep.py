@@ -4,7 +4,7 @@ import math
 from collections import defaultdict
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_cases import finished, parsed
 
@@ -62,7 +62,7 @@ def expected_difference(own, theirs, offset):
     return (sum(means) / len(means) if means else math.nan), len(means)
 
 
-@settings(deadline=None)
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(sweeps())
 def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tests(given_sweep):
     records, baseline = given_sweep
@@ -100,7 +100,7 @@ def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tes
     assert sum(len(runs) for panel in found for runs in panel.records.values()) >= len(records)
 
 
-@settings(deadline=None)
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(sweeps())
 def test_the_tables_have_the_digits_of_results_csv(given_sweep):
     found = panels(*given_sweep)
