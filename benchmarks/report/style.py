@@ -1,7 +1,7 @@
 """Colours and marks of methods: the same method looks the same in every picture."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written
 
@@ -40,8 +40,15 @@ LOOKS = (*_LOOKS.values(), *_MORE)
 
 
 def looks(labels: Iterable[str]) -> dict[str, Look]:
-    """Give each label a look; those that we do not know take what is left, in order."""
+    """Give each label a look of its own; those that we do not know take what is left, in order.
+
+    Where there are more labels than colours, a colour is used again with other marks.
+    """
     listed = list(dict.fromkeys(labels))
+    left = [*_MORE, *(look for name, look in _LOOKS.items() if name not in listed)]
     strangers = [label for label in listed if label not in _LOOKS]
-    taken = {label: _MORE[i % len(_MORE)] for i, label in enumerate(strangers)}
+    taken = {
+        label: replace(left[i % len(left)], mark=left[(i + i // len(left)) % len(left)].mark)
+        for i, label in enumerate(strangers)
+    }
     return {label: (_LOOKS | taken)[label] for label in listed}

@@ -60,7 +60,7 @@ def glance_table(panels: Sequence[Panel]) -> Table:
         lines.append([_numbered(panel), *(cells.get(label, "–") for label in labels)])
     caption = (
         "Error e of x[t]. ▼ smaller than the baseline's, ▲ larger (95 % interval excludes 0 and "
-        "Holm's p < 0.05), ○ inconclusive."
+        "p < 0.05 after Holm's correction for the tests of the same setting), ○ inconclusive."
     )
     return Table(caption, ["setting", *labels], lines)
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.comparison import ALPHA, Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.table_1 import full_name, reading
@@ -43,12 +43,8 @@ def findings(panel: Panel) -> list[str]:
     """A sentence per method on how it compares with its baseline, and what to mind."""
     compared = [row for row in panel.present if not row.is_baseline]
     sentences = [_capital(_finding(row, panel)) for row in compared]
-    worlds = max((row.worlds for row in panel.present), default=0)
-    if 2 <= worlds < FEW:
-        sentences.append(
-            f"These are only {worlds} worlds: bootstrap intervals of so few are somewhat too "
-            "narrow, and only large differences can be detected."
-        )
+    if warning := _few(panel.present):
+        sentences.append(warning)
     if said := reading(panel.rows):
         sentences.append(said)
     return sentences
@@ -88,7 +84,8 @@ def _finding(row: Comparison, panel: Panel) -> str:
         name = f"{name} ({panel.labels[row.method]})"
     diff = row.diff
     if math.isnan(diff.mean):
-        return f"{name} and {other} have no finished world in common: nothing is compared."
+        unknown, none = "share a world whose error is unknown", "have no finished world in common"
+        return f"{name} and {other} {unknown if row.paired_worlds else none}: nothing is compared."
     if math.isnan(diff.low):
         return f"{name}: {estimated(diff, '+.2f')} against {other}, but one world decides nothing."
     if diff == (0, 0, 0):
@@ -106,6 +103,26 @@ def _finding(row: Comparison, panel: Panel) -> str:
             f"confirm it {numbers}."
         )
     return f"{name} has a {better} error than {other} {numbers}."
+
+
+def _few(rows: Sequence[Comparison]) -> str:
+    """What to mind where there are few worlds; nothing where there are enough, or one."""
+    tested = [row.paired_worlds for row in rows if not math.isnan(row.p)]
+    worlds = set(tested or [row.worlds for row in rows])
+    few = {count for count in worlds if 2 <= count < FEW}
+    if not few:
+        return ""
+    corrected = len(tested) if max(worlds) < FEW else 1  # of the smallest p, or maybe the largest
+    least_p = corrected * 2.0 ** (1 - max(few))  # all differences on one side
+    detected = (
+        "no difference, however large, can have p < 0.05"
+        if least_p >= ALPHA
+        else "only large differences can be detected"
+    )
+    return (
+        f"With only {_range(few, 'world', 'worlds')} bootstrap intervals are somewhat too narrow, "
+        f"and {detected}."
+    )
 
 
 def _capital(sentence: str) -> str:

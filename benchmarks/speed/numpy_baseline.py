@@ -15,7 +15,7 @@ from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.polygons import as_box
 from deqmcl_gym.numerics.types import Floats, Indices, Reals, Singles
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
-from localizers.models.scan import OUTSIDE
+from localizers.models.scan import outside
 
 RAYS_PER_BLOCK = 16_384  # 64 KiB per temporary array; the fastest of 1,024 to 65,536
 
@@ -83,7 +83,7 @@ class NumpyModels:
             out[block] = np.log(density.prod(axis=0, dtype=np.float64))
         left, low, right, high = self.robot.floor_plan.bounds
         inside = (states[0] > left) & (states[0] < right) & (states[1] > low) & (states[1] < high)
-        return np.where(inside, out, OUTSIDE)
+        return np.where(inside, out, measured.size * outside(floor))
 
 
 def mcl(

@@ -67,9 +67,9 @@ def win_rate(differences: Floats) -> float:
 def wilcoxon(differences: Floats) -> float:
     """Two-sided p of the signed-rank test that differences are symmetric about 0 (Wilcoxon 1945).
 
-    Zeros are dropped. Exact for up to 50 differences without ties; else the normal approximation
-    with the variance corrected for ties and no continuity correction. 1 if all are zero, NaN of
-    nothing.
+    Zeros are dropped, ties share their mean rank. Exact for up to 50 differences, with ties too;
+    else the normal approximation with the variance corrected for ties and no continuity correction.
+    1 if all are zero, NaN of nothing.
     """
     if not differences.size or np.isnan(differences).any():
         return math.nan
@@ -78,13 +78,13 @@ def wilcoxon(differences: Floats) -> float:
     if n == 0:
         return 1.0
     _, place, counts = np.unique(np.abs(nonzero), return_inverse=True, return_counts=True)
-    ranks = (np.cumsum(counts) - (counts - 1) / 2)[place]  # ties share their mean rank
-    positive = float(ranks[nonzero > 0].sum())
-    if n <= _EXACT and (counts == 1).all():
-        least = int(min(positive, n * (n + 1) / 2 - positive))
-        return float(min(1.0, 2 * sum(_subsets_by_sum(n)[: least + 1]) / 2**n))
+    doubled = (2 * np.cumsum(counts) - counts + 1)[place]  # ranks times 2: whole with ties too
+    positive = int(doubled[nonzero > 0].sum())
+    if n <= _EXACT:
+        least = min(positive, n * (n + 1) - positive)
+        return float(min(1.0, 2 * _subsets_by_sum(doubled)[: least + 1].sum() / 2**n))
     variance = n * (n + 1) * (2 * n + 1) / 24 - float((counts**3 - counts).sum()) / 48
-    z = (positive - n * (n + 1) / 4) / math.sqrt(variance)
+    z = (positive / 2 - n * (n + 1) / 4) / math.sqrt(variance)
     return float(math.erfc(abs(z) / math.sqrt(2)))
 
 
@@ -127,13 +127,10 @@ def _resamples(n: int, count: int) -> list[NDArray[np.int32]]:
     return [rng.integers(n, size=(block, n)).astype(np.int32) for block in blocks]
 
 
-@lru_cache(maxsize=_EXACT)
-def _subsets_by_sum(n: int) -> list[int]:
-    """How many subsets of {1 … n} have the sums 0, 1, … n (n + 1) / 2."""
-    counts = [1]
-    for rank in range(1, n + 1):
-        longer = counts + [0] * rank
-        for total, ways in enumerate(counts):
-            longer[total + rank] += ways
-        counts = longer
-    return counts
+def _subsets_by_sum(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many subsets of at most 62 numbers have the sums 0, 1, … their total."""
+    ways = np.zeros(numbers.sum() + 1, np.int64)
+    ways[0] = 1
+    for number in numbers:
+        ways[number:] += ways[:-number].copy()
+    return ways

@@ -80,14 +80,23 @@ def state_error(means: Floats, truth: Reals) -> Floats:
     """
     x, y, heading = np.asarray(truth, dtype=np.float64).T
     true = np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
-    error: Floats = np.sqrt(np.square(means - true).sum(axis=1))
-    return error
+    return _root(np.sum, means - true)
 
 
 def position_error(means: Floats, truth: Floats) -> Floats:
     """Distance of estimate and truth in (x, y), (k,)."""
-    error: Floats = np.sqrt(np.square(means[:, :2] - truth[:, :2]).sum(axis=1))
-    return error
+    return _root(np.sum, means[:, :2] - truth[:, :2])
+
+
+def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
+    """Root of the total of the squares of each row of (k, n), (k,).
+
+    Scaled by a power of two, which changes no bit, so that no square is too large.
+    """
+    _, exponents = np.frexp(np.abs(rows).max(axis=1))
+    squares = np.square(np.ldexp(rows, -exponents[:, None]))
+    roots: Floats = np.ldexp(np.sqrt(total(squares, axis=1)), exponents)
+    return roots
 
 
 def directions(means: Floats) -> Floats:
@@ -121,7 +130,7 @@ def wall_share(clouds: Clouds, task: Task) -> Floats:
 
 def rms(values: Floats) -> float:
     """Root of the mean square; NaN of nothing."""
-    return math.sqrt(float(np.square(values).mean())) if values.size else math.nan
+    return float(_root(np.mean, values[None])[0]) if values.size else math.nan
 
 
 def mean(values: Floats) -> float:

@@ -153,20 +153,20 @@ class ParticleBelief(_Cloud):
         return self._replace(queue=self.queue.followed(future))
 
     def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
-        """Report with h_t(x_t), (n,). Dropped and counted as in ``reweighted`` if all are 0."""
-        if (self.log_weights + log_h).max() > -math.inf:
+        """Report with h_t(x_t), (n,), dropped and counted where ``reweighted`` does."""
+        if math.isfinite((self.log_weights + log_h).max()):
             return self._replace(log_h=log_h)
         return self._collapsed()
 
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
 
-        If that leaves no particle any weight, the factor is dropped (the weights of before stay)
-        and a weight collapse is counted: the cloud then goes on by motion alone until evidence
-        comes that some particle can explain.
+        If that leaves no particle any weight, or one an infinite weight, the factor is dropped (the
+        weights of before stay) and a weight collapse is counted: the cloud then goes on by motion
+        alone until evidence comes that some particle can explain.
         """
         total = np.empty(self.log_weights.size)
-        if kernels.shifted(self.log_weights, log_factor, total) > -math.inf:
+        if math.isfinite(kernels.shifted(self.log_weights, log_factor, total)):
             return self._replace(log_weights=total)
         return self._collapsed()
 
@@ -181,8 +181,8 @@ class ParticleBelief(_Cloud):
         total = np.empty(self.log_weights.size)
         top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, total)
         trust = None if self.trust is None else self.trust.after(ranges, evidence)
-        belief = self if top > -math.inf else self._collapsed()
-        weights = total if top > -math.inf else self.log_weights
+        belief = self if math.isfinite(top) else self._collapsed()
+        weights = total if math.isfinite(top) else self.log_weights
         return belief._replace(log_weights=weights, scan_log_evidence=evidence, trust=trust)
 
     def _collapsed(self) -> "ParticleBelief":

@@ -15,8 +15,8 @@ from deqmcl_gym.numerics.types import Floats, Singles
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
-FOLD = 16  # beams multiplied before a logarithm is taken, …
-LEAST = 1e-19  # … where no density is below this: so the product is a normal float64
+_FOLD = 16  # beams multiplied before a logarithm is taken, …
+_LEAST, _MOST = 1e-19, 1e19  # … where densities lie between: so the product is a normal float64
 _FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
 
 _LOG2E = 1.4426950408889634
@@ -36,6 +36,12 @@ _T12, _T13, _T14 = 1.668170360977268e-05, 3.981182741532577e-06, -2.770320944146
 _T15, _T16, _T17 = -3.374965203524632e-07, 4.3443907263764586e-07, 4.375841598285575e-08
 _T18, _T19, _T20 = -6.667529339227571e-08, -1.0618274174239376e-08, 7.630410417873182e-09
 _T21 = 2.224938767716443e-09
+
+
+@compiled
+def fold(least: float, most: float) -> int:
+    """How many densities, none below ``least`` or above ``most``, make a normal product."""
+    return _FOLD if least >= _LEAST and most <= _MOST else 1
 
 
 @compiled
@@ -62,7 +68,7 @@ def gaussian_uniform(
         out: (n,).
     """
     peak = hit / (sigma * _SQRT_2PI)
-    fold = FOLD if min(floor, atom) >= LEAST else 1
+    together = fold(min(floor, atom), peak + floor)
     product, value = np.empty(_POSES), np.empty(_POSES)
     part, power = np.empty(_POSES), np.empty(_POSES)
     n = expected.shape[1]
@@ -71,9 +77,9 @@ def gaussian_uniform(
         count = end - start
         total = out[start:end]
         total[:] = 0.0
-        for first in range(0, ranges.size, fold):
+        for first in range(0, ranges.size, together):
             product[:] = 1.0
-            for beam in range(first, min(first + fold, ranges.size)):
+            for beam in range(first, min(first + together, ranges.size)):
                 measured, row = ranges[beam], expected[beam, start:end]
                 if (measured <= low) | (measured >= high):
                     at_low = measured <= low
@@ -111,7 +117,7 @@ def four_parts(
     """
     hit, short, largest, rand = shares
     peak, anything = hit / (sigma * _SQRT_2PI), rand / max_range
-    fold = FOLD if min(largest, anything) >= LEAST else 1
+    together = fold(min(largest, anything), 3.0 * peak + 2.0 / max_range + 2.0 * short / nearest)
     product, seen = np.empty(_POSES), np.empty(_POSES)
     part, power = np.empty(_POSES), np.empty(_POSES)
     value, below, above = np.empty(_POSES), np.empty(_POSES), np.empty(_POSES)
@@ -121,9 +127,9 @@ def four_parts(
         count = end - start
         total, at = out[start:end], seen[:count]
         total[:] = 0.0
-        for first in range(0, ranges.size, fold):
+        for first in range(0, ranges.size, together):
             product[:] = 1.0
-            for beam in range(first, min(first + fold, ranges.size)):
+            for beam in range(first, min(first + together, ranges.size)):
                 measured, row = ranges[beam], expected[beam, start:end]
                 for i in range(count):
                     at[i] = max_range if row[i] > max_range else np.float64(row[i])

@@ -17,6 +17,7 @@ from localizers.models.normal import normal_cdf, normal_pdf
 
 _STEPS = 400  # of which a range counts as one where the uniform share is a mass: 1 px of 400 px
 _NEAREST = 1e-6  # steps: what is nearer is taken to be this far, so that nothing is divided by 0
+_WIDEST = 1e4  # ranges: a normal as wide is flat; wider, its share in [0, range] has no digits
 
 
 class BeamDensity(Protocol):
@@ -37,6 +38,10 @@ class BeamDensity(Protocol):
         Returns:
             (n, B).
         """
+        ...
+
+    def least_density(self, max_range: float) -> float:
+        """Return what ``density`` is never below, whatever the measured and the exact range."""
         ...
 
 
@@ -66,6 +71,10 @@ class GaussianUniform(_HitOrAnything):
         """Density of each measured range, (n, B) per px."""
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         return (1 - self.uniform) * hit + self.uniform / max_range
+
+    def least_density(self, max_range: float) -> float:
+        """Return that of a beam far from what it should be."""
+        return self.uniform / max_range
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
@@ -104,6 +113,10 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
         floor, atom = self._anything(max_range)
         return (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
+
+    def least_density(self, max_range: float) -> float:
+        """Return that of a beam far from what it should be, inside or at an end."""
+        return min(self._anything(max_range))
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
@@ -169,9 +182,9 @@ class BeamModel:
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range below max_range, mass at it, (n, B)."""
-        seen = np.minimum(expected, max_range)
-        inside = normal_cdf((max_range - seen) / self.sigma) - normal_cdf(-seen / self.sigma)
-        hit = normal_pdf((ranges - seen) / self.sigma) / (self.sigma * inside)
+        seen, sigma = np.minimum(expected, max_range), self._width(max_range)
+        inside = normal_cdf((max_range - seen) / sigma) - normal_cdf(-seen / sigma)
+        hit = normal_pdf((ranges - seen) / sigma) / (sigma * inside)
         cut = 1 - arrays.exp(-self.decay * np.maximum(seen, _NEAREST * max_range / _STEPS))
         short = np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
         at_max = ranges >= max_range
@@ -183,26 +196,33 @@ class BeamModel:
         )
         return density
 
+    def least_density(self, max_range: float) -> float:
+        """Return that of a beam far from what it should be, below max_range or at it."""
+        return min(self.rand / max_range, self.max)
+
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         out, nearest = np.empty(len(expected)), _NEAREST * max_range / _STEPS
         shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
         beam_kernels.four_parts(
-            ranges, expected.T, shares, self.sigma, self.decay, nearest, max_range, out
+            ranges, expected.T, shares, self._width(max_range), self.decay, nearest, max_range, out
         )
         return out
+
+    def _width(self, max_range: float) -> float:
+        return min(self.sigma, _WIDEST * max_range)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
 
         Of a normal variable cut to [0, max_range].
         """
-        seen = np.minimum(expected, max_range)
-        low, high = -seen / self.sigma, (max_range - seen) / self.sigma
+        seen, sigma = np.minimum(expected, max_range), self._width(max_range)
+        low, high = -seen / sigma, (max_range - seen) / sigma
         inside = normal_cdf(high) - normal_cdf(low)
         shift = (normal_pdf(low) - normal_pdf(high)) / inside
         spread = 1 + (low * normal_pdf(low) - high * normal_pdf(high)) / inside - shift**2
-        return seen + self.sigma * shift, self.sigma**2 * spread
+        return seen + sigma * shift, sigma**2 * spread
 
 
 BEAM_MODELS: Mapping[str, type[GaussianUniform | CensoredGaussianUniform | BeamModel]] = (

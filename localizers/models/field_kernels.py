@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, logs64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from localizers.models.beam_kernels import FOLD, LEAST
+from localizers.models.beam_kernels import fold
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
@@ -92,7 +92,7 @@ def field_log_likelihood(
     """
     low_x, low_y, cell = grid
     sigma, peak, floor, farthest = density
-    fold = FOLD if floor >= LEAST else 1
+    together = fold(floor, peak + floor)
     product, right, up = np.empty(_POSES), np.empty(_POSES), np.empty(_POSES)
     sine, cosine = np.empty(_POSES), np.empty(_POSES)
     at, flat = np.empty(_POSES, np.int32), field.reshape(-1)
@@ -107,9 +107,9 @@ def field_log_likelihood(
             cosine[i] = cos64(np.float64(heading[i]))
         for i in range(total.size):
             sine[i] = sin64(np.float64(heading[i]))
-        for first in range(0, ranges.size, fold):
+        for first in range(0, ranges.size, together):
             product[:] = 1.0
-            for beam in range(first, min(first + fold, ranges.size)):
+            for beam in range(first, min(first + together, ranges.size)):
                 range_, bc, bs = ranges[beam], cos64(bearings[beam]), sin64(bearings[beam])
                 for i in range(total.size):
                     right[i] = (x[i] + range_ * (cosine[i] * bc - sine[i] * bs) - low_x) / cell

@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
 from localizers.models import field_kernels, scan_kernels
-from localizers.models.scan import OUTSIDE
+from localizers.models.scan import outside
 
 _MAX_CELLS = 20_000_000
 _AHEAD = np.zeros(1, np.float32)
@@ -23,8 +24,8 @@ class LikelihoodField:
 
     d is the distance from a beam's end to the nearest wall, read from a table of the floor plan.
     Walls are lines seen from both sides: a beam that ends inside an obstacle is as far from it as
-    its end is from the obstacle's outline. A beam at max_range says nothing; a pose outside the
-    outer wall gets ``OUTSIDE`` for the whole scan.
+    its end is from the obstacle's outline. A beam at max_range says nothing. For a pose outside the
+    outer wall see ``outside``.
 
     Attributes:
         sigma: σ > 0.
@@ -62,19 +63,19 @@ class LikelihoodField:
             return out
         poses = np.ascontiguousarray(states, dtype=np.float32)
         xs, ys = self._axes
-        peak = self.hit / (self.sigma * math.sqrt(2 * math.pi))
+        peak, floor = self._shares
         field_kernels.field_log_likelihood(
             poses,
             ranges[usable],
             self._bearings[usable],
             self.distances,
             (float(xs[0]), float(ys[0]), float(self.cell)),
-            (float(self.sigma), peak, (1 - self.hit) / max_range, float(self.farthest)),
+            (float(self.sigma), peak, floor, float(self.farthest)),
             out,
         )
         ahead = np.empty((1, out.size), np.float32)  # any beam tells whether a pose is outside
         self.floor_plan.caster.cast(poses, _AHEAD, ahead)
-        scan_kernels.fill_where_nan(ahead[0], OUTSIDE, out)
+        scan_kernels.fill_where_nan(ahead[0], int(usable.sum()) * self._outside, out)
         return out
 
     @cached_property
@@ -101,6 +102,18 @@ class LikelihoodField:
         out = np.empty(self._shape, np.float32)
         field_kernels.distances(walls, self.cell, out)
         return out
+
+    @cached_property
+    def _shares(self) -> tuple[float, float]:
+        """Density of a beam that ends at a wall, and of one that ends anywhere."""
+        peak = self.hit / (self.sigma * math.sqrt(2 * math.pi))
+        return peak, (1 - self.hit) / self.lidar.max_range
+
+    @cached_property
+    def _outside(self) -> float:
+        peak, floor = self._shares
+        z = self.farthest / self.sigma
+        return outside(peak * float(arrays.exp(-0.5 * z * z)) + floor)
 
     @cached_property
     def _bearings(self) -> Floats:

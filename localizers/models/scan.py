@@ -7,11 +7,12 @@ from typing import final
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity
 
-OUTSIDE = -30.0  # log-likelihood of a whole scan at a pose outside the outer walls
+OUTSIDE = -30.0  # see outside
 _BLOCK = 8192  # poses whose exact ranges are kept at one time, in the processor's cache
 
 
@@ -21,7 +22,7 @@ class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
 
     A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
-    says nothing. A pose outside the outer walls gets ``OUTSIDE`` for the whole scan.
+    says nothing. For a pose outside the outer wall see ``outside``.
     """
 
     floor_plan: Map
@@ -48,12 +49,16 @@ class LidarScan:
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
         """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""
         found = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
-        scan_kernels.fill_where_nan(expected[0], OUTSIDE, found)
+        scan_kernels.fill_where_nan(expected[0], measured.size * self._outside, found)
         return found
 
     @cached_property
     def _bearings(self) -> Singles:
         return self.lidar.bearings.astype(np.float32)
+
+    @cached_property
+    def _outside(self) -> float:
+        return outside(self.beam.least_density(self.lidar.max_range))
 
 
 class ScanTable:
@@ -71,6 +76,15 @@ class ScanTable:
             return np.zeros(n)
         blocks = [self._expected[usable, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
         return np.concatenate([self._scan.weighed(ranges[usable], block) for block in blocks])
+
+
+def outside(least: float) -> float:
+    """Log-likelihood of each usable beam at a pose outside the outer wall: -30, or log ``least``.
+
+    The smaller of the two: a scan is never likelier outside than at any pose inside, whatever the
+    number of its beams. ``least`` is what the scan model's density of a beam is never below.
+    """
+    return min(OUTSIDE, float(arrays.log(least)))
 
 
 def usable_beams(ranges: Floats, max_range: float) -> Bools:

@@ -129,7 +129,7 @@ def test_holms_family_is_the_tests_of_one_panel_at_one_offset():
         assert len(now) == 3  # ekf, a, b
         (past,) = (row for row in panel.rows if row.offset == -20)
         assert past.p_holm == past.p == pytest.approx(single, rel=1e-5)
-    assert [row.p_holm for row in first.present[2:]] == pytest.approx([2 * single] * 2, rel=1e-5)
+    assert [row.p_holm for row in first.present[2:]] == pytest.approx([3 * single] * 2, rel=1e-5)
     assert math.isnan(sharp.rows[0].p_holm)
 
 

@@ -4,6 +4,8 @@ import xml.etree.ElementTree as ET
 from itertools import product
 
 import matplotlib as mpl
+from hypothesis import given
+from hypothesis import strategies as st
 from report_cases import trials
 
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
@@ -58,6 +60,27 @@ def test_what_changes_together_is_one_curve():
     (chart,) = curves(records)
     assert "noise.drive …" in " ".join(words_of(chart))
     assert chart.caption.endswith("… and with it assumed motion.drive.")
+
+
+def test_of_several_that_change_together_the_axis_has_the_values_of_most():
+    records = []
+    for level in (0.1, 0.2, 0.4):
+        noise = {"noise.drift": level / 10, "noise.drive": level, "noise.turn": level}
+        records += trials("mcl", [level], world=noise)
+    (chart,) = curves(records)
+    assert chart.title == "Error over noise.drive"
+    assert chart.caption.endswith("… and with it noise.drift, noise.turn.")
+
+
+@given(st.integers(1, 15), st.integers(1, 5))
+def test_labels_differ_in_colour_and_mark_as_far_as_there_are_colours_and_then_in_one(n, more):
+    known = ["mcl", "deq-mcl"]
+    found = looks([*known, *(f"mcl particles={10 * k}" for k in range(n - 1))])
+    assert len({look.color for look in found.values()}) == min(len(found), 15)
+    assert len({look.mark for look in found.values()}) == min(len(found), 15)
+    many = looks([*known, *map(str, range(13 * more))])
+    assert len({(look.color, look.mark) for look in many.values()}) == len(many)
+    assert all(many[name] == look for name, look in looks(known).items())
 
 
 def test_the_lag_and_the_parameter_of_that_name_are_one_curve():

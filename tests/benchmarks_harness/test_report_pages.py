@@ -7,12 +7,11 @@ from html.parser import HTMLParser
 import pytest
 from report_cases import THREE, paired, results, trial_of, trials, written
 
-from benchmarks.report import charts, writing
+from benchmarks.report import writing
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.style import LOOKS, looks
+from benchmarks.report.style import LOOKS
 from benchmarks.sweeps.suites import paper_suite
-from benchmarks.tables.panels import panels
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -177,44 +176,6 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     files = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
     assert {path.name for path in tmp_path.iterdir()} == {*TABLES, "written.json"}
-
-
-def test_every_mark_of_every_chart_is_inside_its_axes(monkeypatch):
-    (panel,) = panels(paired(THREE, worlds=40))
-    seen = []
-
-    def keep(figure, *, name, **_):
-        (axes,) = figure.axes
-        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
-        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
-        places = [place for line in marked for place in line.get_xydata().tolist()]
-        assert places, name
-        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
-        seen.append(name)
-
-    monkeypatch.setattr(charts, "picture", keep)
-    for name in ("points", "offset", "speed", "calibration"):
-        getattr(charts, f"{name}_chart")(panel, looks(panel.labels.values()))
-    assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
-
-
-def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
-    one, other = ({"params": {"resampler": kind}} for kind in ("systematic", "multinomial"))
-    records = trials("mcl", [10.0], **one) + trials("mcl", [20.0], **other)
-    (panel,) = panels(records + trials("deq-mcl", [15.0], **other))
-    dashed = {}
-
-    def keep(figure, *, title, **_):
-        lines = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
-        dashed[title.rpartition(": ")[2]] = [float(line.get_ydata()[0]) for line in lines]
-
-    monkeypatch.setattr(charts, "picture", keep)
-    charts.time_charts(panel, looks(panel.labels.values()))
-    assert dashed == {
-        "mcl resampler=systematic": [],
-        "mcl resampler=multinomial": [],
-        "deq-mcl": [20.0],
-    }
 
 
 def test_a_record_names_the_trial_that_made_it():

@@ -38,7 +38,30 @@ def test_a_finding_says_what_is_known_of_a_difference(expected):
     sentence, *few = said(trials("mcl", [float(theirs)] * len(errors)) + trials("a", errors))
     assert re.fullmatch(re.escape(expected).replace("…", ".*"), sentence)
     assert bool(few) == (2 <= len(errors) < 20)
-    assert all(words.startswith(f"These are only {len(errors)} worlds") for words in few)
+    assert all(words.startswith(f"With only {len(errors)} worlds") for words in few)
+
+
+@pytest.mark.parametrize("mcl", [2, 25])  # worlds that the other has not count for nothing
+@pytest.mark.parametrize("methods", [1, 2])
+@pytest.mark.parametrize("worlds", [2, 5, 6, 7, 19, 20])
+def test_of_few_shared_worlds_it_is_said_what_can_be_found(mcl, methods, worlds):
+    names = ["a", "b"][:methods]
+    records = trials("mcl", [9.0] * max(mcl, worlds))
+    records += [one for name in names for one in trials(name, [8.0] * worlds)]
+    *sentences, last = said(records)
+    confirmed = [one for one in sentences if "has a smaller error" in one]
+    assert last.startswith(f"With only {worlds} worlds") == (worlds < 20)
+    # all on one side is p = 2 / 2^n, times as many tests as there are
+    possible = methods * 2 / 2**worlds < 0.05
+    if worlds < 20:
+        assert len(confirmed) == methods * possible
+        assert ("only large differences can be detected" in last) == possible
+        assert ("no difference, however large, can have p < 0.05" in last) != possible
+
+
+def test_an_error_that_is_unknown_is_not_compared():
+    (sentence,) = said([finished("mcl", 0, 1.0), finished("a", 0, None)])
+    assert sentence == "A and MCL share a world whose error is unknown: nothing is compared."
 
 
 def test_worlds_that_are_not_shared_are_not_compared():

@@ -1,12 +1,21 @@
-"""Statistics over worlds, against SciPy and against resampling by hand."""
+"""Statistics over worlds, against SciPy and against their definitions, on generated worlds."""
 
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import stats as scipy_stats
 
 from benchmarks.tables import stats
+
+NUMBERS = st.floats(-1e6, 1e6)
+TIED = st.integers(-3, 4).map(float)  # zeros among them
+
+
+def worlds(least=0, most=60, of=NUMBERS | TIED):
+    return st.lists(of, min_size=least, max_size=most).map(np.array)
 
 
 def test_the_sample_sd_divides_by_n_minus_1_and_needs_two():
@@ -41,55 +50,89 @@ def test_the_interval_covers_the_true_mean_in_about_95_percent_of_experiments(mo
     assert 356 <= covered <= 391
 
 
-@pytest.mark.parametrize("worlds", [2, 7, 40])
-def test_the_interval_is_that_of_resampling_one_after_the_other(worlds):
-    differences = np.random.default_rng(worlds).normal(3, 5, worlds)
-    rng = np.random.default_rng(0)
-    means = [differences[rng.integers(worlds, size=worlds)].mean() for _ in range(10_000)]
-    expected = tuple(np.quantile(means, [0.025, 0.975]))
-    assert stats.paired_bootstrap(differences) == pytest.approx(expected, rel=1e-12)
+@settings(deadline=None, max_examples=20)
+@given(worlds(2, 12))
+def test_the_interval_is_that_of_resampling_one_after_the_other(differences):
+    n, rng = differences.size, np.random.default_rng(0)
+    means = [differences[rng.integers(n, size=n)].mean() for _ in range(10_000)]
+    low, high = np.quantile(means, [0.025, 0.975])
+    seen = stats.paired_bootstrap(differences)
+    size = np.abs(differences).max()  # the mean of a row and of a block are added in two orders
+    assert seen == pytest.approx((low, high), rel=1e-12, abs=1e-14 * size)
 
 
-def test_a_win_is_a_smaller_error_and_a_tie_half_a_win():
-    assert stats.win_rate(np.array([-1.0, -2.0, 3.0, 0.0])) == (2 + 0.5) / 4
+@settings(deadline=None, max_examples=20)
+@given(st.integers(5, 40), st.integers(0, 2**32 - 1))
+def test_the_interval_is_scipys_but_for_its_draws(n, seed):
+    # A quantile of 10,000 means at 2.5 % has a standard error of √(0.025 · 0.975 / 10⁴) / φ(1.96)
+    # = 0.027 standard deviations of the mean; two of them differ by 6 times √2 of that: never
+    differences = np.random.default_rng(seed).normal(1, 5, n)
+    theirs = scipy_stats.bootstrap(
+        (differences,), np.mean, method="percentile", n_resamples=10_000, rng=1
+    )
+    apart = np.subtract(stats.paired_bootstrap(differences), theirs.confidence_interval)
+    assert (np.abs(apart) < 6 * 1.5 * 0.027 * differences.std() / math.sqrt(n)).all()
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 12, 50])
-def test_wilcoxon_is_scipys_exact_test_where_there_are_no_ties(n):
-    for seed in range(5):
-        differences = np.random.default_rng([n, seed]).normal(0.3, 1, n)
-        expected = scipy_stats.wilcoxon(differences, method="exact").pvalue
-        assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+@given(worlds(1))
+def test_a_win_is_a_smaller_error_and_a_tie_half_a_win(differences):
+    points = [1.0 if d < 0 else 0.5 if d == 0 else 0.0 for d in differences]
+    assert stats.win_rate(differences) == pytest.approx(sum(points) / len(points), rel=1e-12)
 
 
-TIED = np.random.default_rng(1).integers(-4, 6, 30).astype(float)  # zeros among them
-MANY = [np.random.default_rng(n).normal(0.1, 1, n) for n in (51, 200)]
+@settings(deadline=None)
+@given(worlds(1, 10, TIED) | worlds(1, 10))
+def test_wilcoxon_is_scipys_permutation_test_of_few_with_ties_and_zeros(differences):
+    nonzero = differences[differences != 0]
+    every_sign = scipy_stats.PermutationMethod(n_resamples=2**10)
+    expected = scipy_stats.wilcoxon(nonzero, method=every_sign).pvalue if nonzero.size > 1 else 1.0
+    assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("differences", [TIED, *MANY])
-def test_wilcoxon_is_scipys_approximation_of_many_or_with_ties_and_zeros(differences):
+@settings(deadline=None)
+@given(st.integers(1, 50), st.integers(0, 2**32 - 1))
+def test_wilcoxon_is_scipys_exact_test_of_up_to_fifty(n, seed):
+    differences = np.random.default_rng(seed).normal(0.3, 1, n)
+    expected = scipy_stats.wilcoxon(differences, method="exact").pvalue
+    assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+
+
+@settings(deadline=None)
+@given(worlds(60, 200, st.integers(1, 9).map(float) | st.integers(-9, -1).map(float)))
+def test_wilcoxon_is_scipys_approximation_of_many_with_ties(differences):
     expected = scipy_stats.wilcoxon(differences, correction=False, method="approx").pvalue
     assert stats.wilcoxon(differences) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_of_n_worlds_no_p_is_below_2_to_the_1_minus_n(n):
+    for differences in (np.ones(n), np.arange(1.0, n + 1), np.append(np.ones(n), [0.0, 0.0])):
+        assert stats.wilcoxon(differences) == 2.0 ** (1 - n)
 
 
 def test_wilcoxon_of_no_difference_at_all_is_1():
     assert stats.wilcoxon(np.zeros(5)) == 1.0
 
 
-@pytest.mark.parametrize(
-    ("alone", "corrected"),
-    [
-        # sorted 0.01, 0.02, 0.03, 0.04 times 4, 3, 2, 1, made monotone
-        ([0.04, 0.01, 0.03, 0.02], [0.06, 0.04, 0.06, 0.06]),
-        ([0.9, math.nan, 0.6], [1.0, math.nan, 1.0]),  # what was not tested is no member
-    ],
-)
-def test_holm_is_the_example_by_hand(alone, corrected):
-    assert stats.holm(alone) == pytest.approx(corrected, nan_ok=True)
+P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
 
 
-@pytest.mark.parametrize(("k", "n"), [(0, 10), (3, 10), (10, 10), (0, 200), (17, 200)])
+@given(P_VALUES, st.floats(0, 0.999))
+def test_holm_rejects_at_each_level_what_the_steps_down_reject(alone, level):
+    family = sorted((p, i) for i, p in enumerate(alone) if not math.isnan(p))
+    rejected = set()
+    for rank, (p, i) in enumerate(family):  # Holm 1979: stop at the first that is too large
+        if (len(family) - rank) * p > level:
+            break
+        rejected.add(i)
+    corrected = stats.holm(alone)
+    assert {i for i, p in enumerate(corrected) if p <= level} == rejected
+    assert [math.isnan(p) for p in corrected] == [math.isnan(p) for p in alone]
+
+
+@given(st.integers(0, 300), st.integers(1, 300))
 def test_the_wilson_interval_is_scipys(k, n):
+    k = min(k, n)
     expected = scipy_stats.binomtest(k, n).proportion_ci(method="wilson")
     # at 0 and n of n scipy's end is exactly 0 or 1, ours up to rounding
     assert stats.wilson(k / n, n) == pytest.approx(tuple(expected), rel=1e-9, abs=1e-15)

@@ -95,13 +95,39 @@ def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_not
     # all ends lie on walls: d is at most a cell's diagonal in the table
     assert here == pytest.approx(9 * math.log(peak + 0.5 / 400), abs=9 * 0.5 * 2 / 25)
     assert there < here - 5
-    assert outside == -30.0
+    assert outside == 9 * -30.0
     odd = scan.copy()
     odd[[0, 3, 5]] = [math.nan, -1.0, 400.0]
     few = field.log_likelihood(states, odd)[0]
     assert few == pytest.approx(here * 6 / 9, rel=0.05)
     nothing = field.log_likelihood(states, np.full(9, 400.0))
     assert nothing.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("left_out", "meant", "other"),
+    [
+        ("laser_likelihood_max_dist", 100.0, 30.0),
+        ("sigma_hit", 10.0, 20.0),
+        ("field_cell", 1.0, 5.0),
+        ("lambda_short", 1 / 400, 1 / 100),
+    ],
+)
+def test_a_length_that_is_left_out_is_as_documented(left_out, meant, other):
+    # at 3, 10 and 12 σ from a wall, in one scan or another: 70 px is as far as one gets here
+    lidar = Lidar(beams=9, field_of_view=3.0, max_range=400.0)
+    scan_model = localizers.GaussianUniform(sigma=10.0)
+    robot = localizers.RobotModel(floor_plan=LOPSIDED, lidar=lidar, scan=scan_model)
+    prior = localizers.GaussianPrior(mean=(200, 100, 0.0), sd_position=30.0)
+    model = "beam" if left_out == "lambda_short" else "likelihood_field"
+
+    def weights(**params):
+        common = {"laser_model_type": model, "z_hit": 1.0, "z_rand": 1e-9}
+        scan = np.linspace(10.0, 250.0, 9)
+        return updated("amcl", robot, prior, scan, **common, **params).points()[1]
+
+    assert np.array_equal(weights(), weights(**{left_out: meant}))
+    assert not np.array_equal(weights(), weights(**{left_out: other}))
 
 
 def test_the_number_of_particles_follows_the_spread(robot):

@@ -103,7 +103,7 @@ def test_the_log_likelihood_of_a_scan_is_the_textbooks(robot, room):
     # lies on the outer wall: fewer than 1 in 200.
     off = np.abs(seen - expected) > 2e-3
     assert off.mean() < 0.005
-    assert (seen == -30.0).sum() == (expected == -30.0).sum() > 300
+    assert (seen == -150.0).sum() == (expected == -150.0).sum() > 300
 
 
 def test_motion_without_noise_is_the_textbooks():

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 Pose = tuple[float, float, float]
 Segment = tuple[float, float, float, float]
 
-OUTSIDE = -30.0
+OUTSIDE = -30.0  # of each usable beam
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def log_likelihood(robot: Robot, pose: Pose, scan: Sequence[float]) -> float:
     if not usable:
         return 0.0
     if not is_inside(robot.outer, x, y):
-        return OUTSIDE
+        return OUTSIDE * len(usable)
     walls, total = robot.walls(), 0.0
     for i in usable:
         expected = cast(walls, x, y, heading + robot.bearings[i])

@@ -32,6 +32,23 @@ def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monke
     assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
 
 
+@pytest.mark.parametrize(
+    ("where", "time"),  # 100 trials of 6 s
+    [
+        (("--jobs", "1"), "10 min"),
+        (("--jobs", "2"), "5 min"),
+        (("--jobs", "1", "--shard", "2/5"), "2 min"),
+        (("--jobs", "2", "--shard", "2/5"), "60 s"),
+    ],
+)
+def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
+    tmp_path, monkeypatch, capsys, where, time
+):
+    monkeypatch.setattr(dry_run, "_measured", lambda cells: [(6.0, True)] * len(cells))
+    assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
+    assert f"About {time} with {where[1]} jobs" in capsys.readouterr().out
+
+
 TEN_MILLION = "".join(
     f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
     for name, count in (("drive", 125), ("turn", 100), ("drift", 200))

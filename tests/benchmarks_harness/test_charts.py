@@ -1,0 +1,186 @@
+"""The charts of a panel: what is drawn can be seen, and is what it is said to be."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from report_cases import THREE, finished, trials
+
+from benchmarks.report import charts, curves
+from benchmarks.report.style import looks
+from benchmarks.tables.panels import panels
+from benchmarks.tables.series import profile
+
+
+@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.lists(st.floats(0, 1), min_size=2, max_size=40),
+    st.sampled_from([0.0, 1e-3, 1.0, 1e6]),
+)
+def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
+    errors = [size * (1 + share) for share in shares]
+    records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
+    for record in records:
+        share = shares[record["trial"]["trial"]]
+        for score in record["scores"]:
+            score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
+    (panel,) = panels(records)
+    seen = []
+
+    def keep(figure, *, name, **_):
+        (axes,) = figure.axes
+        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+        places = [place for line in marked for place in line.get_xydata().tolist()]
+        bars = [way for bar in axes.collections for way in bar.get_segments()]
+        places += np.concatenate([np.empty((0, 2)), *bars]).tolist()
+        assert places, name
+        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
+        seen.append(name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(charts, "picture", keep)
+        for name in ("points", "offset", "speed", "calibration"):
+            getattr(charts, f"{name}_chart")(panel, looks(panel.labels.values()))
+    assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
+
+
+def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
+    one, other = ({"params": {"resampler": kind}} for kind in ("systematic", "multinomial"))
+    records = trials("mcl", [10.0], **one) + trials("mcl", [20.0], **other)
+    (panel,) = panels(records + trials("deq-mcl", [15.0], **other))
+    dashed = {}
+
+    def keep(figure, *, title, **_):
+        lines = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+        dashed[title.rpartition(": ")[2]] = [float(line.get_ydata()[0]) for line in lines]
+
+    monkeypatch.setattr(charts, "picture", keep)
+    charts.time_charts(panel, looks(panel.labels.values()))
+    assert dashed == {
+        "mcl resampler=systematic": [],
+        "mcl resampler=multinomial": [],
+        "deq-mcl": [20.0],
+    }
+
+
+def axes_of(module, draw):
+    """The axes of each picture that ``draw`` makes of a module, by name."""
+    found = {}
+
+    def keep(figure, *, name, **_):
+        (found[name],) = figure.axes
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "picture", keep)
+        draw()
+    return found
+
+
+def estimates_in(axes):
+    """What is drawn under each label: places, means, and the ends of their bars."""
+    drawn = {}
+    for container in axes.containers:
+        marks, _, bars = container
+        ends = [segment[:, 1].tolist() for bar in bars for segment in bar.get_segments()]
+        drawn[container.get_label()] = (*marks.get_xydata().T.tolist(), ends)
+    return drawn
+
+
+def told(places, values):
+    """The same of estimates."""
+    ends = [[pytest.approx(value.low), pytest.approx(value.high)] for value in values]
+    return list(places), [value.mean for value in values], ends
+
+
+@pytest.fixture(scope="module")
+def panel():
+    """Three methods on five worlds: of other errors, past errors, coverage, profiles and times."""
+    records = []
+    for place, (name, (_, offsets)) in enumerate(THREE.items()):
+        for world in range(5):
+            error = {k: 2.0 + place + world**2 + abs(k) / 10 for k in offsets}
+            scores = {f"coverage_{at}": (at + world - place) / 100 for at in (50, 80, 95)}
+            one = finished(name, world, error, scores=scores)
+            records.append(one | {"seconds": 0.06 * (1 + place) * (1 + world**2)})
+    (made,) = panels(records)
+    return made
+
+
+def test_charts_of_a_panel_draw_its_numbers(panel):
+    look, rows = looks(panel.labels.values()), panel.present
+    for name in ("points", "offset", "speed", "calibration"):
+        chart = getattr(charts, f"{name}_chart")
+        (axes,) = axes_of(charts, lambda chart=chart: chart(panel, look)).values()
+        drawn = estimates_in(axes)
+        for place, row in enumerate(rows):
+            label = panel.labels[row.method]
+            if name == "points":
+                lines = [line.get_xydata().tolist() for line in axes.lines]
+                assert [[end, place - 0.3] for end in row.error[1:]] in lines
+                assert sorted(zip(*lines_of_marks(axes, place), strict=True)) == sorted(
+                    (error, place) for error in row.errors.values()
+                )
+            elif name == "offset":
+                held = profile(panel.records[row.method])
+                assert drawn[label] == told(held, held.values())
+            elif name == "speed":  # 60 steps: the third of five times is the median
+                milliseconds = pytest.approx(1.0 * (1 + place) * 5)
+                assert drawn[label] == told([milliseconds], [row.error])
+            else:
+                shares = [row.scores[f"coverage_{at}"].percent for at in (50, 80, 95)]
+                aside = drawn[label][0][0] - 50
+                assert drawn[label] == told([50 + aside, 80 + aside, 95 + aside], shares)
+                (line,) = [line for line in axes.lines if line.get_label() == "calibrated"]
+                assert line.get_xydata().tolist() == [[0, 0], [100, 100]]
+
+
+def lines_of_marks(axes, place):
+    """Errors and rows of the marks of a method."""
+    marks = [line for line in axes.lines if line.get_markeredgewidth() == 0]
+    return marks[place].get_xdata().tolist(), np.rint(marks[place].get_ydata()).tolist()
+
+
+def test_charts_over_time_draw_mean_middle_80_percent_and_past_on_one_scale(panel):
+    found = axes_of(charts, lambda: charts.time_charts(panel, looks(panel.labels.values())))
+    assert len({axes.get_ylim() for axes in found.values()}) == 1
+    for axes, row in zip(found.values(), panel.present, strict=True):
+        errors = list(row.errors.values())
+        low, high = np.quantile(errors, [0.1, 0.9])
+        (band,) = axes.collections
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert (heights.min(), heights.max()) == pytest.approx((low, high))
+        assert axes.get_ylim()[1] > high
+        styles = {line.get_linestyle(): line for line in axes.lines}
+        assert set(styles["-"].get_ydata()) == {np.mean(errors)}
+        past = [r for r in panel.rows if r.method == row.method and r.offset == -20]
+        assert (":" in styles) == bool(past)
+        if past:
+            assert set(styles[":"].get_ydata()) == {past[0].error.mean}
+
+
+@pytest.mark.parametrize(("values", "scale"), [((10, 80), "log"), ((10, 70), "linear")])
+def test_curves_draw_the_rows_of_each_panel_over_the_value_that_was_swept(values, scale):
+    records = trials("dead-reckoning", [400.0, 400.0])
+    for n in values:
+        for name, error in (("mcl", 5.0), ("deq-mcl", 30.0 / n)):
+            records += trials(name, [error, error + 1], params={"particles": n})
+    found = panels(records)
+    look = looks(label for one in found for label in one.labels.values())
+    for quantity, labels in (
+        (curves.ERROR, ["dead-reckoning", "deq-mcl", "mcl"]),
+        (curves.DIFFERENCE, ["deq-mcl"]),
+    ):
+        draw = partial(curves.swept_charts, found, look, quantity)
+        (axes,) = axes_of(curves, draw).values()
+        drawn = estimates_in(axes)
+        assert sorted(drawn) == labels
+        for label in labels:
+            rows = [row for one in found for row in one.present if row.method.localizer == label]
+            assert drawn[label] == told(values, [quantity.of(row) for row in rows])
+        assert axes.get_xscale() == scale
+        zero = [line for line in axes.lines if set(line.get_ydata()) == {0}]
+        assert zero
+        assert (axes.get_ylim()[0] == 0) == (quantity is curves.ERROR)

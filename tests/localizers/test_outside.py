@@ -1,0 +1,100 @@
+"""Outside the building no scan is likelier than at any pose inside it, and each beam counts."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from deqmcl_gym.maps import Lidar, PolygonMap
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers.models.likelihood_field import LikelihoodField
+from localizers.models.scan import LidarScan, ScanTable
+
+SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
+
+
+@st.composite
+def maps(draw) -> PolygonMap:
+    """A room of any proportions, with a solid rectangle in it or none."""
+    width, height = draw(st.floats(5, 800)), draw(st.floats(5, 800))
+    outer = [(0, 0), (width, 0), (width, height), (0, height)]
+    solid = [(x * width, y * height) for x, y in [(0.3, 0.3), (0.6, 0.3), (0.6, 0.7), (0.3, 0.7)]]
+    return PolygonMap(outer=outer, obstacles=draw(st.sampled_from([[], [solid]])))
+
+
+@st.composite
+def scan_models(draw) -> LidarScan | LikelihoodField:
+    """Every model there is, at any noise, and any shares, none too."""
+    floor_plan, max_range = draw(maps()), 10 ** draw(st.floats(-3, 15))
+    lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
+    sigma, share = 10 ** draw(st.floats(-30, 30)), draw(SHARES)
+    kind = draw(st.sampled_from(["gaussian", "censored", "beam", "field"]))
+    if kind == "field":
+        farthest = draw(st.sampled_from([np.inf, 10 * sigma]))
+        params = {"sigma": sigma, "hit": 1 - share, "farthest": farthest, "cell": 20.0}
+        return LikelihoodField(floor_plan=floor_plan, lidar=lidar, **params)
+    if kind == "beam":
+        short, largest = share * draw(SHARES), draw(st.sampled_from([0.0, 0.5])) * (1 - share)
+        rest = {"short": short, "max": largest, "rand": share - short}
+        beam = BeamModel(sigma=sigma, hit=1 - sum(rest.values()), **rest)
+    else:
+        model = GaussianUniform if kind == "gaussian" else CensoredGaussianUniform
+        beam = model(sigma=sigma, uniform=share)
+    return LidarScan(floor_plan=floor_plan, lidar=lidar, beam=beam)
+
+
+def scans(draw, model, pose: np.ndarray) -> np.ndarray:
+    """What is seen from a pose, but for beams that are short, noisy, at the ends, or lost."""
+    lidar = model.lidar
+    ranges = model.floor_plan.ranges(pose[None], lidar.bearings)[0].astype(float)
+    ranges = np.minimum(ranges, lidar.max_range)
+    odd = [0.0, lidar.max_range, np.nan, np.inf, -1.0, 0.5 * lidar.max_range]
+    which = draw(st.lists(st.sampled_from(odd), max_size=lidar.beams))
+    ranges[: len(which)] = which
+    return draw(st.sampled_from([ranges, ranges * 0.3, np.full_like(ranges, np.nan)]))
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data(), model=scan_models())
+def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_number_of_beams(
+    data, model
+):
+    _, _, x1, y1 = model.floor_plan.bounds
+    share = st.floats(0.01, 0.99)
+    truth = np.array([x1 * data.draw(share), y1 * data.draw(share), data.draw(st.floats(-3, 3))])
+    inside = np.array([truth, [0.5 * x1, 0.5 * y1, 1.0], [0.05 * x1, 0.9 * y1, -2.0]])
+    outside = np.array([[-0.1 * x1, y1 / 2, 0.0], [x1 / 2, 1.5 * y1, 2.0], [3 * x1, -y1, 1.0]])
+    poses = np.ascontiguousarray(np.vstack([inside, outside]).T, np.float32)
+    scan = scans(data.draw, model, truth)
+    told = model.log_likelihood(poses, scan)
+    assert not np.isnan(told).any()
+    within, beyond = told[:3], told[3:]
+    assert beyond.tolist() == [beyond[0]] * 3
+    used = (scan >= 0) & (scan <= model.lidar.max_range)
+    if isinstance(model, LikelihoodField):
+        used &= scan < model.lidar.max_range
+    else:
+        assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(told, rel=1e-9)
+    if not used.any():
+        assert told.tolist() == [0.0] * 6
+        return
+    assert beyond[0] <= used.sum() * -30.0
+    # a sum of logarithms is right to some units of each: 1e-12 of the sum
+    assert (within >= beyond[0] - 1e-12 * abs(np.nan_to_num(beyond[0], neginf=0.0))).all()
+
+
+@pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel(), None])
+@given(used=st.integers(0, 80), lost=st.integers(0, 80))
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
+    room, beam, used, lost
+):
+    lidar = Lidar(beams=used + lost + 1, field_of_view=6.0, max_range=400.0)
+    model = (
+        LidarScan(floor_plan=room, lidar=lidar, beam=beam)
+        if beam
+        else LikelihoodField(floor_plan=room, lidar=lidar, sigma=5.0, cell=50.0)
+    )
+    scan = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
+    outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
+    assert model.log_likelihood(outside, scan).tolist() == [used * -30.0]
