@@ -2,14 +2,16 @@
 
 import importlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.execution import dask
-from benchmarks.execution.processes import Processes, WorkerDiedError
+from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
+from benchmarks.trials.plugins import guest_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, integer, number
 
 
@@ -71,32 +73,40 @@ class Where:
             _factory(self.executor)
 
     @contextmanager
-    def engine(self, trials: int) -> Iterator[Engine]:
-        """Start an engine for so many trials, and end it with all that still runs.
+    def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
+        """Start an engine for these trials, and end it with all that still runs.
 
         Raises:
             InputError: it cannot be had.
         """
+        guests = any(map(guest_of, trials))
+        timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":
             with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
-                yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
+                yield Engine(executor=executor, slots=self.jobs or threads, timeout=timeout)
         elif self.executor == "process":
-            workers = max(1, min(self.jobs or available_cpus(), trials))
-            if workers == 1 and self.timeout is None:
+            workers = max(1, min(self.jobs or available_cpus(), len(trials)))
+            if workers == 1 and timeout is None:
                 yield Engine(executor=ThisProcess(), slots=1)
                 return
-            with Processes(workers, timeout=self.timeout) as executor:
+            with Processes(
+                workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
+            ) as executor:
                 # one trial waits beside the workers, so that none waits until a result is stored
                 yield Engine(executor=executor, slots=workers + 1)
         else:
             with _made_by(self.executor) as executor:
                 yield Engine(
-                    executor=executor, slots=self.jobs or available_cpus(), timeout=self.timeout
+                    executor=executor, slots=self.jobs or available_cpus(), timeout=timeout
                 )
 
 
 class ThisProcess(Executor):
-    """Runs each call where it is submitted."""
+    """Runs each call where it is submitted: of trials that run no plug-in.
+
+    Of other people's code only what was given to ``localizers.register`` gets here: this process
+    has loaded it already, and no other knows it.
+    """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
