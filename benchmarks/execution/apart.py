@@ -51,8 +51,13 @@ def apart(function: Callable[..., T], *arguments: object, timeout: float = PATIE
 
 def where_safe(trials: Collection[Trial], function: Callable[..., T], *arguments: object) -> T:
     """Return ``function(*arguments)``, which runs these trials; apart if they have plug-ins."""
-    guests = any(map(guest_of, trials))
-    return apart(function, *arguments) if guests else function(*arguments)
+    guests = " ".join(dict.fromkeys(filter(None, map(guest_of, trials))))
+    if not guests:
+        return function(*arguments)
+    try:
+        return apart(function, *arguments)
+    except (WorkerDiedError, TimedOutError) as error:
+        raise RuntimeError(f"{guests}: {error}") from None
 
 
 def parameters(name: str) -> Parameters:

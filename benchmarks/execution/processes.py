@@ -90,7 +90,7 @@ class Processes(Executor):
                 ever.
             guest_of: says of a call's arguments whose code it runs, "" if only ours.
         """
-        self._timeout, self._guest_of = timeout, guest_of
+        self._timeout, self.guest_of = timeout, guest_of
         self._calls: queue.SimpleQueue[tuple[Future[Any], _Call] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # of what follows
         self._closed = False
@@ -129,7 +129,7 @@ class Processes(Executor):
                 continue
             guest = ""
             try:
-                guest = self._guest_of(*call[1])
+                guest = self.guest_of(*call[1])
                 worker = held.pop(guest) if guest in held else self._started()
                 held[guest] = worker
                 answer = worker.answer(call, self._patience(guest))

@@ -16,7 +16,7 @@ from deqmcl_gym.validation import InputError
 _SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 # Largest |x|, |y| and |θ| of a pose: far beyond any map; sines of larger angles are not exact.
-_LARGEST = np.array([1e12, 1e12, 1e9])
+_LARGEST = np.array([1e15, 1e15, 1e9])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +178,7 @@ def _unsound(cloud: Cloud) -> InputError:
     total, low = cloud.weights.sum(), cloud.weights.min()
     if low >= 0 and abs(total - 1) <= _SUM_TOLERANCE:
         return InputError(
-            f"{what} has poses that are not finite or huge: x and y must be from -1e12 to 1e12, "
+            f"{what} has poses that are not finite or huge: x and y must be from -1e15 to 1e15, "
             "headings from -1e9 to 1e9 rad."
         )
     return InputError(
