@@ -91,7 +91,7 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
 def _numbers(what: str, given: Any) -> NDArray[Any]:
     """Return an array of real numbers, else refuse it."""
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
-        raise InputError(f"{what} that are masked: give numbers alone.")
+        raise InputError(f"{what} that are masked, but they must be an array of numbers.")
     try:
         numbers = np.asarray(given)
     except ValueError:  # ragged
