@@ -130,18 +130,39 @@ def require_reset(running: T | None) -> T:
     return running
 
 
+def checked_rng(rng: np.random.Generator) -> np.random.Generator:
+    """Return a generator of random numbers, else refuse it."""
+    if not isinstance(rng, np.random.Generator):
+        raise InputError(
+            f"rng is {rng!r}, but must be a numpy.random.Generator: give "
+            "numpy.random.default_rng(seed)."
+        )
+    return rng
+
+
 def checked_plan(plan: ArrayLike) -> Floats:
-    """Return a plan as (h, 2) finite actions, (0, 2) for an empty one in any shape; else refuse."""
+    """Return a plan as (h, 2) actions, (0, 2) for an empty one in any shape; else refuse."""
     try:
         empty = np.asarray(plan).size == 0
     except ValueError:  # a ragged list; ``array`` names it
         empty = False
-    return np.empty((0, 2)) if empty else array("the plan", plan, (None, 2))
+    return np.empty((0, 2)) if empty else _of_actions("the plan", plan, (None, 2))
 
 
 def checked_action(action: ArrayLike) -> Floats:
-    """Return an action as (2,) finite numbers, else refuse it."""
-    return array("the action", action, (2,))
+    """Return an action as (2,) numbers, else refuse it."""
+    return _of_actions("the action", action, (2,))
+
+
+def _of_actions(what: str, given: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
+    values = array(what, given, shape)
+    if not (np.abs(values) <= scan_kernels.LARGEST).all():
+        largest = float(np.abs(values).max())
+        raise InputError(
+            f"{what} has a distance or turn of size {largest:g}, but the largest allowed is "
+            f"{scan_kernels.LARGEST:g}."
+        )
+    return values
 
 
 def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:

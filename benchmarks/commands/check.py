@@ -27,29 +27,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=60.0,
         metavar="S",
-        help="seconds until a worker counts as hanging (60)",
+        help="seconds that a law may take (60)",
     )
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command, printing each law when it was tried; return the last lines."""
     del given
-    from localizers.checks.run import Examination, milliseconds_per_step, subject_of
+    from contextlib import closing
 
-    subject = subject_of(options.name, timeout=options.timeout)
-    tried, failed = [], []
-    for verdict in Examination(subject).verdicts():
-        print(verdict, flush=True)
-        tried.append(verdict)
-        if verdict.status == "FAILED":
-            failed.append(verdict)
-    if failed:
-        words = f"{len(failed)} of {len(tried)} laws failed"
-        named = ", ".join(repr(verdict.law) for verdict in failed)
-        raise LawsBrokenError(f"{words}: {named}.") from failed[0].error
+    from localizers.checks.run import examined
+
+    with closing(examined(options.name, timeout=options.timeout)) as examination:
+        tried, failed = [], []
+        for verdict in examination.verdicts():
+            print(verdict, flush=True)
+            tried.append(verdict)
+            if verdict.status == "FAILED":
+                failed.append(verdict)
+        if failed:
+            words = f"{len(failed)} of {len(tried)} laws failed"
+            named = ", ".join(repr(verdict.law) for verdict in failed)
+            raise LawsBrokenError(f"{words}: {named}.") from failed[0].error
+        milliseconds = examination.milliseconds_per_step()
     skipped = sum(verdict.status == "skipped" for verdict in tried)
     return (
-        f"time per step: {milliseconds_per_step(subject):.3g} ms, the median of a short drive\n"
+        f"time per step: {milliseconds:.3g} ms, the median of a short drive\n"
         f"{options.name} keeps all laws"
         + (f" but {skipped} that do not concern it." if skipped else ".")
     )

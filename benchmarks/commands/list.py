@@ -35,10 +35,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
 def _parameters(name: str) -> str:
     """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
-    import localizers
+    from benchmarks.execution.apart import parameters
 
     try:
-        known = localizers.parameters(name)
+        known = parameters(name)
     except Exception as error:
         return f"cannot be loaded: {' '.join(str(error).split())}"
     return "any parameters" if known is None else ", ".join(known)

@@ -28,9 +28,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.execution.apart import where_safe
     from benchmarks.phase.command import METHODS, run_phase
 
     named = options.localizers
     sweep = sweep_of(options, METHODS if named is None else comma_separated(named))
     title = f"The queue as theta phase: scenario {sweep.scenario}, {setting_words(sweep)}"
-    return run_phase(sweep.distinct(), options.fields, options.out, title, ["deqmcl", *given])
+    trials, out, command = sweep.distinct(), options.out.absolute(), ["deqmcl", *given]
+    return where_safe(trials, run_phase, trials, options.fields, out, title, command)

@@ -24,7 +24,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
+    from benchmarks.execution.apart import where_safe
     from benchmarks.pictures.lap import run_lap
 
-    (trial,) = sweep_of(options, (options.localizer,)).distinct()
-    return run_lap(trial, options.out)
+    trials = sweep_of(options, (options.localizer,)).distinct()
+    return where_safe(trials, run_lap, *trials, options.out.absolute())

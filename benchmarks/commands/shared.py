@@ -27,15 +27,16 @@ def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int
     Raises:
         InputError: something of it is refused; nothing was run or written.
     """
+    from benchmarks.execution.apart import parameters
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from deqmcl_gym.validation import InputError, integer
-    from localizers import names, resolve
+    from localizers import names
 
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(names())}.")
     for name in localizers:
-        resolve(name)
+        parameters(name)
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
     sweep = paper_sweep(

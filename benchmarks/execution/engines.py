@@ -2,14 +2,16 @@
 
 import importlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.execution import dask
-from benchmarks.execution.processes import Processes, WorkerDiedError
+from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
+from benchmarks.trials.plugins import guest_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, integer, number
 
 
@@ -71,35 +73,49 @@ class Where:
             _factory(self.executor)
 
     @contextmanager
-    def engine(self, trials: int) -> Iterator[Engine]:
-        """Start an engine for so many trials, and end it with all that still runs.
+    def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
+        """Start an engine for these trials, and end it with all that still runs.
 
         Raises:
             InputError: it cannot be had.
         """
+        try:
+            os.getcwd()
+        except OSError:
+            raise InputError("the current folder is gone: change to one that exists.") from None
+        guests = any(map(guest_of, trials))
+        timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":
             with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
-                yield Engine(executor=executor, slots=self.jobs or threads, timeout=self.timeout)
+                yield Engine(executor=executor, slots=self.jobs or threads, timeout=timeout)
         elif self.executor == "process":
-            workers = max(1, min(self.jobs or available_cpus(), trials))
-            if workers == 1 and self.timeout is None:
-                yield Engine(executor=ThisProcess(), slots=1)
-                return
-            with Processes(workers, timeout=self.timeout) as executor:
-                # one trial waits beside the workers, so that none waits until a result is stored
-                yield Engine(executor=executor, slots=workers + 1)
+            workers = max(1, min(self.jobs or available_cpus(), len(trials)))
+            with Processes(workers, timeout=self.timeout, guest_of=_guest_of) as executor:
+                if workers == 1 and self.timeout is None:
+                    yield Engine(executor=ThisProcess(executor), slots=1)
+                else:  # one trial waits beside the workers, so that none waits for the store
+                    yield Engine(executor=executor, slots=workers + 1)
         else:
             with _made_by(self.executor) as executor:
                 yield Engine(
-                    executor=executor, slots=self.jobs or available_cpus(), timeout=self.timeout
+                    executor=executor, slots=self.jobs or available_cpus(), timeout=timeout
                 )
 
 
 class ThisProcess(Executor):
-    """Runs each call where it is submitted."""
+    """Runs each call where it is submitted, those of guests in their own processes.
+
+    Of other people's code only what was given to ``localizers.register`` is run here: this process
+    has loaded it already, and no other knows it.
+    """
+
+    def __init__(self, guests: Processes) -> None:
+        self._guests = guests
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
+        if self._guests.guest_of(*args):
+            return self._guests.submit(fn, *args, **kwargs)
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -108,6 +124,10 @@ class ThisProcess(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+def _guest_of(trial: Trial, *_: Any) -> str:
+    return guest_of(trial)
 
 
 def available_cpus() -> int:

@@ -19,6 +19,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from benchmarks.execution.worker import work
+from localizers.naming.isolation import end
 
 ONE_THREAD = {
     "NUMBA_NUM_THREADS": "1",
@@ -31,6 +32,8 @@ ONE_THREAD = {
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
 _FAREWELL = 1.0
+_HELD = 8  # guests for whose next call a worker keeps a process
+PATIENCE = 3600.0  # s that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 # Where forking is safe, workers are forked from a process that has loaded all that they need.
@@ -61,16 +64,33 @@ class TimedOutError(RuntimeError):
 
 
 class Processes(Executor):
-    """``workers`` processes of one thread each.
+    """``workers`` processes of one thread each, at work at a time.
 
     A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
     than ``timeout`` seconds; a new process takes the next call. Leaving the context kills what
-    still runs. Processes notice by themselves when this one is gone.
+    still runs, and what it started. Processes notice by themselves when this one is gone.
+
+    Calls of different guests never share a process, so that what a plug-in does to its process
+    concerns no other's trials. A process waits for the next call of its guest, unless ``_HELD``
+    others were called since.
     """
 
-    def __init__(self, workers: int, *, timeout: float | None = None) -> None:
-        """Start nothing yet: a process starts with the first call it gets."""
-        self._timeout = timeout
+    def __init__(
+        self,
+        workers: int,
+        *,
+        timeout: float | None = None,
+        guest_of: Callable[..., str] = lambda *_: "",
+    ) -> None:
+        """Start nothing yet: a process starts with the first call it gets.
+
+        Args:
+            workers: calls at a time.
+            timeout: s that a call may take; None is ``PATIENCE`` for those of a guest, else for
+                ever.
+            guest_of: says of a call's arguments whose code it runs, "" if only ours.
+        """
+        self._timeout, self.guest_of = timeout, guest_of
         self._calls: queue.SimpleQueue[tuple[Future[Any], _Call] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # of what follows
         self._closed = False
@@ -102,23 +122,30 @@ class Processes(Executor):
                 thread.join(_FAREWELL)
 
     def _look_after_one(self) -> None:
-        worker: _Worker | None = None
+        held: dict[str, _Worker] = {}  # by guest, the one called last at the end
         while (item := self._calls.get()) is not None:
             future, call = item
             if self._closed or not future.set_running_or_notify_cancel():
                 continue
+            guest = ""
             try:
-                worker = worker or self._started()
-                answer = worker.answer(call, self._timeout)
+                guest = self.guest_of(*call[1])
+                worker = held.pop(guest) if guest in held else self._started()
+                held[guest] = worker
+                answer = worker.answer(call, self._patience(guest))
             except BaseException as error:
-                if worker is not None:
-                    self._ended(worker)
-                    worker = None
+                if guest in held:
+                    self._ended(held.pop(guest))
                 future.set_exception(error)
             else:
                 future.set_result(answer)
-        if worker is not None:
+            if len(held) > _HELD:
+                self._ended(held.pop(next(iter(held))))
+        for worker in held.values():
             self._ended(worker)
+
+    def _patience(self, guest: str) -> float | None:
+        return PATIENCE if guest and self._timeout is None else self._timeout
 
     def _started(self) -> "_Worker":
         with self._lock:
@@ -167,8 +194,8 @@ class _Worker:
         return value
 
     def kill(self) -> None:
-        """Kill the process, if it still lives."""
-        self._process.kill()
+        """Kill the process, if it still lives, and all that it started."""
+        end(self._process)
 
     def join(self) -> None:
         """Wait for the end of the process; close the line."""

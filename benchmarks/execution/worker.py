@@ -1,25 +1,26 @@
 """A worker process: answers calls until the line breaks, and does not outlive its parent."""
 
 import contextlib
-import multiprocessing
 import os
-import threading
-from multiprocessing.connection import Connection, wait
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
+from typing import Any
+
+from deqmcl_gym.validation import InputError
+from localizers.naming.isolation import enter
+from localizers.naming.plugins import words_of
 
 
 def work(line: Connection) -> None:
     """Answer each (function, arguments) with (True, result) or (False, exception)."""
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    enter()
     load()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
         while True:
-            function, arguments = line.recv()
-            try:
-                answer = True, function(*arguments)
-            except Exception as error:
-                answer = False, error
-            line.send(answer)
+            line.send_bytes(_answer(*line.recv()))
+    os._exit(0)  # waits for no thread that a plug-in has left
 
 
 def load() -> None:
@@ -31,9 +32,20 @@ def load() -> None:
     cv2.setNumThreads(1)
 
 
-def _leave_with_parent() -> None:
-    """End at once when the parent is gone, whatever the trial is doing."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> memoryview:
+    try:
+        return ForkingPickler.dumps((True, function(*arguments)))
+    except BaseException as error:  # nobody but the call itself stops a worker so
+        return ForkingPickler.dumps((False, _portable(error)))
+
+
+def _portable(error: BaseException) -> Exception:
+    """Return an error that the parent can read without the plug-in it may be from."""
+    ours = type(error) is InputError or (
+        isinstance(error, Exception) and type(error).__module__ == "builtins"
+    )
+    if ours:
+        with contextlib.suppress(Exception):
+            ForkingPickler.dumps(error)
+            return error  # type: ignore[return-value]
+    return RuntimeError(words_of(error))

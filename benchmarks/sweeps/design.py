@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from benchmarks.execution.apart import takes
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.factors import GROUPS, SCALARS, Axis, Limit, Method
 from benchmarks.tables.pairing import BASELINE
-from benchmarks.trials.plugins import takes
 from benchmarks.trials.spec import Params, Trial, frozen, thawed
 from deqmcl_gym.validation import InputError, integer, one_of
 

@@ -2,13 +2,15 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from tabulate import tabulate
 
-from benchmarks.execution.engines import available_cpus
+from benchmarks.execution.driver import outcomes
+from benchmarks.execution.engines import Engine, available_cpus
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.running import Options
-from benchmarks.trials.attempt import attempt
+from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Params, Trial
 
@@ -23,7 +25,9 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     trials = sweep.distinct()
     for trial in trials:
         cells.setdefault(trial.cell(), []).append(trial)
-    seconds = _measured(list(cells.values()))
+    here = replace(options.where, executor="process", scheduler=None, jobs=1)
+    with here.engine(trials) as engine:
+        seconds = _measured(list(cells.values()), engine)
     rows = [
         [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
         for (name, own), (s, measured) in zip(cells.items(), seconds, strict=True)
@@ -47,14 +51,14 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     return "\n\n".join(lines)
 
 
-def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool]]:
+def _measured(cells: Sequence[Sequence[Trial]], engine: Engine) -> list[tuple[float | None, bool]]:
     """Return for each cell the seconds of a trial (None: it failed) and whether it was measured.
 
     Every form of a localizer is measured in at least one cell; in others its time is taken to be
     that per particle.
     """
     began = time.perf_counter()
-    attempt(cells[0][0], key_of(cells[0][0]))  # compile first
+    _outcome(cells[0][0], engine)  # compile first
     known: dict[int, float | None] = {}
     rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
     first = {_form(cell[0]): index for index, cell in reversed([*enumerate(cells)])}
@@ -63,7 +67,7 @@ def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool
         if time.perf_counter() - began > BUDGET and _form(trial) in rates:
             continue
         started = time.perf_counter()
-        outcome = attempt(trial, key_of(trial))
+        outcome = _outcome(trial, engine)
         took = time.perf_counter() - started
         known[index] = None if outcome.record is None else took
         rate = took / _particles(trial)
@@ -72,6 +76,11 @@ def _measured(cells: Sequence[Sequence[Trial]]) -> list[tuple[float | None, bool
         (known[i], True) if i in known else (_scaled(rates[_form(cell[0])], cell[0]), False)
         for i, cell in enumerate(cells)
     ]
+
+
+def _outcome(trial: Trial, engine: Engine) -> Outcome:
+    ((_, outcome),) = outcomes([(key_of(trial), trial)], engine)
+    return outcome
 
 
 def _scaled(rates: Sequence[float], trial: Trial) -> float | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from benchmarks.execution.apart import check_methods
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.sweeps import manifest
@@ -18,8 +19,8 @@ from benchmarks.sweeps.lock import locked
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.episode import check_params, check_setting
-from benchmarks.trials.plugins import keyed, loads
+from benchmarks.trials.episode import check_setting
+from benchmarks.trials.plugins import keyed
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -90,16 +91,15 @@ def check(sweep: Sweep) -> None:
     Raises:
         InputError: something of it is refused.
     """
-    settings, methods = set(), set()
+    settings: set[str] = set()
+    methods: dict[str, Trial] = {}
     for trial in sweep.cells():
         setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
         if setting not in settings:
             check_setting(trial)
             settings.add(setting)
-        method = setting + repr((trial.localizer, trial.params))
-        if method not in methods and loads(trial.localizer):
-            check_params(trial)
-        methods.add(method)
+        methods.setdefault(setting + repr((trial.localizer, trial.params)), trial)
+    check_methods(methods.values())
 
 
 def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> None:
@@ -118,7 +118,7 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
     if not waiting:
         return
     with (
-        options.where.engine(len(waiting)) as engine,
+        options.where.engine(missing.values()) as engine,
         tqdm(
             total=len(trials),
             initial=len(trials) - len(waiting),

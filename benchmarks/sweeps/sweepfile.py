@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.execution.apart import takes
 from benchmarks.setup import documents
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
-from benchmarks.trials.plugins import takes
 from benchmarks.trials.spec import Params, frozen, tuples
 from deqmcl_gym.validation import InputError, one_of
 

@@ -1,5 +1,7 @@
 """One trial, run to its record or to the reason why there is none."""
 
+import contextlib
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +10,8 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from localizers.naming.isolation import is_ctrl_c
+from localizers.naming.plugins import words_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,16 +36,18 @@ def attempt(trial: Trial, key: str) -> Outcome:
     other code, other libraries or another plug-in.
     """
     try:
-        if key_of(trial) != key:
-            return Outcome(
-                reason="its worker loaded other code, libraries or plug-in than the sweep: "
-                "run the command again, with the same on every machine"
-            )
-        trace = trial_trace(trial)
-        kept = record(trace, trial.lag, scenario_of(trial).thresholds)
-    except Exception as error:
-        words = " ".join(str(error).split())
-        return Outcome(reason=f"{type(error).__name__}: {words}")
+        with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
+            if key_of(trial) != key:
+                return Outcome(
+                    reason="its worker loaded other code, libraries or plug-in than the sweep: "
+                    "run the command again, with the same on every machine"
+                )
+            trace = trial_trace(trial)
+            kept = record(trace, trial.lag, scenario_of(trial).thresholds)
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return Outcome(reason=words_of(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     if 0 not in trace.offsets:

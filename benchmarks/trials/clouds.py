@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.trials import kernels
 from deqmcl_gym.maps import Map
@@ -13,6 +14,9 @@ from deqmcl_gym.numerics.types import Floats, Ints, Reals
 from deqmcl_gym.validation import InputError
 
 _SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
+_EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
+# Largest |x|, |y| and |θ| of a pose: far beyond any map; sines of larger angles are not exact.
+_LARGEST = np.array([1e15, 1e15, 1e9])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,23 +68,37 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     A copy, because a localizer may write into its arrays at the next step.
 
     Raises:
-        InputError: other than poses (n, 3) and weights (n,), or no pose.
+        InputError: other than numbers, poses (n, 3) and weights (n,), or no pose.
     """
-    try:
-        poses, weights = map(np.asarray, points)
-        kept: type[np.floating[Any]] = np.float32 if poses.dtype == np.float32 else np.float64
-        rows = np.array(poses, kept, order="F").T
-        shares = np.array(weights, np.float64)
-    except (TypeError, ValueError):
-        seen = f"is of type {type(points).__name__}"
-    else:
-        if shares.ndim == 1 and shares.size and rows.shape == (3, shares.size):
-            return Cloud(state, offset, rows, shares)
-        seen = f"has poses of shape {poses.shape} and weights of shape {weights.shape}"
-    raise InputError(
-        f"its belief of state {state} at offset {offset} {seen}, "
-        "but must be poses (n, 3) and weights (n,) of one point or more."
+    what = f"its belief of state {state} at offset {offset}"
+    if not (isinstance(points, tuple | list) and len(points) == 2):
+        raise InputError(
+            f"{what} is of type {type(points).__name__}, but must be (poses, weights) or None."
+        )
+    poses, weights = (
+        _numbers(f"{what} has {name}", given)
+        for name, given in zip(("poses", "weights"), points, strict=True)
     )
+    if weights.ndim != 1 or not weights.size or poses.shape != (weights.size, 3):
+        raise InputError(
+            f"{what} has poses of shape {poses.shape} and weights of shape {weights.shape}, "
+            "but must be poses (n, 3) and weights (n,) of one point or more."
+        )
+    kept: type[np.floating[Any]] = np.float32 if poses.dtype == np.float32 else np.float64
+    return Cloud(state, offset, np.array(poses, kept, order="F").T, np.array(weights, np.float64))
+
+
+def _numbers(what: str, given: Any) -> NDArray[Any]:
+    """Return an array of real numbers, else refuse it."""
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise InputError(f"{what} that are masked, but they must be an array of numbers.")
+    try:
+        numbers = np.asarray(given)
+    except ValueError:  # ragged
+        numbers = np.empty(0, object)
+    if numbers.dtype.kind not in "fiu":  # "1.5", True and 1j are no real numbers
+        raise InputError(f"{what} of type {numbers.dtype}, but they must be an array of numbers.")
+    return numbers
 
 
 def joined(clouds: Sequence[Cloud], truth: Sequence[Reals]) -> Clouds:
@@ -98,16 +116,24 @@ def joined(clouds: Sequence[Cloud], truth: Sequence[Reals]) -> Clouds:
 def moments(clouds: Clouds) -> Floats:
     """Weighted mean and variance of (x, y, cos θ, sin θ), (k, 8); NaN variance of one point.
 
+    Weights that add up to 1 but for rounding are divided by their sum first, in place.
+
     Raises:
-        InputError: weights that are negative or do not add up to 1, or a pose that is not finite.
+        InputError: weights that are negative or do not add up to 1, or a pose that is not finite
+            or huge.
     """
     out = np.empty((len(clouds.each), 10))
     kernels.moments(clouds.poses, clouds.weights, clouds.ends, out)
     total, below = out[:, 8], out[:, 9]
+    starts = np.concatenate([[0], clouds.ends[:-1]])
+    largest = np.maximum.reduceat(np.abs(clouds.poses), starts, axis=1).T  # NaN if one is
     sound = (np.abs(total - 1) <= _SUM_TOLERANCE) & (below == 0)
-    sound &= np.isfinite(out[:, :4]).all(axis=1)
+    sound &= (largest <= _LARGEST).all(axis=1)
     if not sound.all():
         raise _unsound(clouds.each[int(np.argmin(sound))])
+    if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
+        clouds.weights[:] /= np.repeat(total, clouds.ends - starts)
+        return moments(clouds)
     return out[:, :8]
 
 
@@ -151,7 +177,10 @@ def _unsound(cloud: Cloud) -> InputError:
     what = f"its belief of state {cloud.state} at offset {cloud.offset}"
     total, low = cloud.weights.sum(), cloud.weights.min()
     if low >= 0 and abs(total - 1) <= _SUM_TOLERANCE:
-        return InputError(f"{what} is not finite.")
+        return InputError(
+            f"{what} has poses that are not finite or huge: x and y must be from -1e15 to 1e15, "
+            "headings from -1e9 to 1e9 rad."
+        )
     return InputError(
         f"{what} has weights of sum {total:g}, the smallest {low:g}, but they must be 0 or more "
         "and add up to 1: divide them by their sum."

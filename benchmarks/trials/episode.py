@@ -1,11 +1,15 @@
 """One lap: the only place that sees both the world and a localizer.
 
 The localizer is given arrays (scan, command, plan), the agent what is believed and what the env
-shows. The true pose goes past both, to the scores.
+shows. The true pose goes past both, to the scores. All that the localizer is given is a copy of its
+own: what it writes into it concerns nobody else.
 """
 
+import contextlib
+import os
 import time
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +26,7 @@ from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
+from localizers.naming.isolation import is_ctrl_c
 
 
 @dataclass(frozen=True)
@@ -64,8 +69,9 @@ def moments(
     """
     ranges, info = env.reset(seed=seed)
     truth, shown = info.pop("truth"), _shown_plan(info)
+    given_plan = shown.copy()
     started = time.perf_counter()
-    belief = localizer.reset(prior, shown, rng)
+    belief = localizer.reset(prior, given_plan, rng)
     yield Moment(0, truth, ranges, belief, time.perf_counter() - started)
     step, ended = 0, False
     while len(shown) and not ended:
@@ -73,8 +79,10 @@ def moments(
         ranges, _, terminated, truncated, info = env.step(action)
         truth, shown = info.pop("truth"), _shown_plan(info)
         step, ended = step + 1, terminated or truncated
+        ahead = shown if plan is None else plan
+        given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()
-        belief = localizer.update(ranges, info["action"], shown if plan is None else plan)
+        belief = localizer.update(*given)
         yield Moment(step, truth, ranges, belief, time.perf_counter() - started)
 
 
@@ -83,9 +91,9 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
     env = disturbed(room, trial.disturbance)
-    robot = setup.robot_model(room)
+    agent = make_agent(setup.agent, setup.robot_model(room))
+    robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
-    agent, prior = make_agent(setup.agent, robot), setup.prior_in(room)
     yield from moments(env, agent, localizer, prior, trial.filter_rng(), seed=trial.world_seed)
 
 
@@ -140,12 +148,13 @@ def check_params(trial: Trial) -> None:
         InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
     """
     setup = scenario_of(trial)
+    robot = setup.robot_model(setup.room())
     try:
-        make(trial.localizer, setup.robot_model(setup.room()), **dict(trial.params))
-    except InputError:
-        raise
-    except Exception:
-        return
+        with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
+            make(trial.localizer, robot, **dict(trial.params))
+    except BaseException as error:
+        if isinstance(error, InputError) or is_ctrl_c(error):
+            raise
 
 
 def _shown_plan(info: dict[str, Any]) -> Reals:

@@ -1,14 +1,15 @@
-"""What a sweep asks about a localizer by name; one that cannot be loaded is no reason to stop."""
+"""The plug-ins of a trial: who they are, and of which source."""
 
 from collections.abc import Iterable
 from functools import cache
 
 import localizers
-from benchmarks.setup.names import scenario_digest
+from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.trials.provenance import provenance
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
-from localizers import names, parameters
+from localizers.naming.plugins import is_reference
+from localizers.naming.registry import is_plug_in
 
 
 def key_of(trial: Trial) -> str:
@@ -26,29 +27,10 @@ def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
     }
 
 
-def takes(name: str) -> tuple[str, ...] | None:
-    """Return the names of a localizer's parameters; None if it takes any, or cannot be loaded.
-
-    Trials of a plug-in that cannot be loaded fail with the reason.
-
-    Raises:
-        InputError: a plain name that nobody has.
-    """
-    try:
-        return parameters(name)
-    except InputError:
-        if _elsewhere(name):
-            return None
-        raise
-
-
-def loads(name: str) -> bool:
-    """Whether a localizer can be loaded."""
-    try:
-        parameters(name)
-    except InputError:
-        return False
-    return True
+def guest_of(trial: Trial) -> str:
+    """Return the names of a trial's plug-ins: localizer, scenario, agent; "" if all is ours."""
+    localizer = (trial.localizer,) if is_plug_in(trial.localizer) else ()
+    return " ".join((*localizer, *_guests_in(trial.scenario)))
 
 
 def source_digest(name: str) -> str:
@@ -59,5 +41,7 @@ def source_digest(name: str) -> str:
         return ""
 
 
-def _elsewhere(name: str) -> bool:
-    return ":" in name or name in names()
+@cache
+def _guests_in(name: str) -> tuple[str, ...]:
+    """Return the names of a scenario and its agent, as far as they are plug-ins."""
+    return tuple(filter(is_reference, (name, scenario(name).agent)))

@@ -1,6 +1,8 @@
 """Laws on arrays: those given are neither changed nor kept, those returned are the caller's."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from localizers.checks.subject import (
     LawBrokenError,
     Subject,
     beliefs,
+    history,
     require_same,
     snapshot,
 )
@@ -25,6 +28,37 @@ def inputs_not_changed(subject: Subject) -> None:
             if not np.array_equal(array, original):
                 verb = "update" if t else "reset"
                 raise LawBrokenError(f"{verb} wrote into the {name} at step {t}: copy it")
+
+
+def robot_and_prior_not_changed(subject: Subject) -> None:
+    """No number and no array of the robot, its map and the prior is another one after a run."""
+    floor_plan, drive = subject.robot.floor_plan, subject.drive
+    ends = np.array([drive.prior.mean, drive.prior.mean])
+    floor_plan.ranges(ends, subject.robot.lidar.bearings)  # what it computes once is there now
+    floor_plan.collides(ends[:1], ends[1:], subject.robot.radius)
+    given: dict[str, Any] = deepcopy({"robot": subject.robot, "prior": drive.prior})
+    before = {name: np.copy(value) for name, value in _values(given)}
+    history(subject.made(given["robot"]), drive, prior=given["prior"])
+    after = dict(_values(given))
+    for name, value in before.items():
+        if name not in after or not np.array_equal(
+            value, after[name], equal_nan=value.dtype.kind == "f"
+        ):
+            raise LawBrokenError(f"it wrote into {name}: copy it")
+
+
+def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, Any]]:
+    """Yield all numbers, words and arrays inside an object, by where they are."""
+    if isinstance(thing, np.ndarray | np.generic | int | float | str):
+        yield name, thing
+    elif depth and isinstance(thing, Mapping):
+        for key, value in thing.items():
+            yield from _values(value, f"{name}.{key}".lstrip("."), depth - 1)
+    elif depth and isinstance(thing, tuple | list):
+        for index, value in enumerate(thing):
+            yield from _values(value, f"{name}[{index}]", depth - 1)
+    elif depth and hasattr(thing, "__dict__"):
+        yield from _values(vars(thing), name, depth - 1)
 
 
 def inputs_not_kept(subject: Subject) -> None:

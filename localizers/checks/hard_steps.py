@@ -48,6 +48,22 @@ def bad_beams(subject: Subject) -> None:
     require_valid(history(subject.made(), replace(subject.drive, scans=scans)))
 
 
+def huge_actions(subject: Subject) -> str | None:
+    """A planned distance or turn of 1e30 is survived, or refused as an InputError."""
+    refused, drive, step = 0, subject.drive, len(subject.drive.actions) // 2
+    for huge in ((1e30, 0.0), (0.0, 1e30)):
+        actions, plans = drive.actions.copy(), [plan.copy() for plan in drive.plans]
+        actions[step] = huge
+        for t, plan in enumerate(plans[: step + 1]):
+            plan[step - t] = huge
+        try:
+            with np.errstate(all="ignore"):  # it overflows, and says so by what it returns
+                require_valid(history(subject.made(), replace(drive, actions=actions, plans=plans)))
+        except InputError:
+            refused += 1
+    return "refused" if refused else None
+
+
 def one_particle(subject: Subject) -> None:
     """A localizer with a parameter ``particles`` works with 1."""
     if "particles" not in (parameters_of(subject.factory) or ()):

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import cleandoc
 
-from localizers.checks import answers, arrays, hard_steps, lifecycle, randomness
+from localizers.checks import answers, arrays, hard_steps, lifecycle, randomness, surroundings
 from localizers.checks.subject import LawBrokenError, LawSkippedError, Subject
+from localizers.naming.isolation import is_ctrl_c
 from localizers.naming.plugins import raised
 
 
@@ -42,7 +43,9 @@ class Law:
             return self.holds(subject)
         except (LawBrokenError, LawSkippedError):
             raise
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             raise LawBrokenError(f"it raised {raised(error, subject.file)}") from error
 
 
@@ -64,7 +67,10 @@ LAWS = (
     _REPEATABLE,
     Law(randomness.other_rng_other_result, _REPEATABLE),
     Law(randomness.global_rng_untouched, _ANSWERING),
+    Law(surroundings.process_state_untouched, _ANSWERING),
+    Law(surroundings.nothing_left_running, _ANSWERING),
     Law(arrays.inputs_not_changed, _ANSWERING),
+    Law(arrays.robot_and_prior_not_changed, _ANSWERING),
     Law(arrays.inputs_not_kept, _REPEATABLE),
     Law(arrays.outputs_are_fresh, _REPEATABLE),
     Law(arrays.beliefs_stay, _ANSWERING),
@@ -72,6 +78,7 @@ LAWS = (
     Law(hard_steps.zero_likelihood, _VALID),
     Law(hard_steps.max_range_scan, _VALID),
     Law(hard_steps.bad_beams, _VALID),
+    Law(hard_steps.huge_actions, _VALID),
     Law(hard_steps.one_particle, _VALID),
     Law(hard_steps.short_plan, _VALID),
     Law(hard_steps.changed_plan, _VALID),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from deqmcl_gym.validation import one_of
 from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Law
-from localizers.checks.run import Examination, subject_of
+from localizers.checks.run import Examination, examined
 from localizers.checks.subject import LawBrokenError
 from localizers.naming.registry import Factory
 
@@ -39,7 +39,7 @@ def parametrize_with_laws(
     expected = dict(expected_failures or {})
     for name in expected:
         one_of("law", name, [law.name for law in LAWS])
-    examination = Examination(subject_of(localizer, robot, timeout=timeout, **params))
+    examination = examined(localizer, robot, timeout=timeout, **params)
 
     def case(law: Law) -> Any:
         marks = (

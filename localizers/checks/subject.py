@@ -38,6 +38,7 @@ class Subject:
         drive: along which it is run.
         sent: what another process finds it by: a name it can resolve, or the factory itself.
         timeout: after which a worker has not answered, s.
+        before: the state of this process before the localizer was loaded.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Subject:
     drive: Drive
     sent: str | Factory
     timeout: float
+    before: Mapping[str, Any]
 
     @property
     def file(self) -> str | None:
@@ -111,6 +113,8 @@ def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
         raise LawBrokenError(f"{where} is {_shown(points)}, but must be (poses, weights) or None")
     poses, weights = points
     for name, array in (("poses", poses), ("weights", weights)):
+        if isinstance(array, np.ma.MaskedArray):
+            raise LawBrokenError(f"the {name} of {where} are masked, but must be plain numbers")
         if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
             raise LawBrokenError(
                 f"the {name} of {where} are {_shown(array)}, but must be an array of floats"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.types import Floats
-from localizers.api import Prior, RobotModel, checked_plan, checked_step, require_reset
+from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference.belief import Events
 
 
@@ -49,7 +49,7 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start anew; see ``Localizer.reset``."""
-        belief = self.filter.initial(prior, checked_plan(plan), rng)
+        belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 

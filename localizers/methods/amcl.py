@@ -14,7 +14,7 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_plan, checked_step, require_reset
+from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
@@ -92,7 +92,8 @@ class AdaptiveLocalizer:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start anew with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         checked_plan(plan)
-        cloud = np.ascontiguousarray(prior.sample(self._kld.most, rng.spawn(1)[0]).T, np.float32)
+        started = checked_rng(rng).spawn(1)[0]
+        cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
         belief = _cloud(cloud, AdaptiveEvents(), self._trust)
         self._running = _Running(belief, self._recovery, 0, rng)
         return belief

@@ -8,7 +8,14 @@ from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.api import Prior, RobotModel, checked_action, checked_plan, require_reset
+from localizers.api import (
+    Prior,
+    RobotModel,
+    checked_action,
+    checked_plan,
+    checked_rng,
+    require_reset,
+)
 
 Pose = tuple[float, float, float]
 
@@ -39,6 +46,7 @@ class DeadReckoning:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
+        checked_rng(rng)
         if prior.mean is None:
             raise InputError(
                 f"the prior is {prior!r}, but dead reckoning needs a mean to start from: give a "

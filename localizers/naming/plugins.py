@@ -4,10 +4,12 @@ Loading runs that code, so it happens only when a plug-in is used. Whatever goes
 said in one sentence as an ``InputError``.
 """
 
+import contextlib
 import difflib
 import hashlib
 import importlib
 import importlib.util
+import os
 import pkgutil
 import sys
 import traceback
@@ -18,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from deqmcl_gym.validation import InputError
+from localizers.naming.isolation import is_ctrl_c
 
 GROUP = "deqmcl.localizers"
 
@@ -71,7 +74,8 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
     path = Path(place).expanduser().absolute() if _is_path(place) else None
     source = b"" if path is None else _source(path, named)
     try:
-        module = importlib.import_module(place) if path is None else _run(path, source)
+        with contextlib.chdir(os.curdir):  # comes back, wherever it goes
+            module = importlib.import_module(place) if path is None else _run(path, source)
         found: Any = module
         for part in attribute.split("."):
             if not hasattr(found, part):  # a module may run code of its own to find out
@@ -83,7 +87,9 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         raise InputError(
             f"{named} has a syntax error in {error.filename}, line {error.lineno}: {error.msg}."
         ) from error
-    except (Exception, SystemExit) as error:  # whatever a plug-in raises while importing
+    except BaseException as error:  # whatever a plug-in raises while importing
+        if is_ctrl_c(error):
+            raise
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
             raise _no_module(named, missing) from None
@@ -127,11 +133,19 @@ def raised(error: BaseException, file: str | None = None) -> str:
 
     The line is the deepest one in ``file``, or the deepest of all.
     """
-    words = " ".join(str(error).split()).rstrip(".")
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == file] or frames
-    said = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    said = words_of(error).rstrip(".")
     return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
+
+
+def words_of(error: BaseException) -> str:
+    """Return "ValueError: words" on one line, whatever the error does when it is asked."""
+    try:
+        words = " ".join(str(error).split())
+    except BaseException as another:
+        words = f"it cannot be shown, which raised {type(another).__name__}"
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
 
 def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:

@@ -62,6 +62,11 @@ def is_registered(name: str) -> bool:
     return name in _FACTORIES and name not in _BUILT_IN
 
 
+def is_plug_in(name: str) -> bool:
+    """Whether a name leads to other people's code, which ``resolve`` runs."""
+    return name not in _FACTORIES
+
+
 def resolve(name: str) -> Factory:
     """Return the factory that a name leads to; the first of these that has it.
 
@@ -100,11 +105,12 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
         InputError: unknown name or parameter (the nearest valid one is named), or a bad value.
         RuntimeError: what the factory made has no ``reset`` or no ``update``.
     """
-    valid = parameters(name)
+    factory = resolve(name)
+    valid = parameters_of(factory)
     for param in params:
         if valid is not None:
             one_of(f"parameter of localizer {name!r}", param, valid)
-    return made_by(resolve(name), name, robot, **params)
+    return made_by(factory, name, robot, **params)
 
 
 def made_by(factory: Factory, name: str, robot: RobotModel, **params: Any) -> Localizer:

@@ -1,9 +1,12 @@
 """Moments, energy score, rank of the truth and NEES of clouds against plain forms; what is none."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
 from deqmcl_gym.validation import InputError
@@ -168,12 +171,20 @@ POSES, WEIGHTS = cloud(4, 0)
         (POSES[0], 1.0),
         (POSES, None),
         (POSES, WEIGHTS, 0),
+        (POSES.astype(str), WEIGHTS),
+        (POSES + 1j, WEIGHTS),
+        (POSES, np.ones(4, bool)),
+        (POSES, [[1.0], [0.0, 0.0]]),
+        (np.ma.masked_greater(POSES, 100), WEIGHTS),
         POSES,
+        {0: POSES, 1: WEIGHTS},
         5,
     ],
 )
-def test_points_of_another_shape_are_refused(points):
-    with pytest.raises(InputError, match=r"state 7 at offset -2 .* must be poses \(n, 3\)"):
+def test_points_that_are_not_numbers_of_that_shape_are_refused(points):
+    with pytest.raises(
+        InputError, match=r"^its belief of state 7 at offset -2 .*, but .*must be .*\.$"
+    ):
         cloud_of(7, -2, points)
 
 
@@ -186,7 +197,83 @@ def test_weights_that_are_negative_or_do_not_add_up_to_1_are_refused(weights):
         moments(together((POSES, WEIGHTS), (POSES, weights)))
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_pose_that_is_not_finite_is_refused(value):
-    with pytest.raises(InputError, match="state 0 at offset 0 is not finite"):
-        moments(together((POSES, WEIGHTS), (POSES * [1, value, 1], WEIGHTS)))
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e16])
+@pytest.mark.parametrize("column", range(3))
+def test_a_pose_that_is_not_finite_or_huge_is_refused_also_at_weight_0(value, column):
+    poses, weights = np.vstack([POSES, POSES[0]]), np.append(WEIGHTS, 0.0)
+    poses[4, column] = value
+    with pytest.raises(InputError, match="state 0 at offset 0 has poses that are not finite or"):
+        moments(together((POSES, WEIGHTS), (poses, weights)))
+
+
+def test_weights_that_add_up_to_1_but_for_rounding_are_divided_by_their_sum():
+    exact, rounded = spread(POSES, WEIGHTS), spread(POSES, 1.0009 * WEIGHTS)
+    for ours, theirs in zip(rounded, exact, strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-12)
+
+
+def test_what_a_localizer_does_with_its_arrays_afterwards_changes_no_cloud():
+    poses, weights = POSES.copy(), WEIGHTS.copy()
+    kept = cloud_of(0, 0, (poses, weights))
+    poses[:], weights[:] = np.nan, np.nan
+    assert np.array_equal(kept.poses.T, POSES)
+    assert np.array_equal(kept.weights, WEIGHTS)
+
+
+NUMBERS = st.floats(width=32) | st.sampled_from([0.0, 1.0, 0.5, 1e-300, 1e300])
+DTYPES = st.sampled_from(["f2", "f4", "f8", "g", "i4", "u1", "i8", "?", "c8", "O", "U4"])
+SHAPES = st.tuples(st.integers(0, 4), st.integers(1, 4)) | st.tuples(st.integers(0, 4))
+
+
+@st.composite
+def arrays_of_any_kind(draw, columns=None):
+    """An array that may be poses or weights: of any type, layout and content."""
+    n = draw(st.integers(1, 4))
+    shape = draw(st.just((n, columns) if columns else (n,)) | SHAPES)
+    size = math.prod(shape)
+    values = draw(st.lists(NUMBERS, min_size=size, max_size=size))
+    if columns is None and draw(st.booleans()) and size:
+        values = [1 / size] * size
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+        found = np.array(values, object).reshape(shape)
+        try:
+            found = found.astype(draw(DTYPES))
+        except (ValueError, OverflowError):  # NaN as an integer
+            found = found.astype("f8")
+    if draw(st.booleans()):
+        found = np.asfortranarray(found)
+    if draw(st.booleans()):
+        found = np.repeat(found, 2, axis=0)[::2]  # not contiguous
+    if draw(st.booleans()):
+        found = np.ma.masked_array(found, found == 0.0)
+    found.flags.writeable = draw(st.booleans())
+    return found
+
+
+def scored(poses, weights):
+    """Moments, or why there are none."""
+    try:
+        (ours,) = moments(together((poses, weights)))
+    except InputError as refusal:
+        return None, str(refusal)
+    return ours, None
+
+
+@settings(max_examples=500, deadline=None)
+@given(arrays_of_any_kind(columns=3), arrays_of_any_kind())
+def test_any_points_are_scored_as_numpy_would_or_refused_in_one_sentence(poses, weights):
+    ours, refusal = scored(poses, weights)
+    if refusal is not None:
+        assert refusal.startswith("its belief of state 0 at offset 0 ")
+        assert refusal.endswith(".")
+        return
+    x, y, heading = np.array(poses, np.float64).T
+    shares = np.array(weights, np.float64)
+    assert shares.min() >= 0
+    assert abs(shares.sum() - 1) <= 1e-3
+    points = np.column_stack([x, y, np.cos(heading), np.sin(heading)])
+    mean = np.average(points, axis=0, weights=shares)
+    scale = np.abs(points).max(axis=0)
+    # float64: sums of up to 4 terms; our sines of 1e9 rad are good to 1e-6
+    assert (np.abs(ours[:4] - mean) <= 1e-12 * scale + [0, 0, 1e-6, 1e-6]).all()
+    assert np.isfinite(ours).all() or len(shares) == 1

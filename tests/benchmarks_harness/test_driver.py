@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.execution.driver import TRIES, outcomes
 from benchmarks.execution.engines import Engine, ThisProcess
-from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)
@@ -62,8 +62,8 @@ def test_a_trial_that_keeps_ending_its_workers_fails_with_the_reason_after_three
 
 
 def test_a_call_that_would_end_this_process_is_lost_like_a_dead_worker():
-    with pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"):
-        ThisProcess().submit(sys.exit, 7).result()
+    with Processes(1) as guests, pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"):
+        ThisProcess(guests).submit(sys.exit, 7).result()
 
 
 def test_a_trial_that_timed_out_is_not_tried_again():

@@ -6,9 +6,12 @@ import pytest
 
 from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
-from benchmarks.trials.episode import moments, room_of, trial_moments
+from benchmarks.trials.attempt import trial_trace
+from benchmarks.trials.episode import moments, room_of, task_of, trial_moments
+from benchmarks.trials.trace import trace_of
 from deqmcl_gym.envs.wrappers import PlanChange
 from localizers import PoseBelief, make, names, parameters
+from localizers.naming import registry
 
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
@@ -68,6 +71,65 @@ def test_garbage_in_place_of_the_truth_changes_no_belief_even_where_the_plan_cha
         deceived, told = beliefs(Liar(short_lap(), lie), name)
         assert np.array_equal(told, np.tile(lie, (len(truth), 1)), equal_nan=True)  # it got through
         assert deceived == honest
+
+
+class Vandal:
+    """Overwrites all that it was ever given, at every call."""
+
+    def __init__(self, robot):
+        self.given = []
+        self.spoil(robot)
+
+    def reset(self, prior, plan, rng):
+        self.spoil(prior, plan)
+        rng.bit_generator.state = np.random.default_rng(1).bit_generator.state
+        return self
+
+    def update(self, ranges, action, plan):
+        self.spoil(ranges, action, plan)
+        return self
+
+    def points(self, offset=0):
+        self.spoil()
+        return np.zeros((1, 3)), np.ones(1)
+
+    def spoil(self, *more):
+        self.given += more
+        for thing in self.given:
+            self.spoil_all(thing)
+
+    def spoil_all(self, thing):
+        if isinstance(thing, np.ndarray):
+            while thing is not None:  # and what it is a view of
+                thing.flags.writeable = True
+                thing[...] = 0
+                thing = thing.base
+        elif isinstance(thing, tuple | list):
+            for part in thing:
+                self.spoil_all(part)
+        elif hasattr(thing, "__dict__"):
+            for name, value in vars(thing).items():
+                self.spoil_all(value)
+                if isinstance(value, float):
+                    object.__setattr__(thing, name, 0.0)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(
+    name, monkeypatch
+):
+    monkeypatch.setitem(registry._FACTORIES, "vandal", Vandal)
+    honest, vandal = trials(["dead-reckoning", "vandal"], name)
+    room = scenario(name).room()
+    before = trial_trace(honest)
+    after = trace_of(trial_moments(vandal, room), vandal.offsets, task_of(room))
+    assert np.array_equal(after.truth, before.truth)
+    assert after.scans_used == before.scans_used > 0
+    present = after.offsets[0]
+    distance = np.hypot(*after.truth[present.states, :2].T)
+    assert present.values["energy"] == pytest.approx(distance, rel=1e-12)
+    again = trace_of(trial_moments(honest, room), honest.offsets, task_of(room))  # in its room
+    assert np.array_equal(again.offsets[0].means, before.offsets[0].means)
 
 
 @pytest.mark.parametrize("name", scenario_names())

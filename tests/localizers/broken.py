@@ -1,10 +1,17 @@
 """Each class breaks the law of its name, and no other."""
 
+import decimal
 import math
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
+import threading
 import time
+import warnings
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -106,6 +113,70 @@ class GlobalRngUntouched(MyLocalizer):
         np.random.seed(0)  # noqa: NPY002
         np.random.rand()  # noqa: NPY002
         return super().reset(prior, plan, rng)
+
+
+class ProcessStateUntouched(MyLocalizer):
+    """Leaves its process otherwise than it found it, in what it was told to."""
+
+    CHANGES = MappingProxyType(
+        {
+            "the working folder": lambda: os.chdir("/"),
+            "sys.stdin, sys.stdout or sys.stderr": lambda: setattr(sys, "stdout", None),
+            "signal handlers": lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN),
+            "np.seterr": lambda: np.seterr(divide="raise"),
+            "np.set_printoptions": lambda: np.set_printoptions(precision=2),
+            "the filters of warnings": lambda: warnings.simplefilter("error", BytesWarning),
+            "the context of decimal": lambda: setattr(decimal.getcontext(), "prec", 3),
+            "os.environ": lambda: os.environ.update(DEQMCL_BROKEN="1"),
+            "the recursion limit": lambda: sys.setrecursionlimit(5000),
+            "sys.path": lambda: sys.path.insert(0, "/nowhere"),
+        }
+    )
+
+    def __init__(self, robot, *, particles=500, change="the context of decimal"):
+        super().__init__(robot, particles=particles)
+        self.change = change
+
+    def update(self, ranges, action, plan):
+        self.CHANGES[self.change]()
+        return super().update(ranges, action, plan)
+
+
+class NothingLeftRunning(MyLocalizer):
+    """Starts a thread for each drive, and forgets it."""
+
+    def reset(self, prior, plan, rng):
+        threading.Thread(target=time.sleep, args=(3.0,)).start()
+        return super().reset(prior, plan, rng)
+
+
+class LeavesAProcess(MyLocalizer):
+    """Breaks the same law by a process."""
+
+    def reset(self, prior, plan, rng):
+        subprocess.Popen(["sleep", "3"])
+        return super().reset(prior, plan, rng)
+
+
+class RobotAndPriorNotChanged(MyLocalizer):
+    """Moves the walls that are drawn."""
+
+    def reset(self, prior, plan, rng):
+        self.robot.floor_plan.walls[:] += 0.5
+        return super().reset(prior, plan, rng)
+
+
+class HugeActions(MyLocalizer):
+    """Keeps the sum of squares of what it drove in float32."""
+
+    def reset(self, prior, plan, rng):
+        self.driven = np.float32(0)
+        return super().reset(prior, plan, rng)
+
+    def update(self, ranges, action, plan):
+        self.driven += np.square(action, dtype=np.float32).sum()
+        x, y, heading = mean_pose(*super().update(ranges, np.minimum(action, 1e6), plan).points())
+        return Told(PoseBelief([x, y, heading]), lambda poses, w: (poses + 0 * self.driven, w))
 
 
 class InputsNotChanged(MyLocalizer):
@@ -243,9 +314,9 @@ class Picklable(MyLocalizer):
 
 
 class RunsInAWorker(MyLocalizer):
-    """Works only in the process where the check was started."""
+    """Works only in a process that no other process of the check has started."""
 
     def reset(self, prior, plan, rng):
-        if multiprocessing.parent_process() is not None:
+        if ":" in multiprocessing.current_process().name:
             raise OSError("no device in this process")
         return super().reset(prior, plan, rng)

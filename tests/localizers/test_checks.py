@@ -8,19 +8,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from broken import LeavesAProcess, ProcessStateUntouched
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
 from localizers.checks.drive import default_robot, random_drive
-from localizers.checks.run import Examination, subject_of
+from localizers.checks.run import Examination
+from localizers.checks.surroundings import set_state, state_of_process
+from localizers.checks.trying import Here, subject_of
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.naming import registry
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken.py"
 IN_A_PROCESS = ("answers in time", "runs in a worker")
+
+
+@pytest.fixture(autouse=True)
+def _state_put_back():
+    held = state_of_process()
+    yield
+    set_state(held)
 
 
 def example(law):
@@ -30,7 +40,7 @@ def example(law):
 def broken_here(subject):
     """Names of the laws that fail, those left out for which a process is started."""
     alone = replace(subject, sent=lambda: None)  # cannot be sent
-    verdicts = Examination(alone).verdicts()
+    verdicts = Examination(Here(alone)).verdicts()
     return [v.law for v in verdicts if v.status == "FAILED" and v.law not in IN_A_PROCESS]
 
 
@@ -148,6 +158,30 @@ def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
     after = np.random.get_state(legacy=False)["state"], random.getstate()  # noqa: NPY002
     assert np.array_equal(before[0]["key"], after[0]["key"])
     assert (before[0]["pos"], before[1]) == (after[0]["pos"], after[1])
+
+
+@pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
+def test_a_changed_state_of_the_process_is_named_and_put_back(change):
+    (law,) = (law for law in LAWS if law.name == "process state untouched")
+    before = state_of_process()
+    for _ in range(2):  # also if it was changed before
+        with pytest.raises(LawBrokenError, match=f"it changes {change} for its whole process"):
+            law(subject_of(ProcessStateUntouched, change=change))
+    assert state_of_process() == before
+
+
+def test_a_localizer_from_a_file_changes_nothing_here_while_it_is_checked():
+    before = state_of_process()
+    for change in ("the working folder", "signal handlers"):
+        (failed,) = check_localizer(example("process state untouched"), change=change).failed
+        assert failed.law == "process state untouched"
+    assert state_of_process() == before
+
+
+def test_a_process_that_is_left_running_is_named():
+    (law,) = (law for law in LAWS if law.name == "nothing left running")
+    with pytest.raises(LawBrokenError, match=r"it leaves the process \d+.* running"):
+        law(subject_of(LeavesAProcess))
 
 
 def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():

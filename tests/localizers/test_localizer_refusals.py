@@ -10,6 +10,7 @@ from following import follow, same
 import localizers
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
+from localizers import GaussianPrior
 
 NAN, INF = math.nan, math.inf
 RNG = np.random.default_rng
@@ -144,3 +145,20 @@ def test_bad_beams_are_counted_and_an_all_bad_scan_is_no_update(room, prior, bad
     after = localizer.update([200.0, bad], [5.0, 0.0], [])
     assert (after.events.skipped_beams, after.events.blind_scans) == (3, 1)
     assert np.ptp(after.points()[1]) > 0
+
+
+@pytest.mark.parametrize("name", localizers.names())
+@pytest.mark.parametrize("rng", [0, None, np.random, np.random.RandomState(0)])
+def test_what_is_no_generator_is_refused(robot, name, rng):
+    with pytest.raises(InputError, match=r"^rng is .*, but must be a numpy\.random\.Generator"):
+        localizers.make(name, robot).reset(GaussianPrior(mean=(50, 50, 0)), [], rng)
+
+
+@pytest.mark.parametrize("name", localizers.names())
+@pytest.mark.parametrize("huge", [(1e30, 0), (0, -1e30), (1e300, 1e300)])
+def test_a_huge_action_is_refused_done_or_planned(robot, name, huge):
+    localizer, scan = localizers.make(name, robot), np.full(robot.lidar.beams, 100.0)
+    localizer.reset(GaussianPrior(mean=(50, 50, 0)), [huge][:0], RNG(0))
+    for action, plan in ((huge, []), ((1.0, 0.0), [huge])):
+        with pytest.raises(InputError, match="but the largest allowed is 1e"):
+            localizer.update(scan, np.array(action), np.reshape(plan, (-1, 2)))

@@ -24,18 +24,19 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
             "deqmcl: 4 of 8 trials failed, the rest is kept; first: broken, trial 0: "
             "ArithmeticError: broken (--debug shows where)\n"
         )
-    assert [trial.localizer for trial in ran] == ["broken", "no_such_module:Localizer"] * 2
+    assert [trial.localizer for trial in ran] == ["broken"] * 2  # the other runs in a worker
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
 
 
-def test_a_localizer_that_calls_exit_when_it_is_made_ends_no_command_in_silence(
+def test_a_localizer_that_calls_exit_when_it_is_made_fails_its_trials_and_no_other(
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: sys.exit(0))
     file = write_small(tmp_path, trials=1)
     assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
     assert capsys.readouterr().err == (
-        "deqmcl: a plug-in called exit(0); finished trials are kept.\n"
+        "deqmcl: 1 of 3 trials failed, the rest is kept; first: leaving, trial 0: SystemExit: 0 "
+        "(--debug shows where)\n"
     )
 
 

@@ -1,0 +1,74 @@
+"""A process for other people's code: it is ended with all that it started.
+
+Whatever such code does to its process (working folder, streams, signals, threads, random state,
+``os._exit``) ends with the process; whoever waits for it kills it, and waits for nothing of it.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import time
+from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from threading import Thread
+
+_MARK = "DEQMCL_PROCESS"  # in the environment of all that the process starts
+_EXEC_SECONDS = 0.02  # a program that is just being started does not show its environment yet
+_OOM_SCORE = "500"  # who is killed first when memory runs out: this process, not its parent
+
+
+def enter() -> None:
+    """Make this process one that can be ended whole; the first thing that it does.
+
+    It leads a session of its own, what is printed goes to stderr, and it does not outlive its
+    parent.
+    """
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows; it leads one already
+        os.setsid()
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    with contextlib.suppress(OSError):  # stderr is closed
+        os.dup2(2, 1)
+    os.environ[_MARK] = str(os.getpid())
+    Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is somebody's Ctrl-C: worker processes get none, a plug-in raised theirs."""
+    return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
+
+
+def end(process: BaseProcess) -> None:
+    """Kill a process that has entered, and what it started: also in sessions of their own."""
+    if process.pid is not None:
+        _kill_session(process.pid)
+        process.kill()
+        _kill_marked(process.pid)
+
+
+def _kill_session(leader: int) -> None:
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows; none is left
+        os.killpg(leader, signal.SIGKILL)
+
+
+def _kill_marked(leader: int) -> None:
+    """Kill programs that were started with the mark of a process, whatever session they are in."""
+    mark = f"{_MARK}={leader}".encode()
+    for pause in (0.0, _EXEC_SECONDS):
+        time.sleep(pause)
+        for environment in Path("/proc").glob("[0-9]*/environ"):
+            with contextlib.suppress(OSError):  # it is gone, or another user's
+                if mark in environment.read_bytes().split(b"\0"):
+                    os.kill(int(environment.parent.name), signal.SIGKILL)
+
+
+def _leave_with_parent() -> None:
+    """End at once when the parent is gone, whatever else is going on."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        _kill_marked(os.getpid())
+        _kill_session(os.getpid())
+        os._exit(1)
