@@ -45,7 +45,7 @@ class ParticleFilter:
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
         move: renews queued states after resampling, leaving γ_t invariant.
-        lookahead: weights what is reported by h_t(x_t), where the future is not queued.
+        lookahead: what the plan says of the present, where the future is not queued.
         selection: the weights to resample by.
         trust: evidence for and against its beliefs at t = 0; None: none is kept.
         dtype: of the states.
