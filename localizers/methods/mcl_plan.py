@@ -19,7 +19,7 @@ from localizers.models.plan_sensor import PlanSensor
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
 
-@method(*mcl_map_smoother.takes)
+@method(*mcl_map_smoother.takes, "start_draws", "start_jitter")
 def mcl_plan(
     robot: RobotModel,
     shared: Shared,
@@ -39,4 +39,5 @@ def mcl_plan(
     sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=plan_beta)
     known = CHARGES[one_of("charge", charge, CHARGES)]
     evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
-    return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
+    base = mcl_map_smoother.build(robot, shared)
+    return replace(base, lookahead=evidence, start=shared.start(sensor))
