@@ -68,7 +68,8 @@ class PlanSensor:
         laid(poses, path, points)
         starts, ends = (p.transpose(1, 0, 2).reshape(2, -1) for p in (points[:-1], points[1:]))
         collides = self.floor_plan.collides(starts.T, ends.T, self.radius)
-        return collides.reshape(len(path) - 1, -1).sum(axis=0, dtype=np.int32)
+        count: Ints = collides.reshape(len(path) - 1, -1).sum(axis=0, dtype=np.int32)
+        return count
 
 
 def path_of(plan: Floats) -> Singles:

@@ -12,7 +12,7 @@ must average to the enumerated figure, for every t, every state of the queue and
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -226,7 +226,7 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
     figures = []
     for x in range(STATES):
         places = [(x + sum(plan[:k])) % STATES for k in range(len(plan) + 1)]
-        steps = list(zip(places, places[1:], strict=False))[first:]
+        steps = list(pairwise(places))[first:]
         figures.append(math.exp(-beta * sum(COLLIDES[step] for step in steps)))
     return figures
 

@@ -162,7 +162,7 @@ class Noisy(RingPlans):
 
     def collisions(self, states, plan, first=0):
         drift = np.random.default_rng(states.size + len(plan)).integers(-1, 2, states.shape[1])
-        return super().collisions(states + drift, plan, first)
+        return super().collisions((states + drift) % 5, plan, first)
 
 
 def reading_by(part: type[PlanEvidence], ring: ParticleFilter) -> ParticleFilter:
