@@ -64,8 +64,10 @@ def moments(
     """
     ranges, info = env.reset(seed=seed)
     truth, shown = info.pop("truth"), _shown_plan(info)
+    own = getattr(agent, "plan_at_reset", None)
+    first = shown if own is None else own(info)
     started = time.perf_counter()
-    belief = localizer.reset(prior, shown, rng)
+    belief = localizer.reset(prior, first, rng)
     yield Moment(0, truth, ranges, belief, time.perf_counter() - started)
     step, ended = 0, False
     while len(shown) and not ended:
