@@ -7,7 +7,11 @@ from localizers import Belief
 
 
 class Agent(Protocol):
-    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``."""
+    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``.
+
+    One that plans by itself may have ``plan_at_reset(info)``: the plan that the localizer is reset
+    with, in place of the one that the env shows.
+    """
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action, and the plan after it.

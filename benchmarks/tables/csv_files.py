@@ -47,7 +47,8 @@ def gaps_csv(panels: Iterable[Panel]) -> str:
 
 def trials_csv(records: Iterable[Record]) -> str:
     """Return trials.csv: a line per trial, method and offset."""
-    counts = ("weight_collapses", "replanned_steps", "skipped_beams", "blind_scans")
+    trouble = ("weight_collapses", "replanned_steps", "infeasible_plans")
+    counts = (*trouble, "skipped_beams", "blind_scans")
     lines = (
         [
             *_run(record),

@@ -23,6 +23,7 @@ TITLES = {name: row.title for name, row in TABLE_1.items()} | {
     "deq-mcl-rejuvenated": "DEQ-MCL, rejuvenated",
     "mcl-h": "map-based MCL with tabulated look-ahead",
     "mcl-pilots": "map-based MCL with pilots",
+    "mcl-plan": "map-based MCL, the plan as a sensor",
     "dead-reckoning": "dead reckoning on the plan",
 }
 

@@ -142,7 +142,7 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
 
 
 @compiled
-def _look_up(points: Singles, grid: Clearance, squares: Ints, out: Singles) -> None:
+def look_up(points: Singles, grid: Clearance, squares: Ints, out: Singles) -> None:
     """Fill in the bound of the square (and its index) that each point is in."""
     rows, columns = grid.bounds.shape
     x, y, left, low = points[0], points[1], grid.corner[0], grid.corner[1]
@@ -186,8 +186,8 @@ def feasible(
     before, after = np.empty(n, np.float32), np.empty(n, np.float32)
     unsure = np.empty(n, np.int32)
     grid = Clearance(*clearance)
-    _look_up(starts, grid, unsure, before)
-    _look_up(ends, grid, unsure, after)
+    look_up(starts, grid, unsure, before)
+    look_up(ends, grid, unsure, after)
     for i in range(n):
         dx, dy = to_x[i] - from_x[i], to_y[i] - from_y[i]
         spare = before[i] + after[i] - (radius + radius)

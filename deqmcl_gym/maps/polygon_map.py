@@ -5,15 +5,15 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps import kernels, laid_kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.clearance import clearance_of
 from deqmcl_gym.maps.map import Box, Caster, Point
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, shown
 
 _ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
@@ -95,7 +95,7 @@ class PolygonMap:
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, NDArray[np.int32]]:
+    ) -> tuple[Singles, Ints]:
         """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
 
         Args:
@@ -113,6 +113,22 @@ class PolygonMap:
         local = _moved(poses, self.datum)
         kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
         return _moved(paths, self.datum, -1), hits
+
+    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        """How many steps of a path collide if it is laid from each pose: ``collides``, in one pass.
+
+        Args:
+            poses: rows x, y, θ, (3, n) float32.
+            path: points as seen from the pose, (k + 1, 2) float32, k ≥ 1.
+            radius: of the disc.
+
+        Returns:
+            (n,).
+        """
+        hits = np.empty(poses.shape[1], np.int32)
+        size = np.float32(radius)
+        laid_kernels.collisions(_moved(poses, self.datum), path, self._walls32, size, self._clearance, hits)
+        return hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""

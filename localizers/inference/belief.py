@@ -28,12 +28,14 @@ class Events:
         replanned_steps: updates at which the queued future was redrawn under a changed plan.
         skipped_beams: beams that were NaN, infinite or outside [0, max range].
         blind_scans: scans without a usable beam; they changed no weight.
+        infeasible_plans: plans taken as evidence that are feasible from no particle.
     """
 
     weight_collapses: int = 0
     replanned_steps: int = 0
     skipped_beams: int = 0
     blind_scans: int = 0
+    infeasible_plans: int = 0
 
     def plus(self, **counts: int) -> Self:
         """Return these events and some more."""
@@ -44,6 +46,24 @@ class Events:
         if usable == beams:
             return self
         return self.plus(skipped_beams=beams - usable, blind_scans=int(usable == 0))
+
+
+class PlanReading(NamedTuple):
+    """What the latest plan said of the present.
+
+    Attributes:
+        shown: the plan, (h, k).
+        seen: as much of it as was looked at, (L, k).
+        tempering: λ in [0, 1], the power at which it was taken as evidence; NaN if it said nothing.
+        feasible: P(the plan is feasible from x_t), over the belief before it; NaN likewise.
+        log_evidence: log E[p(π_t | x_t, m)^λ], over the belief before it.
+    """
+
+    shown: Actions
+    seen: Actions
+    tempering: float = math.nan
+    feasible: float = math.nan
+    log_evidence: float = 0.0
 
 
 class _Cloud(NamedTuple):
@@ -60,6 +80,7 @@ class _Cloud(NamedTuple):
         log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
             computed instead of queued, (n,). It multiplies the weights that are reported, not
             those the filter goes on with; None: nothing is looked ahead for.
+        plan_reading: what the latest plan said, where plans are evidence of the present.
     """
 
     queue: Queue
@@ -70,6 +91,7 @@ class _Cloud(NamedTuple):
     scan_log_evidence: float = math.nan
     trust: Trust | None = None
     log_h: LogWeights | None = None
+    plan_reading: PlanReading | None = None
 
 
 class ParticleBelief(_Cloud):

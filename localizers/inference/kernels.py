@@ -4,7 +4,7 @@ import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Floats, Indices, Ints
 
 
 @compiled
@@ -92,6 +92,54 @@ def square_sum(weights: Floats) -> float:
     for i in range(weights.size):
         total += weights[i] * weights[i]
     return total
+
+
+@compiled
+def tempering(
+    weights: Floats, collisions: Ints, beta: float, keep: float
+) -> tuple[float, float, float]:
+    """Return λ, the largest of 0 … 1 at which exp(-λ β C) leaves ``keep`` of the sample size.
+
+    By bisection, to 2⁻⁴⁰; the effective sample size is never less. It is one of weight and squared
+    weight at each value of C.
+
+    Args:
+        weights: with sum 1, (n,).
+        collisions: C, (n,).
+        beta: β ≥ 0, may be infinite: then λ is 1, or 0 as a limit.
+        keep: share of the effective sample size.
+
+    Returns:
+        λ, the weight where C is 0, and log Σ w exp(-λ β C).
+    """
+    sums, squares = np.zeros((2, collisions.max() + 1))
+    for i in range(weights.size):
+        sums[collisions[i]] += weights[i]
+        squares[collisions[i]] += weights[i] * weights[i]
+    least = 0
+    while not sums[least] > 0.0:
+        least += 1
+    wanted = keep / np.sum(squares)
+    factor = np.ones(sums.size)
+    low, high, power = 0.0, 1.0, 1.0
+    for _ in range(40):
+        total, square = sums[least], squares[least]
+        for c in range(least + 1, sums.size):
+            factor[c] = exp64(-power * (beta * (c - least)))
+            total += factor[c] * sums[c]
+            square += factor[c] * factor[c] * squares[c]
+        if total * total >= wanted * square:
+            low = power
+        else:
+            high = power
+        if low == 1.0:
+            break
+        power = 0.5 * (low + high)
+    total = sums[least]
+    for c in range(least + 1, sums.size):
+        total += sums[c] * (exp64(-low * (beta * (c - least))) if low > 0.0 else 1.0)
+    shift = low * (beta * least) if least > 0 and low > 0.0 else 0.0
+    return low, sums[0], log64(total) - shift
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""How feasible the planned future is from the present, without queueing it."""
+"""What the plan says of the present, without queueing its future: how feasible it is from there."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,7 +11,11 @@ from localizers.inference.rollout import Rollout, log_mean
 
 
 class Lookahead(Protocol):
-    """Weights what is reported by h_t(x_t) = E[Π g of the planned future | x_t]."""
+    """Takes in what the plan says of the present, at the start and at every step.
+
+    By h_t(x_t) = E[Π g of the planned future | x_t], which weights what is reported; or, as
+    ``PlanEvidence``, by an observation of x_t, which stays.
+    """
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator

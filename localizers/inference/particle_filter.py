@@ -24,6 +24,7 @@ from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import Selection, by_own_weight
 from localizers.inference.rollout import Rollout, Unconstrained
+from localizers.inference.start import FromPrior, Start
 from localizers.inference.trust import Trust
 from localizers.inference.weights import normalized_with_log_sum
 
@@ -45,8 +46,9 @@ class ParticleFilter:
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
         move: renews queued states after resampling, leaving γ_t invariant.
-        lookahead: weights what is reported by h_t(x_t), where the future is not queued.
+        lookahead: what the plan says of the present, where the future is not queued.
         selection: the weights to resample by.
+        start: how the first particles are chosen among draws from the prior.
         trust: evidence for and against its beliefs at t = 0; None: none is kept.
         dtype: of the states.
     """
@@ -62,6 +64,7 @@ class ParticleFilter:
     move: Move = field(default_factory=Stay)
     lookahead: Lookahead = field(default_factory=Myopic)
     selection: Selection = by_own_weight
+    start: Start = field(default_factory=FromPrior)
     trust: Trust | None = None
     dtype: Any = np.float32
 
@@ -73,6 +76,11 @@ class ParticleFilter:
                 f"particles is {self.particles:,}, which would take {gibibytes:,.0f} GiB; "
                 f"allowed values: 1 to {MAX_PARTICLES:,}."
             )
+        if self.particles * self.start.draws > MAX_PARTICLES:
+            raise InputError(
+                f"start_draws is {self.start.draws:,} for each of {self.particles:,} particles, "
+                f"but at most {MAX_PARTICLES:,} draws are allowed in all: give fewer."
+            )
 
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
@@ -80,13 +88,15 @@ class ParticleFilter:
         x_0 has no scan and no charge. The prior's draws come from a stream of their own, so every
         filter given the same ``rng`` starts from the same cloud.
         """
-        states = prior.sample(self.particles, rng.spawn(1)[0])
+        stream = rng.spawn(1)[0]
+        states = prior.sample(self.start.draws * self.particles, stream)
         belief = ParticleBelief(
             queue=Queue((np.ascontiguousarray(states.T, dtype=self.dtype),)),
-            log_weights=np.zeros(self.particles),
+            log_weights=np.zeros(len(states)),
             drawn=plan[:0],
             trust=self.trust,
         )
+        belief = self.start(belief, plan, stream)
         window = plan[: self.future]
         for ahead in range(len(window)):
             belief = self._resampled(belief, rng)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Floats, Indices, Ints
 
 States = NDArray[Any]  # (d, n)
 LogWeights = Floats  # (n,)
@@ -47,6 +47,19 @@ class Feasibility(Protocol):
 
     def log_g(self, before: States, after: States) -> LogWeights:
         """Log g of each step, (n,)."""
+        ...
+
+
+class PlanModel(Protocol):
+    """p(π_t | x_t, m) ∝ exp(-β C(x_t, π_t)): which plans are shown to whom."""
+
+    @property
+    def beta(self) -> float:
+        """β ≥ 0; inf rules out states from which a planned step collides."""
+        ...
+
+    def collisions(self, states: States, plan: Actions, first: int = 0) -> Ints:
+        """Return C of each state, (n,): planned steps that collide, from step ``first`` on."""
         ...
 
 

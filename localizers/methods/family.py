@@ -5,13 +5,15 @@ from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
 from typing import Any
 
-from deqmcl_gym.validation import integer, number
+from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import RobotModel
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.localizer import FilterLocalizer
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.parts import Resampling
+from localizers.inference.parts import PlanModel, Resampling
+from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.resampling import resampling
+from localizers.inference.start import FromPrior, InformedStart, Start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +27,9 @@ class Shared:
         resampler: "systematic", "stratified" or "multinomial".
         ess_threshold: resample only when the effective sample size is below this share of N;
             None resamples at every step, as the paper does.
+        start_draws: K, draws from the prior of which one is kept by how feasible the plan shown at
+            reset is from it; 1 keeps them all.
+        start_jitter: a length that kept draws are spread by; 0 is exact importance sampling.
     """
 
     particles: int = 1000
@@ -32,16 +37,32 @@ class Shared:
     beta: float = 10.0
     resampler: str = "systematic"
     ess_threshold: float | None = None
+    start_draws: int = 1
+    start_jitter: float = 0.0
 
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)
         integer("lag", self.lag)
         number("beta", self.beta, low=0, finite=False)
+        integer("start_draws", self.start_draws, low=1)
+        number("start_jitter", self.start_jitter, low=0)
+        if self.start_jitter > 0 and self.start_draws == 1:
+            raise InputError(
+                f"start_jitter is {self.start_jitter:g}, but start_draws is 1, so nothing is drawn "
+                "anew: give start_draws of 2 or more, or no start_jitter."
+            )
 
     @property
     def resampling(self) -> Resampling:
         """When to resample, and how."""
         return resampling(self.resampler, self.ess_threshold)
+
+    def start(self, sensor: PlanModel) -> Start:
+        """Where the first particles come from, given how plans are read."""
+        if self.start_draws == 1:
+            return FromPrior()
+        evidence = PlanEvidence(sensor=sensor)
+        return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
 
 
 Build = Callable[..., ParticleFilter]

@@ -11,10 +11,16 @@ from localizers.inference.particle_filter import ParticleFilter
 from localizers.methods.family import Shared, method
 from localizers.methods.mcl import mcl
 from localizers.models.feasibility import FreeSpace
+from localizers.models.plan_sensor import PlanSensor
 
 
-@method(*mcl.takes, "beta")
+@method(*mcl.takes, "beta", "start_draws", "start_jitter")
 def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL whose steps are charged exp(-``beta``) if they collide."""
+    """Return MCL whose steps are charged exp(-``beta``) if they collide.
+
+    So are those of the plan shown at reset, if ``start_draws`` is more than 1.
+    """
     free_space = FreeSpace(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta)
-    return replace(mcl.build(robot, shared), feasibility=free_space)
+    sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta)
+    base = mcl.build(robot, shared)
+    return replace(base, feasibility=free_space, start=shared.start(sensor))

@@ -19,7 +19,7 @@ def mcl_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
     return replace(mcl.build(robot, shared), past=shared.lag)
 
 
-@method(*mcl_map.takes, "lag")
+@method(*mcl.takes, "beta", "lag")
 def mcl_map_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return map-based MCL with a smoother: DEQ-MCL without its future, the ablation."""
     return replace(mcl_map.build(robot, shared), past=shared.lag)

@@ -16,6 +16,7 @@ from localizers.methods.grid import grid
 from localizers.methods.lookahead import mcl_h, mcl_pilots
 from localizers.methods.map_motion import mcl_map
 from localizers.methods.mcl import mcl
+from localizers.methods.mcl_plan import mcl_plan
 from localizers.methods.rejuvenated import deq_mcl_rejuvenated
 from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
 from localizers.naming import plugins
@@ -31,6 +32,7 @@ _FACTORIES: dict[str, Factory] = {
     "deq-mcl-rejuvenated": deq_mcl_rejuvenated,
     "mcl-h": mcl_h,
     "mcl-pilots": mcl_pilots,
+    "mcl-plan": mcl_plan,
     "dead-reckoning": dead_reckoning,
     "grid": grid,
     "amcl": amcl,

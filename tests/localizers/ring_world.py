@@ -2,6 +2,8 @@
 
 γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
 
+times Π_{s ≤ t} p(π_s | x_s) where plans are evidence.
+
 A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
 number of particles and however it resamples. So thousands of filters with eight particles each
 must average to the enumerated figure, for every t, every state of the queue and every value.
@@ -10,14 +12,16 @@ must average to the enumerated figure, for every t, every state of the queue and
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
 from localizers.inference.lookahead import Pilots, Tabulated
 from localizers.inference.moves import RenewedFuture
 from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import PlanEvidence, nothing_known
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
+from localizers.inference.start import InformedStart
 
 STATES, STEPS = 5, 4
 FUTURE, PAST, PARTICLES = 2, 1, 8
@@ -63,6 +67,13 @@ CHANGES = {
     "everything": Drive((2, 1, 0, 1), ((1,), (1, 0), (2, 1), (), ())),
 }
 DRIVES = {"as planned": AS_PLANNED, **CHANGES}
+# Whose plan it is: of one who looks again at every step, of one who stands elsewhere, of nobody
+# at the start. "as planned" is that of one who looked once.
+AUTHORS = {
+    "anew": Drive((1, 2, 2, 1), ((0, 2, 1, 1), (2, 1, 1), (0, 1), (2,), ())),
+    "stale": Drive((1, 1, 2, 1), ((2, 0, 2, 2), (0, 2, 2), (2, 2), (2,), ())),
+    "none at first": Drive((2, 1, 0, 1), ((), (1, 1, 0), (0, 1), (0,), (1,))),
+}
 
 
 class RingPrior:
@@ -100,6 +111,21 @@ class RingTable:
         for command in window[::-1, 0]:
             h = transition(int(command), self.beta) @ h
         return np.log(h[states[0]])
+
+
+@dataclass(frozen=True)
+class RingPlans:
+    """p(π | x) ∝ exp(-β C): C steps of the plan collide without noise."""
+
+    beta: float
+
+    def collisions(self, states, plan, first=0):
+        at, count = states[0], np.zeros(states.shape[1], np.int32)
+        for k, command in enumerate(plan[:, 0].astype(np.intp)):
+            to = (at + command) % STATES
+            count += COLLIDES[at, to] * (k >= first)
+            at = to
+        return count
 
 
 def transition(command: int, beta: float) -> np.ndarray:
@@ -150,13 +176,33 @@ def twisted_by_h(beta: float, **parts) -> ParticleFilter:
     return with_h(beta, selection=by_reported_weight, **parts)
 
 
+def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> ParticleFilter:
+    evidence = PlanEvidence(sensor=RingPlans(beta), steps=steps, known=known)
+    return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
+
+
+def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
+    """With plans as evidence, or without: the start alone."""
+    start = InformedStart(evidence=PlanEvidence(sensor=RingPlans(beta)), draws=draws)
+    return replace(ring_filter(beta, past=PAST, **parts), start=start)
+
+
+def informed_throughout(beta: float, **parts) -> ParticleFilter:
+    return replace(with_plans(beta, **parts), start=started_by_plan(beta).start)
+
+
 def looked_ahead(ring: ParticleFilter) -> int:
     """F: of the queue, or of the part that does without one."""
+    if isinstance(ring.lookahead, PlanEvidence):  # the present is all it is about
+        return 0
     return ring.future or getattr(ring.lookahead, "steps", 0)
 
 
-def gamma(t: int, commands: Plan, beta: float) -> np.ndarray:
-    """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i)."""
+def gamma(t: int, commands: Plan, beta: float, shown: np.ndarray | None = None) -> np.ndarray:
+    """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
+
+    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5).
+    """
     moved = np.zeros((STATES, STATES))  # of no command: p(x + k | x)
     for (noise, share), x in product(NOISE.items(), range(STATES)):
         moved[x, (x + noise) % STATES] += share
@@ -169,8 +215,40 @@ def gamma(t: int, commands: Plan, beta: float) -> np.ndarray:
             weight *= moved[before, (after - command) % STATES] * g[before, after]
             if s <= t:
                 weight *= SENSOR[after, OBSERVED[s - 1]]
+        if shown is not None:
+            weight *= shown[range(t + 1), path[: t + 1]].prod()
         total[range(len(path)), path] += weight
     return total
+
+
+def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
+    """p(π | x) of each x, the steps before ``first`` not charged."""
+    figures = []
+    for x in range(STATES):
+        places = [(x + sum(plan[:k])) % STATES for k in range(len(plan) + 1)]
+        steps = list(pairwise(places))[first:]
+        figures.append(math.exp(-beta * sum(COLLIDES[step] for step in steps)))
+    return figures
+
+
+def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
+    """p(π_s | x_s) at s = 0 … 4 as this filter is meant to take it, (5, 5); None: it is not."""
+    evidence, start, beta = ring.lookahead, ring.start, ring.feasibility.beta
+    if not isinstance(evidence, PlanEvidence) and not isinstance(start, InformedStart):
+        return None
+    figures = np.ones((STEPS + 1, STATES))
+    for s, plan in enumerate(drive.plans):
+        if s == 0 and isinstance(start, InformedStart):
+            figures[s] = likely(plan, beta)
+        elif isinstance(evidence, PlanEvidence):
+            first, seen = 0, plan[: evidence.steps]
+            if s > 0 and evidence.known is not nothing_known:
+                whole = s == 1 and isinstance(start, InformedStart)
+                last = drive.plans[s - 1][: None if whole else evidence.steps][1:]
+                while first < min(len(last), len(seen)) and last[first] == seen[first]:
+                    first += 1
+            figures[s] = likely(seen, beta, first)
+    return figures
 
 
 def beliefs(ring: ParticleFilter, drive: Drive, seed: int):
@@ -199,12 +277,18 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
     return figures
 
 
-def z_scores(ring: ParticleFilter, drive: Drive, replicates: int) -> dict:
-    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,)."""
+def z_scores(
+    ring: ParticleFilter, drive: Drive, replicates: int, meant: ParticleFilter | None = None
+) -> dict:
+    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,).
+
+    What is exact is what the filter ``meant`` aims at, itself if it is None.
+    """
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
-    scores = {}
+    scores, shown = {}, plans_shown(meant or ring, drive)
     for t, offset in runs[0]:
-        exact = gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta)[t + offset]
+        commands = drive.commands(t, looked_ahead(ring))
+        exact = gamma(t, commands, ring.feasibility.beta, shown)[t + offset]
         seen = np.array([one[t, offset] for one in runs])
         error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
         # A value never seen must have no weight: an infinite score if it has some.

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from ring_world import (
     AS_PLANNED,
+    AUTHORS,
     DRIVES,
     FUTURE,
     PAST,
@@ -23,17 +24,21 @@ from ring_world import (
     beliefs,
     deq,
     gamma,
+    informed_throughout,
     rejuvenated,
     ring_filter,
+    started_by_plan,
     transition,
     twisted_by_h,
     with_h,
     with_pilots,
+    with_plans,
     worst,
     z_scores,
 )
 
 from localizers.inference.moves import Sometimes
+from localizers.inference.plan_evidence import steps_known
 
 METHODS = {
     "mcl": lambda beta, **parts: ring_filter(0.0, **parts),
@@ -50,6 +55,15 @@ METHODS = {
     "h": with_h,
     "h, twisted": twisted_by_h,
     "pilots": with_pilots,
+}
+PLANS = {
+    "plans": with_plans,
+    "plans, to their end": partial(with_plans, steps=None),
+    "plans, when new": partial(with_plans, steps=3, known=steps_known),
+    "start": started_by_plan,
+    "start, two draws": partial(started_by_plan, draws=2),
+    "start and plans": informed_throughout,
+    "start and plans, when new": partial(informed_throughout, steps=3, known=steps_known),
 }
 ALWAYS, DEGENERATE = RESAMPLING
 
@@ -97,6 +111,37 @@ def test_the_unnormalised_estimate_is_unbiased_for_gamma(name, strategy, drive):
 def test_the_estimate_is_unbiased_for_gamma_at_10_000_replicates(name, drive, strategy, beta):
     ring = METHODS[name](beta, resampling=RESAMPLING[strategy])
     assert worst(z_scores(ring, DRIVES[drive], replicates=10_000)) < 5
+
+
+@pytest.mark.parametrize(
+    ("name", "strategy", "drive", "beta"),
+    [
+        ("plans", ALWAYS, "as planned", 1.0),
+        ("plans", DEGENERATE, "anew", 2.0),
+        ("plans", ALWAYS, "stale", 2.0),
+        ("plans", DEGENERATE, "everything", 1.0),
+        ("plans, to their end", ALWAYS, "none at first", 1.0),
+        ("plans, when new", DEGENERATE, "as planned", 2.0),
+        ("plans, when new", ALWAYS, "queued step changes", 1.0),
+        ("start", ALWAYS, "stale", 2.0),
+        ("start, two draws", DEGENERATE, "anew", 1.0),
+        ("start and plans", ALWAYS, "anew", 1.0),
+        ("start and plans, when new", DEGENERATE, "as planned", 1.0),
+    ],
+)
+def test_with_plans_as_evidence_it_is_unbiased_too(name, strategy, drive, beta):
+    ring = PLANS[name](beta, resampling=RESAMPLING[strategy])
+    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates=2_000)) < 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beta", [1.0, 2.0])
+@pytest.mark.parametrize("strategy", RESAMPLING)
+@pytest.mark.parametrize("drive", DRIVES | AUTHORS)
+@pytest.mark.parametrize("name", PLANS)
+def test_with_plans_as_evidence_it_is_unbiased_at_10_000_replicates(name, drive, strategy, beta):
+    ring = PLANS[name](beta, resampling=RESAMPLING[strategy])
+    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates=10_000)) < 5
 
 
 def test_every_state_of_the_queue_is_tested_and_every_value_of_the_state():

@@ -7,18 +7,23 @@ import numpy as np
 import pytest
 from ring_world import (
     AS_PLANNED,
+    AUTHORS,
     DRIVES,
+    RingPlans,
     RingWalls,
     deq,
+    informed_throughout,
     rejuvenated,
     twisted_by_h,
     with_pilots,
+    with_plans,
     worst,
     z_scores,
 )
 
 from localizers.inference.moves import RenewedFuture, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import PlanEvidence, steps_known
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import WhenDegenerate
 from localizers.inference.rollout import Rollout
@@ -116,6 +121,54 @@ class ForgetsH(ParticleFilter):
         return left._replace(log_weights=np.zeros_like(left.log_weights))
 
 
+class ChargedTwice(PlanEvidence):
+    """Takes every plan in twice."""
+
+    def __call__(self, belief, plan, rng):
+        return super().__call__(super().__call__(belief, plan, rng), plan.copy(), rng)
+
+
+class FirstForgotten(PlanEvidence):
+    """Leaves out the plan shown at reset."""
+
+    def __call__(self, belief, plan, rng):
+        return belief if len(plan) == 4 else super().__call__(belief, plan, rng)
+
+
+class OneStepLate(PlanEvidence):
+    """Lays the plan from where its first action leads."""
+
+    def __call__(self, belief, plan, rng):
+        return super().__call__(belief, plan[1:], rng)
+
+
+class OnlyReported(PlanEvidence):
+    """Weighs what is reported and forgets it."""
+
+    def __call__(self, belief, plan, rng):
+        read = super().__call__(belief, plan, rng)
+        return belief._replace(log_h=read.log_weights - belief.log_weights)
+
+
+class ChargesTheStartAgain(PlanEvidence):
+    """Charges at reset what the start was chosen by."""
+
+    def __call__(self, belief, plan, rng):
+        return super().__call__(belief, plan.copy(), rng)
+
+
+class Noisy(RingPlans):
+    """Lays the plan as the robot would drive it."""
+
+    def collisions(self, states, plan, first=0):
+        drift = np.random.default_rng(states.size + len(plan)).integers(-1, 2, states.shape[1])
+        return super().collisions((states + drift) % 5, plan, first)
+
+
+def reading_by(part: type[PlanEvidence], ring: ParticleFilter) -> ParticleFilter:
+    return replace(ring, lookahead=part(**vars(ring.lookahead)))
+
+
 def moving_by(move: type[RenewedFuture]) -> ParticleFilter:
     ring = deq(1.0)
     return replace(ring, move=move(ring.rollout))
@@ -137,6 +190,32 @@ def moving_by(move: type[RenewedFuture]) -> ParticleFilter:
 )
 def test_a_wrong_filter_is_caught(ring, drive, replicates):
     assert worst(z_scores(ring, DRIVES[drive], replicates)) > 5
+
+
+@pytest.mark.parametrize("drive", ["anew", "stale"])
+@pytest.mark.parametrize(
+    "ring",
+    [
+        reading_by(ChargedTwice, with_plans(2.0)),
+        reading_by(FirstForgotten, with_plans(2.0)),
+        reading_by(OneStepLate, with_plans(2.0)),
+        reading_by(OnlyReported, with_plans(2.0)),
+        reading_by(ChargesTheStartAgain, informed_throughout(2.0)),
+        replace(with_plans(2.0), lookahead=PlanEvidence(sensor=RingPlans(2.0), steps=3)),
+        replace(with_plans(2.0), lookahead=PlanEvidence(sensor=Noisy(2.0), steps=2)),
+        replace(with_plans(2.0), lookahead=PlanEvidence(sensor=RingPlans(2.0), steps=2, keep=0.8)),
+    ],
+    ids=lambda ring: type(ring.lookahead).__name__,
+)
+def test_plans_wrongly_taken_as_evidence_are_caught(ring, drive):
+    exact = with_plans(2.0) if ring.start.draws == 1 else informed_throughout(2.0)
+    scores = z_scores(ring, AUTHORS[drive], 2_000, meant=exact)
+    assert worst(scores) > 5
+
+
+def test_charging_a_plan_that_goes_on_is_caught_where_each_step_is_to_be_charged_once():
+    ring, exact = with_plans(2.0, steps=3), with_plans(2.0, steps=3, known=steps_known)
+    assert worst(z_scores(ring, AS_PLANNED, REPLICATES, meant=exact)) > 5
 
 
 @pytest.mark.slow

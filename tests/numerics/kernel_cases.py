@@ -50,6 +50,7 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
     collides = [plan.collides(a.T, b.T, 2.0) for a, b in pairwise([poses, *ends])]
     for name, said in {
         "ends": ends, "hits": hits, "collides": np.array(collides),
+        "along": plan.collisions_along(poses, np.cumsum(np.float32([[3, 1]] * 9), axis=0), 2.0),
         "free": plan.free(poses.T, 2.0), "distance": plan.distance(poses.T),
     }.items():  # fmt: skip
         yield name, said

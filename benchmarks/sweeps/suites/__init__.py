@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.suites.authors import AUTHOR_SUITES
 from benchmarks.sweeps.suites.lookahead import LOOKAHEAD_SUITES
 from benchmarks.sweeps.suites.paper import PAPER_METHODS, PAPER_SUITES, paper_suite, paper_sweep
 from benchmarks.sweeps.suites.parts import methods
@@ -19,7 +20,7 @@ __all__ = [
     "with_localizers",
 ]
 
-SUITES = MappingProxyType({**PAPER_SUITES, **LOOKAHEAD_SUITES, **STUDY_SUITES})
+SUITES = MappingProxyType({**PAPER_SUITES, **LOOKAHEAD_SUITES, **AUTHOR_SUITES, **STUDY_SUITES})
 
 # suites that are run one after the other under one name
 FAMILIES = MappingProxyType({"study": tuple(STUDY_SUITES)})

@@ -1,0 +1,60 @@
+"""The plan as a sensor: beside all others, against its own limit, and by whose plan it is."""
+
+from types import MappingProxyType
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.factors import Limit
+from benchmarks.sweeps.suites.parts import axis, method, methods, noises
+from benchmarks.trials.spec import frozen
+
+_BEAMS, _SIGMAS = (1, 9, 9), (100.0, 50.0, 5.0)  # weak, middle, sharp
+_NOISES = (0.02, 0.2)
+
+_EXACT, _ONCE = method("mcl-plan", keep=0.0), method("mcl-plan", charge="new")
+
+AUTHOR_SUITES = MappingProxyType(
+    {
+        "plan-sensor": Sweep(
+            title="The plan as a sensor: beside the others where the author knows, 200 worlds",
+            localizers=(
+                *methods("mcl", "mcl-map", "mcl-plan"),
+                *(_EXACT, _ONCE),
+                *methods("mcl-pilots", "mcl-h", "deq-mcl", "deq-mcl-rejuvenated"),
+                *methods("dead-reckoning", "amcl"),
+                method("amcl", laser_model_type="robot"),
+            ),
+            baseline="mcl-map",
+            trials=200,
+            filter_seeds=3,
+            vary=(axis(scenario=("guided", "paper")), axis(params__particles=(300, 1000))),
+        ),
+        "plan-limit": Sweep(
+            title="The plan as a sensor, against the limit of its own target",
+            localizers=(*methods("mcl-map", "mcl-plan"), _EXACT),
+            scenario="guided",
+            baseline="mcl-map",
+            trials=20,
+            filter_seeds=2,
+            vary=(axis(params__particles=(300, 1000)),),
+            limit=Limit(method=method("mcl-plan", particles=100_000, keep=0.0)),
+        ),
+        "authors": Sweep(
+            title="Whose plan? The truth's, one of before the start, the estimate's, a stale one",
+            localizers=methods("mcl-map", "mcl-plan", "mcl-pilots", "dead-reckoning"),
+            baseline="mcl-map",
+            trials=25,
+            params=frozen({"particles": 300}),
+            vary=(
+                axis(scenario=("guided", "guided-before", "guided-estimate", "guided-stale")),
+                axis(
+                    world__lidar__beams=_BEAMS,
+                    world__lidar__sigma=_SIGMAS,
+                    assumed__scan__sigma=_SIGMAS,
+                ),
+                axis(
+                    **noises("world__noise", _NOISES, 10), **noises("assumed__motion", _NOISES, 10)
+                ),
+            ),
+        ),
+    }
+)

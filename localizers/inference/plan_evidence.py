@@ -1,0 +1,82 @@
+"""The plan shown at t as an observation of the present, beside the scan."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from deqmcl_gym.numerics.types import Floats, Ints
+from deqmcl_gym.validation import number
+from localizers.inference import kernels
+from localizers.inference.belief import ParticleBelief, PlanReading
+from localizers.inference.parts import Actions, PlanModel
+
+Known = Callable[[Actions | None, Actions], int]
+
+
+def nothing_known(last: Actions | None, plan: Actions) -> int:
+    """Charge every plan: whoever shows it has looked again."""
+    return 0
+
+
+def steps_known(last: Actions | None, plan: Actions) -> int:
+    """Charge each planned step once: a plan that only goes on says what the last one said."""
+    return 0 if last is None else kernels.agreeing(last[1:], plan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanEvidence:
+    """w ← w p(π_t | x_t, m)^λ, at every step and at the start: the ``Lookahead`` of ``mcl-plan``.
+
+    γ_t gets the factors Π_{0 ≤ s ≤ t} p(π_s | x_s, m). They stay in the filter's own weights, as
+    they are about its present and never about a future that is still to come.
+
+    A long plan wants a heading that a coarse cloud may not have: then few particles are left. So it
+    is tempered, λ the largest in [0, 1] that leaves ``keep`` of the effective sample size. γ_t is
+    the target at ``keep`` = 0 only.
+
+    Attributes:
+        sensor: p(π_t | x_t, m).
+        steps: L, how many planned steps are looked at; None: all.
+        keep: κ in [0, 1].
+        known: how many of the first steps of a plan are not charged, given the last one.
+    """
+
+    sensor: PlanModel
+    steps: int | None = None
+    keep: float = 0.0
+    known: Known = nothing_known
+
+    def __post_init__(self) -> None:
+        number("keep", self.keep, low=0, high=1)
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, knowing the plan (h, k); draws nothing."""
+        last = belief.plan_reading
+        if last is not None and last.shown is plan:  # the start was chosen by it
+            return belief
+        seen = plan[: self.steps]
+        first = self.known(None if last is None else last.seen, seen)
+        if first >= len(seen):
+            return belief._replace(plan_reading=PlanReading(plan, seen))
+        collisions = self.sensor.collisions(belief.present, seen, first)
+        tempering, feasible, log_evidence = kernels.tempering(
+            belief.weights, collisions, self.sensor.beta, self.keep
+        )
+        read = belief.reweighted(_charges(tempering, self.sensor.beta, collisions))
+        if feasible == 0.0:
+            read = read._replace(events=read.events.plus(infeasible_plans=1))
+        return read._replace(
+            plan_reading=PlanReading(plan, seen, tempering, feasible, log_evidence)
+        )
+
+
+def _charges(tempering: float, beta: float, collisions: Ints) -> Floats:
+    """-λ β C of each state, (n,); without λ nothing is charged, however large β is."""
+    per_count = np.zeros(int(collisions.max()) + 1)
+    if tempering > 0.0:
+        per_count[1:] = -(tempering * beta) * np.arange(1.0, per_count.size)
+    charges: Floats = per_count[collisions]
+    return charges

@@ -1,0 +1,43 @@
+"""p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m): map-based MCL, each plan shown an observation of x_t.
+
+Ours. Authors do not plan through walls, so a plan is evidence of where its author holds the robot
+to be: p(π_t | x_t, m) ∝ exp(-β C), C planned steps that collide without noise. Nothing is queued
+after the present. It is worth what the author knows: a plan made from the filter's own estimate
+confirms it, and a stale one misleads.
+"""
+
+from dataclasses import replace
+
+from deqmcl_gym.validation import one_of
+from localizers.api import RobotModel
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import Known, PlanEvidence, nothing_known, steps_known
+from localizers.methods.family import Shared, method
+from localizers.methods.smoother import mcl_map_smoother
+from localizers.models.plan_sensor import PlanSensor
+
+CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
+
+
+@method(*mcl_map_smoother.takes, "start_draws", "start_jitter")
+def mcl_plan(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    plan_beta: float = 10.0,
+    keep: float = 0.8,
+    charge: str = "always",
+) -> ParticleFilter:
+    """Return map-based MCL that takes ``lag`` = L steps of every plan as evidence.
+
+    Args:
+        robot, shared: see ``Shared``.
+        plan_beta: β of a plan, per step of it that collides; 0 leaves map-based MCL.
+        keep: κ, the share of the effective sample size that a plan leaves at least; 0 is exact.
+        charge: "always"; or "new", each planned step once, when it comes into view.
+    """
+    sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=plan_beta)
+    known = CHARGES[one_of("charge", charge, CHARGES)]
+    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
+    base = mcl_map_smoother.build(robot, shared)
+    return replace(base, lookahead=evidence, start=shared.start(sensor))

@@ -1,0 +1,81 @@
+"""p(π_t | x_t, m): how likely a plan is to be shown at a pose, as nobody plans through walls."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from deqmcl_gym.maps import Map, PolygonMap
+from deqmcl_gym.maps.laid_kernels import laid
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Ints, Singles
+from deqmcl_gym.validation import number
+
+_BLOCK = 2**18  # points laid at one time
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PlanSensor:
+    """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant: C planned steps collide.
+
+    C = Σ_k C(y_{k-1}, y_k), y_0 = x_t and y_k = y_{k-1} moved by the k-th planned action without
+    noise: the author corrects for noise on the way, so a plan is feasible as it is written. It
+    draws nothing. All the poses follow one path, turned and shifted.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of the robot's disc.
+        beta: β ≥ 0; inf rules out poses from which a planned step collides.
+    """
+
+    floor_plan: Map
+    radius: float
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("plan_beta", self.beta, low=0, finite=False)
+
+    def log_likelihood(self, states: Singles, plan: Floats) -> Floats:
+        """Log p(π | x, m) of a plan (h, 2) at poses (3, n), up to a constant: 0 if feasible."""
+        charges = np.append(0.0, -self.beta * np.arange(1.0, len(plan) + 1))
+        log_likelihood: Floats = charges[self.collisions(states, plan)]
+        return log_likelihood
+
+    def collisions(self, states: Singles, plan: Floats, first: int = 0) -> Ints:
+        """How many planned steps collide from each pose.
+
+        Args:
+            states: rows x, y, θ, (3, n).
+            plan: actions (distance, turn rad), (h, 2).
+            first: step to begin to count with, from 0.
+
+        Returns:
+            C, (n,).
+        """
+        poses, path = np.ascontiguousarray(states, np.float32), path_of(plan)[first:]
+        if len(path) < 2:
+            return np.zeros(poses.shape[1], np.int32)
+        if isinstance(self.floor_plan, PolygonMap):
+            return self.floor_plan.collisions_along(poses, path, self.radius)
+        block = max(1, _BLOCK // len(path))
+        starts = range(0, poses.shape[1], block)
+        return np.concatenate([self._asked(poses[:, s : s + block].copy(), path) for s in starts])
+
+    def _asked(self, poses: Singles, path: Singles) -> Ints:
+        """Count by what any map can tell, all steps at once."""
+        points = np.empty((len(path), 2, poses.shape[1]), np.float32)
+        laid(poses, path, points)
+        starts, ends = (p.transpose(1, 0, 2).reshape(2, -1) for p in (points[:-1], points[1:]))
+        collides = self.floor_plan.collides(starts.T, ends.T, self.radius)
+        count: Ints = collides.reshape(len(path) - 1, -1).sum(axis=0, dtype=np.int32)
+        return count
+
+
+def path_of(plan: Floats) -> Singles:
+    """Where actions (h, 2) lead without noise, as seen from the pose they start at, (h + 1, 2)."""
+    headings = np.cumsum(plan[:, 1])
+    steps = plan[:, :1] * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
+    path = np.zeros((len(plan) + 1, 2))
+    path[1:] = np.cumsum(steps, axis=0)
+    return path.astype(np.float32)
