@@ -1,0 +1,182 @@
+"""Logs of one's own: CSV with a row for each record, npz with an array for each column.
+
+CSV: a header ``time,odom_x,odom_y,odom_heading,[ref_x,ref_y,ref_heading,]range_0,range_1,…``;
+headings in rad; empty cells of a reference say that there is none. A first line ``# {JSON}`` has
+the scanner: ``angles`` (rad, against the robot's heading), ``max_range``, and, if they are not the
+defaults, ``mounting``, ``min_range``, ``no_return``, ``unit``. npz: ``times`` (n,), ``odometry``
+(n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN for none, and the same names as scalars
+and arrays; no pickles.
+"""
+
+import csv
+import io
+import json
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.found import UNREADABLE, Found
+from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.text import numbers_of, text_of
+from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.validation import InputError, one_of
+
+_COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
+_REFERENCE = ("ref_x", "ref_y", "ref_heading")
+_GEOMETRY = ("angles", "mounting", "max_range", "min_range", "no_return", "sigma")
+
+
+def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
+    """Read a log from CSV.
+
+    Args:
+        path: the file, gzipped or not.
+        scanner: if the file does not say it.
+
+    Raises:
+        InputError: a column or the scanner is missing, or no record is sound.
+    """
+    head, _, body = (text := text_of(path)).partition("\n")
+    known: dict[str, Any] = {}
+    if head.startswith("#"):
+        known = _json(path, head[1:])
+    table = csv.reader(io.StringIO(body if head.startswith("#") else text))
+    columns = [name.strip() for name in next(table, [])]
+    first = _first_range(path, columns)
+    at = [columns.index(name) for name in _COLUMNS]
+    reference = [columns.index(name) for name in _REFERENCE if name in columns]
+    found, truth = Found(str(path)), []
+    for row in table:
+        if not row:
+            continue
+        try:
+            if len(row) != len(columns):
+                raise ValueError("another number of cells")
+            time, *odometry = numbers_of([row[index] for index in at])
+            found.add(time, odometry, numbers_of(row[first:]))
+            if len(reference) == 3 and all(row[index].strip() for index in reference):
+                truth.append([time, *numbers_of([row[index] for index in reference])])
+        except ValueError:
+            found.damage[UNREADABLE] += 1
+    unit = str(known.pop("unit", "m"))
+    log = found.log(lambda beams, _: _scanner(path, known, scanner, beams), unit=unit)
+    return with_own_reference(log, truth)
+
+
+def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
+    """Read a log from npz; see ``read_csv``."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            known = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: give the path of a file.") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(
+            f"{path} is no whole npz file of plain arrays ({error}): write it by numpy.savez, "
+            "without pickles."
+        ) from None
+    missing = [name for name in ("times", "odometry", "ranges") if name not in known]
+    if missing:
+        raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(known)}.")
+    times, odometry, ranges = (known.pop(name) for name in ("times", "odometry", "ranges"))
+    n = times.size
+    if (
+        any(given.dtype.kind not in "fiu" for given in (times, odometry, ranges))
+        or times.shape != (n,)
+        or odometry.shape != (n, 3)
+        or ranges.ndim != 2
+        or len(ranges) != n
+    ):
+        raise InputError(
+            f"{path} has times {times.shape}, odometry {odometry.shape} and ranges {ranges.shape}, "
+            "but they must be numbers of shape (n,), (n, 3) and (n, beams)."
+        )
+    found = Found(str(path), times.tolist(), odometry.tolist(), list(ranges))
+    found.geometry = [(ranges.shape[1], None)] * n
+    truth: Any = ()
+    if (reference := known.pop("reference", None)) is not None:
+        if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
+            raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
+        truth = np.column_stack([times, reference])
+        truth = truth[np.isfinite(truth).all(axis=1)]
+    values = {name: value.tolist() for name, value in known.items()}
+    unit = str(values.pop("unit", "m"))
+    log = found.log(lambda beams, _: _scanner(path, values, scanner, beams), unit=unit)
+    return with_own_reference(log, truth)
+
+
+def write_csv(log: Log, path: Path) -> None:
+    """Write a log as CSV, all digits."""
+    names = [*_COLUMNS, *(_REFERENCE if log.reference is not None else ())]
+    names += [f"range_{beam}" for beam in range(log.scanner.beams)]
+    lines = ["# " + json.dumps({"unit": log.unit, **_geometry(log)}), ",".join(names)]
+    for record in log:
+        values: list[object] = [record.time, *record.odometry]
+        if log.reference is not None:
+            values += record.reference or ("", "", "")
+    XX
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def write_npz(log: Log, path: Path) -> None:
+    """Write a log as npz, compressed."""
+    arrays = {"times": log.times, "odometry": log.odometry, "ranges": log.ranges}
+    if log.reference is not None:
+        arrays["reference"] = log.reference
+    geometry = {name: np.array(value) for name, value in _geometry(log).items()}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, unit=np.array(log.unit), **arrays, **geometry)
+    write_bytes(path, buffer.getvalue())
+
+
+def _geometry(log: Log) -> dict[str, Any]:
+    return {name: getattr(log.scanner, name) for name in _GEOMETRY}
+
+
+def _json(path: Path, text: str) -> dict[str, Any]:
+    try:
+        known = json.loads(text)
+    except ValueError:
+        known = None
+    if not isinstance(known, dict):
+        raise InputError(
+            f'the first line of {path} is no "# {{…}}" with the scanner as JSON: see '
+            "deqmcl_gym.logs.tables for its names."
+        )
+    return known
+
+
+def _first_range(path: Path, columns: list[str]) -> int:
+    for name in _COLUMNS:
+        if name not in columns:
+            raise InputError(f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}.")
+    first = next((i for i, name in enumerate(columns) if name.startswith("range_")), None)
+    ranges = columns[first:] if first is not None else []
+    if not ranges or ranges != [f"range_{beam}" for beam in range(len(ranges))]:
+        raise InputError(f"{path} must end in the columns range_0, range_1, … in this order.")
+    return len(columns) - len(ranges)
+
+
+def _scanner(
+    path: Path, known: dict[str, Any], given: Scanner | None, beams: int
+) -> Scanner:
+    if given is None:
+        for name in known:
+            one_of(f"name of the scanner in {path}", name, _GEOMETRY)
+        if not {"angles", "max_range"} <= known.keys():
+            raise InputError(
+                f"{path} says no angles and max_range of its scanner: put them in it, or read it "
+                "with scanner=Scanner(angles=…, max_range=…)."
+            )
+        given = Scanner(**known)
+    if given.beams != beams:
+        raise InputError(
+            f"{path} has {beams} ranges a record, but its scanner {given.beams} angles: give one "
+            "for each."
+        )
+    return given
