@@ -10,8 +10,8 @@ our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
 """
 
 import gzip
-import json
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,14 +29,12 @@ from deqmcl_gym.validation import InputError, one_of
 SCANS = ("FLASER", "ROBOTLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode says 81.83 or 81.91 where nothing is in range
 SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS counts in cm
-_OURS = "deqmcl_scanner"
+_OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
 # What else stands in such logs and is not needed here
-_OTHERS = frozenset(
-    """# ODOM PARAM SYNC TRUEPOS RLASER LASER3 LASER4 LASER5 RAWLASER1 RAWLASER2 RAWLASER3 RAWLASER4
-    RAWLASER5 ROBOTLASER2 ROBOTLASER3 ROBOTLASER4 ROBOTLASER5 SONAR BUMPER IMU PANTILT SCANMARK
-    MARKER POSITIONLASER BASEVELOCITY ROBOTVELOCITY FOLLOWTRAJECTORY VECTORMOVE NMEAGGA NMEARMC
-    NMEAGSA NMEAGSV GPSVTG WIFI POSITION VOLTAGE COMMENT""".split()
+_OTHERS = re.compile(
+    r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
+    r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
 )
 
 
@@ -62,7 +60,7 @@ class _Messages:
                 self.params[name] = value
             elif kind == "TRUEPOS":
                 self.truth.append(numbers_of([words[6], *words[:3]]))
-            elif kind not in _OTHERS and not kind.startswith("#"):
+            elif not _OTHERS.fullmatch(kind):
                 self.unreadable += 1
         except (ValueError, IndexError):
             self.unreadable += 1
@@ -89,7 +87,7 @@ class _Messages:
     def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
         """Return the scanner of messages that say their geometry, or of FLASER, which does not."""
         if _OURS in self.params:
-            return Scanner(**{**self._ours, "angles": tuple(self._ours["angles"])})
+            return Scanner.of_json(_OURS, self.params[_OURS])
         if geometry is None:
             start, step = -math.pi / 2, math.pi / (beams - 1 + (beams % 2 == 0))
             farthest = self._param("robot_front_laser_max", SICK_RANGE)
@@ -108,11 +106,7 @@ class _Messages:
     @property
     def unit(self) -> str:
         """The unit of all lengths."""
-        return str(json.loads(self.params["deqmcl_unit"])) if "deqmcl_unit" in self.params else "m"
-
-    @property
-    def _ours(self) -> dict[str, object]:
-        return dict(json.loads(self.params[_OURS]))
+        return self.params.get(_UNIT, "m")
 
     def _param(self, name: str, default: float) -> float:
         try:
@@ -154,17 +148,13 @@ def write_carmen(log: Log, path: Path) -> None:
             "a CARMEN log has evenly spaced beams, but those of this log are not: write .csv or "
             ".npz."
         )
-    ours = {
-        "angles": scanner.angles, "mounting": scanner.mounting, "min_range": scanner.min_range,
-        "max_range": scanner.max_range, "no_return": scanner.no_return, "sigma": scanner.sigma,
-    }  # fmt: skip
     mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
     farthest = min(scanner.no_return, scanner.max_range)
     head = _words(0, scanner.angles[0], step * scanner.beams, step, farthest, 0.01, 0)
     lines = [
         "# CARMEN log of deqmcl-gym",
-        f"PARAM {_OURS} {json.dumps(ours, separators=(',', ':'))} 0 nohost 0",
-        f'PARAM deqmcl_unit "{log.unit}" 0 nohost 0',
+        f"PARAM {_OURS} {scanner.json} 0 nohost 0",
+        f"PARAM {_UNIT} {log.unit} 0 nohost 0",
     ]
     for record, mount in zip(log, mounts, strict=True):
         odometry, stamp = _words(*record.odometry), f"{record.time!r} nohost {record.time!r}"

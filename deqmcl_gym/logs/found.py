@@ -1,4 +1,4 @@
-"""What a reader finds in a file, and how that becomes a log: damage is skipped, counted and said."""
+"""What a reader finds in a file, and how that becomes a log: damage is skipped and counted."""
 
 import bisect
 import warnings
@@ -11,7 +11,7 @@ import numpy as np
 
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.scanner import Scanner
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
 
 UNREADABLE = "unreadable"
@@ -40,7 +40,7 @@ class Found:
     times: list[float] = field(default_factory=list)
     odometry: list[Sequence[float]] = field(default_factory=list)
     ranges: list[Sequence[float]] = field(default_factory=list)
-    geometry: list[Hashable] = field(default_factory=list)
+    geometry: list[tuple[int, Any]] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
 
     def add(
@@ -84,16 +84,17 @@ class Found:
             scanner_of(*most),
             times[kept],
             odometry[kept],
-            ranges,  # type: ignore[arg-type]  # the log makes them float32
+            ranges,
             unit=unit,
             skipped=dict(self.damage),
             source=self.source,
         )
 
-    def _without(self, kept: Indices, sound: Any, reason: str) -> Indices:
+    def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
         if lost := int((~sound).sum()):
             self.damage[reason] += lost
-        return kept[sound]
+        left: Indices = kept[sound]
+        return left
 
 
 def in_order(times: Floats, damage: Counter[str]) -> Indices:

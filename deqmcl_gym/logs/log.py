@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned
 from deqmcl_gym.logs.scanner import Scanner
@@ -80,7 +80,7 @@ class Log:
                 f"ranges of {self.source} have shape {ranges.shape}, but must be {(n, beams)}: a "
                 "row for each time, a column for each beam of the scanner."
             )
-        kept = {"times": times, "odometry": odometry, "ranges": ranges}
+        kept: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
         if self.reference is not None:
             reference = np.array(self.reference, dtype=np.float64)
             if reference.shape != (n, 3):

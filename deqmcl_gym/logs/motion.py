@@ -1,17 +1,17 @@
 """Odometry as actions (d, φ): turn, then drive.
 
-A robot that drives and turns at once makes an arc: its increment (Δx, Δy, Δθ) has three numbers, an
-action two. The heading is kept exactly, as scans depend on it most, and the drive is the least-
-squares one: φ = Δθ, d = the increment's component along the new heading. What is left is its
-component across, about d Δθ / 2 on an arc. These residuals do not add up: as Σ n dθ = Σ dt for a
-tangent t and a normal n, they sum to (d / 2)(t_end - t_start), less than one step's length.
+An increment (Δx, Δy, Δθ) has three numbers, an action two. The heading is kept exactly, as scans
+depend on it most, and the drive is the least-squares one: φ = Δθ, and d is the component along the
+new heading. What is left is its component across, -d Δθ / 2 for a robot on an arc, and
+that of wheels that slip. As n dθ = dt for a tangent t and a normal n, a bend to the left and one to
+the right cancel at one pace: see ``Log.residuals`` for those of a log.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Bools, Floats
 
 _DECIMALS = 12  # of actions: hides the rounding of sums, so that a recorded action comes back
 
@@ -23,7 +23,7 @@ def actions_of(poses: Floats) -> tuple[Floats, Floats]:
         (d, φ), (n - 1, 2); the residual to the left of the new heading, (n - 1,). NaN where a pose
         is.
     """
-    known = np.isfinite(poses).all(axis=1)
+    known: Bools = np.asarray(np.isfinite(poses).all(axis=1))
     given = np.where(known[:, None], poses, 0.0)
     dx, dy, turn = np.diff(given, axis=0).T
     cosine, sine = arrays.cos(given[1:, 2]), arrays.sin(given[1:, 2])
@@ -64,9 +64,7 @@ def relative(origins: Floats, poses: Floats) -> Floats:
     """Return poses (n, 3) as seen from origins (n, 3): origin ⊕ relative = pose."""
     dx, dy, turn = (poses - origins).T
     cosine, sine = arrays.cos(origins[:, 2]), arrays.sin(origins[:, 2])
-    return np.column_stack(
-        [cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)]
-    )
+    return np.column_stack([cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)])
 
 
 def heading_of(quaternions: Floats) -> Floats:

@@ -12,7 +12,7 @@ from deqmcl_gym.logs import carmen, ros, tables
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.ros_writing import write_bag
 from deqmcl_gym.logs.scanner import Scanner
-from deqmcl_gym.logs.trajectory import Trajectory, read_tum, referenced
+from deqmcl_gym.logs.trajectory import Trajectory, referenced
 from deqmcl_gym.validation import InputError, array, number
 
 _TEXT = (".log", ".clf", ".carmen", ".txt")
@@ -79,8 +79,9 @@ def read(
     reader = _READERS.get(_ending(file))
     if reader is None or (_ending(file) == "" and file.is_file()):
         raise InputError(
-            f"{file} is of an unknown format: the name of a log ends in {', '.join(_TEXT)} (CARMEN; "
-            ".gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a ROS 2 bag."
+            f"{file} is of an unknown format: the name of a log ends in {', '.join(_TEXT)} "
+            "(CARMEN; .gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a "
+            "ROS 2 bag."
         )
     options = {
         "scanner": scanner, "scan_topic": scan_topic, "odometry_topic": odometry_topic,
@@ -91,10 +92,7 @@ def read(
         if name not in _TAKEN[reader]:
             raise InputError(f"{name} is given, but {file} is of a format that does not take it.")
     log = _changed(reader(file, **given), max_range, mounting)
-    if reference is None:
-        return log
-    known = reference if isinstance(reference, Trajectory) else read_tum(reference)
-    return referenced(log, known, max_gap)
+    return log if reference is None else referenced(log, reference, max_gap)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
@@ -110,8 +108,8 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     writer = _WRITERS.get(_ending(file))
     if writer is None:
         raise InputError(
-            f"{file} is of a format that is not written: end the name in .log, .log.gz, .csv, .npz, "
-            ".bag or .mcap, or in nothing for the folder of a ROS 2 bag."
+            f"{file} is of a format that is not written: end the name in .log, .log.gz, .csv, "
+            ".npz, .bag or .mcap, or in nothing for the folder of a ROS 2 bag."
         )
     writer(log, file)
 
@@ -125,9 +123,7 @@ def _ending(path: Path) -> str:
     return suffixes[-1] if suffixes else ""
 
 
-def _changed(
-    log: Log, max_range: float | None, mounting: tuple[float, float, float] | None
-) -> Log:
+def _changed(log: Log, max_range: float | None, mounting: tuple[float, float, float] | None) -> Log:
     scanner = log.scanner
     if max_range is not None:
         high = scanner.max_range

@@ -141,7 +141,7 @@ class _Messages:
         def scanner_of(beams: int, geometry: tuple[float, ...]) -> Scanner:
             start, step, least, most = geometry
             angles, mounting = self.transforms.mounted(
-                self.path, base, frame, start + step * np.arange(beams)
+                self.path, base, frame, start + step * np.arange(float(beams))
             )
             return Scanner(angles=angles, mounting=mounting, min_range=least, max_range=most)
 

@@ -1,4 +1,4 @@
-"""Logs as ROS bags, written by ``rosbags``: /scan, /odom, /tf_static and, if there is one, /reference.
+"""Logs as ROS bags, written by ``rosbags``: /scan, /odom, /tf_static, /reference if there is one.
 
 ROS lengths are metres. A log in px says so in a topic of our own, so that it comes back as it was.
 """
@@ -58,17 +58,22 @@ def write_bag(log: Log, path: Path) -> None:
             else:
                 os.replace(made, path)
     except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror}): give another path.") from None
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}): give another path."
+        ) from None
 
 
 def _write(log: Log, draft: Path, ending: str) -> None:
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     first = ending == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    if _TRANSFORMS not in store.types:  # those of ROS 1 are without tf2
+        listed = "geometry_msgs/TransformStamped[] transforms"
+        store.register(get_types_from_msg(listed, _TRANSFORMS))
     plugin = StoragePlugin.MCAP if ending == ".mcap" else StoragePlugin.SQLITE3
     writer: Any = Writer1(draft) if first else Writer2(draft, version=8, storage_plugin=plugin)
     encode = store.serialize_ros1 if first else store.serialize_cdr
@@ -96,7 +101,7 @@ class _Messages:
     ) -> None:
         """Make messages of the ``types`` of a ROS; its headers are ``sequenced`` in ROS 1."""
         self._log, self._send, self._sequenced = log, send, sequenced
-        self._make = lambda kind, *values: types[kind](*values)
+        self._types = types
 
     def send_all(self) -> None:
         """Send what never changes, then each record."""
@@ -139,6 +144,9 @@ class _Messages:
                 np.empty(0, np.float32),
             )  # fmt: skip
             self._send("/scan", SCAN, time, scan)
+
+    def _make(self, kind: str, *values: Any) -> Any:
+        return self._types[kind](*values)
 
     def _header(self, time: int, frame: str) -> Any:
         stamp = self._make("builtin_interfaces/msg/Time", *divmod(time, 1_000_000_000))

@@ -1,5 +1,6 @@
 """Scanner: a lidar as it sits on a real robot."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -11,8 +12,9 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.units import LENGTH
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, array, integer, number
+from deqmcl_gym.validation import InputError, array, integer, number, one_of
 
+_NAMES = ("angles", "mounting", "max_range", "min_range", "no_return", "sigma")
 _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 
 
@@ -65,6 +67,32 @@ class Scanner(Lidar):
         return cls(
             angles=tuple(lidar.bearings), max_range=float(lidar.max_range), sigma=lidar.sigma
         )
+
+    @classmethod
+    def of_json(cls, what: str, text: str) -> "Scanner":
+        """Return the scanner that :attr:`json` describes; ``what`` names the text in sentences.
+
+        Raises:
+            InputError: no JSON, an unknown name, or a bad value.
+        """
+        try:
+            values = json.loads(text)
+        except ValueError:
+            values = None
+        if not isinstance(values, dict) or not {"angles", "max_range"} <= values.keys():
+            raise InputError(
+                f"{what} is no JSON object with a scanner's angles and max_range: give "
+                '{"angles": [rad, …], "max_range": …}.'
+            )
+        for name in values:
+            one_of(f"name in {what}", name, _NAMES)
+        return cls(**values)
+
+    @property
+    def json(self) -> str:
+        """All that makes this scanner, as JSON without blanks."""
+        values = {name: getattr(self, name) for name in _NAMES}
+        return json.dumps(values, separators=(",", ":"))
 
     @property
     def bearings(self) -> Floats:

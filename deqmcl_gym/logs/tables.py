@@ -3,14 +3,14 @@
 CSV: a header ``time,odom_x,odom_y,odom_heading,[ref_x,ref_y,ref_heading,]range_0,range_1,…``;
 headings in rad; empty cells of a reference say that there is none. A first line ``# {JSON}`` has
 the scanner: ``angles`` (rad, against the robot's heading), ``max_range``, and, if they are not the
-defaults, ``mounting``, ``min_range``, ``no_return``, ``unit``. npz: ``times`` (n,), ``odometry``
-(n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN for none, and the same names as scalars
-and arrays; no pickles.
+defaults, ``mounting``, ``min_range``, ``no_return``; a second one, ``# px``, the unit if it is not
+m. npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN
+for none, ``scanner`` with that JSON, ``unit``; no pickles.
 """
 
 import csv
 import io
-import json
+import itertools
 import zipfile
 import zlib
 from pathlib import Path
@@ -24,11 +24,10 @@ from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.logs.trajectory import with_own_reference
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
 _REFERENCE = ("ref_x", "ref_y", "ref_heading")
-_GEOMETRY = ("angles", "mounting", "max_range", "min_range", "no_return", "sigma")
 
 
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
@@ -41,11 +40,10 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     Raises:
         InputError: a column or the scanner is missing, or no record is sound.
     """
-    head, _, body = (text := text_of(path)).partition("\n")
-    known: dict[str, Any] = {}
-    if head.startswith("#"):
-        known = _json(path, head[1:])
-    table = csv.reader(io.StringIO(body if head.startswith("#") else text))
+    lines = text_of(path).splitlines()
+    comments = [line[1:].strip() for line in itertools.takewhile(_is_comment, lines)]
+    words, unit = (*comments, *(None, None)[len(comments) :])[:2]
+    table = csv.reader(lines[len(comments) :])
     columns = [name.strip() for name in next(table, [])]
     first = _first_range(path, columns)
     at = [columns.index(name) for name in _COLUMNS]
@@ -63,8 +61,7 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
                 truth.append([time, *numbers_of([row[index] for index in reference])])
         except ValueError:
             found.damage[UNREADABLE] += 1
-    unit = str(known.pop("unit", "m"))
-    log = found.log(lambda beams, _: _scanner(path, known, scanner, beams), unit=unit)
+    log = found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
     return with_own_reference(log, truth)
 
 
@@ -104,9 +101,8 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
         truth = np.column_stack([times, reference])
         truth = truth[np.isfinite(truth).all(axis=1)]
-    values = {name: value.tolist() for name, value in known.items()}
-    unit = str(values.pop("unit", "m"))
-    log = found.log(lambda beams, _: _scanner(path, values, scanner, beams), unit=unit)
+    words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
+    log = found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
     return with_own_reference(log, truth)
 
 
@@ -114,47 +110,36 @@ def write_csv(log: Log, path: Path) -> None:
     """Write a log as CSV, all digits."""
     names = [*_COLUMNS, *(_REFERENCE if log.reference is not None else ())]
     names += [f"range_{beam}" for beam in range(log.scanner.beams)]
-    lines = ["# " + json.dumps({"unit": log.unit, **_geometry(log)}), ",".join(names)]
+    lines = [f"# {log.scanner.json}", f"# {log.unit}", ",".join(names)]
     for record in log:
         values: list[object] = [record.time, *record.odometry]
         if log.reference is not None:
             values += record.reference or ("", "", "")
-    XX
+        lines.append(",".join(map(str, [*values, *record.ranges])))
     write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
 def write_npz(log: Log, path: Path) -> None:
     """Write a log as npz, compressed."""
-    arrays = {"times": log.times, "odometry": log.odometry, "ranges": log.ranges}
+    arrays: dict[str, Any] = {"times": log.times, "odometry": log.odometry, "ranges": log.ranges}
     if log.reference is not None:
         arrays["reference"] = log.reference
-    geometry = {name: np.array(value) for name, value in _geometry(log).items()}
+    arrays |= {"scanner": np.array(log.scanner.json), "unit": np.array(log.unit)}
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, unit=np.array(log.unit), **arrays, **geometry)
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
     write_bytes(path, buffer.getvalue())
 
 
-def _geometry(log: Log) -> dict[str, Any]:
-    return {name: getattr(log.scanner, name) for name in _GEOMETRY}
-
-
-def _json(path: Path, text: str) -> dict[str, Any]:
-    try:
-        known = json.loads(text)
-    except ValueError:
-        known = None
-    if not isinstance(known, dict):
-        raise InputError(
-            f'the first line of {path} is no "# {{…}}" with the scanner as JSON: see '
-            "deqmcl_gym.logs.tables for its names."
-        )
-    return known
+def _is_comment(line: str) -> bool:
+    return line.startswith("#")
 
 
 def _first_range(path: Path, columns: list[str]) -> int:
     for name in _COLUMNS:
         if name not in columns:
-            raise InputError(f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}.")
+            raise InputError(
+                f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}."
+            )
     first = next((i for i, name in enumerate(columns) if name.startswith("range_")), None)
     ranges = columns[first:] if first is not None else []
     if not ranges or ranges != [f"range_{beam}" for beam in range(len(ranges))]:
@@ -162,21 +147,17 @@ def _first_range(path: Path, columns: list[str]) -> int:
     return len(columns) - len(ranges)
 
 
-def _scanner(
-    path: Path, known: dict[str, Any], given: Scanner | None, beams: int
-) -> Scanner:
-    if given is None:
-        for name in known:
-            one_of(f"name of the scanner in {path}", name, _GEOMETRY)
-        if not {"angles", "max_range"} <= known.keys():
-            raise InputError(
-                f"{path} says no angles and max_range of its scanner: put them in it, or read it "
-                "with scanner=Scanner(angles=…, max_range=…)."
-            )
-        given = Scanner(**known)
-    if given.beams != beams:
+def _scanner(path: Path, words: str | None, given: Scanner | None, beams: int) -> Scanner:
+    """Return the scanner given, else that of the file."""
+    if given is None and words is None:
         raise InputError(
-            f"{path} has {beams} ranges a record, but its scanner {given.beams} angles: give one "
+            f"{path} does not say its scanner: put it in the file, or read it with "
+            "scanner=Scanner(angles=…, max_range=…)."
+        )
+    scanner = given or Scanner.of_json(f"the scanner in {path}", words or "")
+    if scanner.beams != beams:
+        raise InputError(
+            f"{path} has {beams} ranges a record, but its scanner {scanner.beams} angles: give one "
             "for each."
         )
-    return given
+    return scanner

@@ -103,7 +103,9 @@ def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
     return Trajectory(rows[:, 0], rows[:, 1:], source)
 
 
-def referenced(log: Log, trajectory: Trajectory, max_gap: float | None = None) -> Log:
+def referenced(
+    log: Log, reference: Trajectory | str | PathLike[str], max_gap: float | None = None
+) -> Log:
     """Return the log with a trajectory as its reference, at the times of its records.
 
     Between two poses of the trajectory the robot is where its odometry takes it from the first; the
@@ -112,7 +114,7 @@ def referenced(log: Log, trajectory: Trajectory, max_gap: float | None = None) -
 
     Args:
         log: the records.
-        trajectory: in the frame of the map, with the log's clock.
+        reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
         max_gap: records between two poses further apart than this get none; None is 2 m.
 
     Raises:
@@ -120,6 +122,7 @@ def referenced(log: Log, trajectory: Trajectory, max_gap: float | None = None) -
     """
     apart = MAX_GAP / PIXELS["m"] * PIXELS[log.unit] if max_gap is None else max_gap
     number("max_gap", apart, low=0, finite=False)
+    trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
     after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
@@ -143,9 +146,9 @@ def referenced(log: Log, trajectory: Trajectory, max_gap: float | None = None) -
     share = np.divide(
         _strict(log)[known] - way[first], length, out=np.zeros_like(length), where=length > 0
     )
-    reference = np.full((len(log), 3), np.nan)
-    reference[known] = composed(poses[first], here + share[:, None] * missed)
-    return replace(log, reference=reference)
+    found = np.full((len(log), 3), np.nan)
+    found[known] = composed(poses[first], here + share[:, None] * missed)
+    return replace(log, reference=found)
 
 
 def with_own_reference(log: Log, rows: ArrayLike) -> Log:

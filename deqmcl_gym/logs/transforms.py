@@ -68,15 +68,16 @@ class Transforms:
         for (parent, child), rows in self._edges.items():
             values = np.array(rows)[:, 1:]
             if np.ptp(values, axis=0).max() < 1e-6:
-                there = _matrix(values[0])
+                there: Floats = _matrix(values[0])
                 steps.setdefault(parent, []).append((child, there))
-                steps.setdefault(child, []).append((parent, np.linalg.inv(there)))
+                back = np.linalg.inv(there).astype(np.float64)
+                steps.setdefault(child, []).append((parent, back))
         reached, queue = {base: np.eye(4)}, [base]
         for here in queue:
-            for there_name, step in steps.get(here, ()):
-                if there_name not in reached:
-                    reached[there_name] = reached[here] @ step
-                    queue.append(there_name)
+            for next_name, step in steps.get(here, ()):
+                if next_name not in reached:
+                    reached[next_name] = reached[here] @ step
+                    queue.append(next_name)
         return reached.get(frame)
 
 
