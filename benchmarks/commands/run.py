@@ -18,6 +18,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_setting(parser)
     parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
+    parser.add_argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="write the lap as a log, too: .log, .csv, .npz, .bag or .mcap (none)",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
 
 
@@ -27,4 +33,4 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.pictures.lap import run_lap
 
     (trial,) = sweep_of(options, (options.localizer,)).distinct()
-    return run_lap(trial, options.out)
+    return run_lap(trial, options.out, options.log)

@@ -34,6 +34,7 @@ class Moment:
         ranges: the scan o_t, (B,) px; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
         seconds: time the localizer took.
+        action: the command that led here, (2,); None at t = 0.
     """
 
     step: int
@@ -41,6 +42,7 @@ class Moment:
     ranges: Reals
     belief: Belief
     seconds: float
+    action: Reals | None = None
 
 
 def moments(
@@ -75,7 +77,8 @@ def moments(
         step, ended = step + 1, terminated or truncated
         started = time.perf_counter()
         belief = localizer.update(ranges, info["action"], shown if plan is None else plan)
-        yield Moment(step, truth, ranges, belief, time.perf_counter() - started)
+        seconds = time.perf_counter() - started
+        yield Moment(step, truth, ranges, belief, seconds, info["action"])
 
 
 def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:

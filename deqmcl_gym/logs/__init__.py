@@ -6,7 +6,7 @@
 
 from deqmcl_gym.logs.found import LogWarning
 from deqmcl_gym.logs.log import Log, Record
-from deqmcl_gym.logs.reading import read, write
+from deqmcl_gym.logs.reading import check_writable, read, write
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.trajectory import Trajectory, read_tum, referenced
 
@@ -16,6 +16,7 @@ __all__ = [
     "Record",
     "Scanner",
     "Trajectory",
+    "check_writable",
     "read",
     "read_tum",
     "referenced",

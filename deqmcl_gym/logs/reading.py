@@ -104,14 +104,24 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     Raises:
         InputError: an unknown format, or one that cannot hold the log, or no place to write.
     """
-    file = Path(path)
-    writer = _WRITERS.get(_ending(file))
-    if writer is None:
+    _WRITERS[check_writable(path)](log, Path(path))
+
+
+def check_writable(path: str | PathLike[str]) -> str:
+    """Return the ending of a log's name, which says its format.
+
+    Raises:
+        InputError: no format that is written, or one that needs what is not installed.
+    """
+    ending = _ending(Path(path))
+    if ending not in _WRITERS:
         raise InputError(
-            f"{file} is of a format that is not written: end the name in .log, .log.gz, .csv, "
+            f"{path} is of a format that is not written: end the name in .log, .log.gz, .csv, "
             ".npz, .bag or .mcap, or in nothing for the folder of a ROS 2 bag."
         )
-    writer(log, file)
+    if _WRITERS[ending] is write_bag:
+        ros.require_rosbags()
+    return ending
 
 
 def _ending(path: Path) -> str:
