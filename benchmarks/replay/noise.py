@@ -8,6 +8,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion
 
+_SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
 _LEAST = 10  # steps to estimate from
 _ROUNDS = 50  # of the fit of two numbers, which has converged long before
 
@@ -15,8 +16,11 @@ _ROUNDS = 50  # of the fit of two numbers, which has converged long before
 def motion_noise(log: Log) -> OdometryMotion:
     """Return the motion model whose noise fits the steps of a log best.
 
-    ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd² = Σ ε_d² / Σ d²
-    (weighted least squares); σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| +
+    ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that 99 %
+    of |ε_d| / |d| lie within 2.58 σ_dd, and never less than their root mean square: odometry that
+    goes the wrong way for some steps (a speed without its sign, wheels that slip) must stay
+    possible. Of the steps only the longer half counts, as the reference has noise of its own.
+    σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| +
     σ_φd |d|)²), on a grid that is refined around its best point.
 
     Args:
@@ -37,7 +41,9 @@ def motion_noise(log: Log) -> OdometryMotion:
     done, meant = done[moving], meant[moving]
     driven, turned = np.abs(meant).T
     missed, missed_turn = done[:, 0] - meant[:, 0], arrays.wrapped(done[:, 1] - meant[:, 1])
-    drive = np.sqrt(np.square(missed).sum() / max(np.square(driven).sum(), 1e-12))
+    long = driven >= max(np.median(driven), 1e-9)
+    ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
+    drive = max(np.sqrt(np.square(ratio).mean()), np.quantile(ratio, _SHARE) / _WITHIN)
 
     def cost(turn: float, drift: float) -> float:
         spread = np.maximum(turn * turned + drift * driven, 1e-6)

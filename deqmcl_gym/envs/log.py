@@ -118,8 +118,8 @@ class LogEnv(gym.Env[Singles, Singles]):
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        whole = _read(log, reference, reading).segment(start, length).at_scanner()
-        played = whole if apart is None else whole.spaced(*apart)
+        whole = _read(log, reference, reading).segment(start, length)
+        played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
         self.log = played if max_beams is None else played.with_beams(max_beams)
         if len(self.log) < 2:
             raise InputError(

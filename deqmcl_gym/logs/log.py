@@ -40,7 +40,7 @@ class Record:
 @final
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Records in the order of their times. Its arrays are read-only.
+    """Records in the order of their times. Its arrays are read-only, headings in [-π, π].
 
     Attributes:
         scanner: what took the scans.
@@ -90,6 +90,9 @@ class Log:
                 )
             reference[~np.isfinite(reference).all(axis=1)] = np.nan
             kept["reference"] = reference
+            known = np.isfinite(reference[:, 0])
+            reference[known, 2] = arrays.wrapped(reference[known, 2])
+        odometry[:, 2] = arrays.wrapped(odometry[:, 2])
         for name, values in kept.items():
             values.setflags(write=False)
             object.__setattr__(self, name, values)

@@ -119,10 +119,12 @@ class _Messages:
             )
             self.found.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
-            rows = self.moved if connection.topic == self.odometry else self.truth
-            rows.append(_row(message.header.stamp, POSES[connection.msgtype](message)))
-            if rows is self.moved and message.child_frame_id:
-                self.base = message.child_frame_id
+            row = _row(message.header.stamp, POSES[connection.msgtype](message))
+            if connection.topic == self.reference:
+                self.truth.append(row)
+            if connection.topic == self.odometry:  # it may be both
+                self.moved.append(row)
+                self.base = message.child_frame_id or self.base
 
     def log(self, base_frame: str | None) -> Log:
         """Return the log."""

@@ -18,10 +18,11 @@ from deqmcl_gym.logs.motion import composed, heading_of, relative
 from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.maps.units import PIXELS
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, number
 
 MAX_GAP = 2.0  # m
+_FEW = 0.5  # share of records with a reference pose below which one is warned
 
 
 @final
@@ -137,15 +138,17 @@ def referenced(
             f"{log.source} {log.times[0]:.2f} s to {log.times[-1]:.2f} s: no record has a "
             "reference pose, so give the reference of this log, with the same clock."
         )
-    odometry, way = _odometry_at(log, times), np.interp(times, log.times, _strict(log))
+    if known.mean() < _FEW:
+        warnings.warn(
+            f"the reference {trajectory.source} has a pose for only {int(known.sum()):,} of "
+            f"{len(log):,} records of {log.source}.",
+            LogWarning,
+            stacklevel=2,
+        )
     first, last = before[known], after[known]
-    here = relative(odometry[first], log.odometry[known])
-    missed = relative(poses[first], poses[last]) - relative(odometry[first], odometry[last])
+    here, whole, share = _travelled(log, times, known, first, last)
+    missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
-    length = way[last] - way[first]
-    share = np.divide(
-        _strict(log)[known] - way[first], length, out=np.zeros_like(length), where=length > 0
-    )
     found = np.full((len(log), 3), np.nan)
     found[known] = composed(poses[first], here + share[:, None] * missed)
     return replace(log, reference=found)
@@ -164,18 +167,28 @@ def with_own_reference(log: Log, rows: ArrayLike) -> Log:
     return referenced(log, trajectory, max_gap=0.0 if same else None)
 
 
-def _strict(log: Log) -> Floats:
-    """How far the robot has come at each record; a little also while it stands."""
-    elapsed: Floats = log.way + 1e-9 * (log.times - log.times[0])
-    return elapsed
+def _travelled(
+    log: Log, times: Floats, known: Bools, first: Indices, last: Indices
+) -> tuple[Floats, Floats, Floats]:
+    """Return the ways from the ``first`` of ``times`` to records, and to the ``last``, by odometry.
 
-
-def _odometry_at(log: Log, times: Floats) -> Floats:
-    """Odometry poses at other times, (n, 3), straight between the records."""
+    Returns:
+        Poses as seen from the first, of the record and of the last, (k, 3) each, and the share of
+        the way that the record has behind it. Where the odometry does not reach so far, the way is
+        unknown: 0, and the share is that of the time.
+    """
     x, y, heading = log.odometry.T
-    columns = (x, y, np.unwrap(heading))
-    found = [np.interp(times, log.times, column) for column in columns]
-    return np.column_stack([*found[:2], arrays.wrapped(found[2])])
+    elapsed = log.way + 1e-9 * (log.times - log.times[0])  # goes on a little while it stands
+    columns = (x, y, np.unwrap(heading), elapsed)
+    *at, way = (np.interp(times, log.times, column) for column in columns)
+    odometry = np.column_stack(at)
+    here = relative(odometry[first], log.odometry[known])
+    whole = relative(odometry[first], odometry[last])
+    beyond = (times[first] < log.times[0]) | (times[last] > log.times[-1])
+    here[beyond] = whole[beyond] = 0.0
+    gone = np.where(beyond, log.times[known] - times[first], elapsed[known] - way[first])
+    length = np.where(beyond, times[last] - times[first], way[last] - way[first])
+    return here, whole, np.divide(gone, length, out=np.zeros_like(length), where=length > 0)
 
 
 def _line(time: float, x: float, y: float, heading: float) -> str:
