@@ -1,4 +1,4 @@
-"""Registers ``deqmcl_gym/Room-v0`` with Gymnasium, as soon as that is imported.
+"""Registers ``deqmcl_gym/Room-v0`` and ``Log-v0`` with Gymnasium, as soon as that is imported.
 
 Nothing here imports it: localizers need the maps of this package, not the environment.
 """
@@ -10,13 +10,14 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 
 ENV_ID = "deqmcl_gym/Room-v0"
+LOG_ENV_ID = "deqmcl_gym/Log-v0"
 # Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
 MAX_EPISODE_STEPS = 408
 _REGISTRY = "gymnasium.envs.registration"
 
 
 def register() -> None:
-    """Register the environment, at once or when Gymnasium is imported."""
+    """Register the environments, at once or when Gymnasium is imported."""
     if _REGISTRY in sys.modules:
         _register(sys.modules[_REGISTRY])
     else:
@@ -30,10 +31,11 @@ def _register(registry: ModuleType) -> None:
         vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
         max_episode_steps=MAX_EPISODE_STEPS,
     )
+    registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
 
 
 class _Finder(MetaPathFinder):
-    """Finds Gymnasium's registry, once, and has the environment registered when it is loaded."""
+    """Finds Gymnasium's registry, once, and has the environments registered when it is loaded."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -48,7 +50,7 @@ class _Finder(MetaPathFinder):
 
 
 class _ThenRegister(Loader):
-    """Loads a module as its own loader does, and registers the environment with it."""
+    """Loads a module as its own loader does, and registers the environments with it."""
 
     def __init__(self, loader: Loader) -> None:
         self._loader = loader

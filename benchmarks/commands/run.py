@@ -18,6 +18,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_setting(parser)
     parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
+    parser.add_argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="write the lap as a log, too: .log, .csv, .npz, .bag or .mcap (none)",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
 
 
@@ -28,4 +34,5 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.pictures.lap import run_lap
 
     trials = sweep_of(options, (options.localizer,)).distinct()
-    return where_safe(trials, run_lap, *trials, options.out.absolute())
+    log = None if options.log is None else options.log.absolute()
+    return where_safe(trials, run_lap, *trials, options.out.absolute(), log)

@@ -1,6 +1,6 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +12,23 @@ from benchmarks.pictures.frames import webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import scenario_of, task_of, trial_moments
+from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.logs import Log, check_writable, write
 
 
-def run_lap(trial: Trial, out: Path) -> str:
-    """Run one lap of one localizer; write animation, error curve, trace; return what to print."""
+def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
+    """Run one lap of one localizer; write animation, error curve, trace; return what to print.
+
+    ``log`` is where to write the lap as a log, if anywhere.
+    """
     require_plots()
+    if log is not None:
+        check_writable(log)
     writable_folder(out)
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
@@ -39,6 +46,8 @@ def run_lap(trial: Trial, out: Path) -> str:
     )
     write_text(out / "error.csv", _curves_csv(trace))
     write_bytes(out / "trace.npz", npz(trace))
+    if log is not None:
+        write(_log(episode, setup.room()), log)
     tracks = trajectories(trace)
     for name, text in tracks.items():
         write_text(out / name, text)
@@ -52,8 +61,16 @@ def run_lap(trial: Trial, out: Path) -> str:
             f"{title}, scenario {trial.scenario}, seed {trial.seed}: {trace.steps} steps",
             *lines,
             f"Written to {out}: lap.webp, error.png, error.csv, trace.npz, {', '.join(tracks)}.",
+            *([] if log is None else [f"Log: {log}"]),
         ]
     )
+
+
+def _log(episode: Sequence[Moment], room: RoomEnv) -> Log:
+    scans = [moment.ranges for moment in episode]
+    actions = [moment.action for moment in episode[1:] if moment.action is not None]
+    truth = [moment.truth for moment in episode]
+    return Log.of_episode(scans, actions, truth, room.lidar, unit=room.floor_plan.unit)
 
 
 def _curves_csv(trace: Trace) -> str:

@@ -39,6 +39,7 @@ class Moment:
         ranges: the scan o_t, (B,) px; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
         seconds: time the localizer took.
+        action: the command that led here, (2,); None at t = 0.
     """
 
     step: int
@@ -46,6 +47,7 @@ class Moment:
     ranges: Reals
     belief: Belief
     seconds: float
+    action: Reals | None = None
 
 
 def moments(
@@ -84,7 +86,8 @@ def moments(
         given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()
         belief = localizer.update(*given)
-        yield Moment(step, truth, ranges, belief, time.perf_counter() - started)
+        seconds = time.perf_counter() - started
+        yield Moment(step, truth, ranges, belief, seconds, info["action"])
 
 
 def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:

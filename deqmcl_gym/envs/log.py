@@ -1,0 +1,307 @@
+"""LogEnv: a recorded log as a Gymnasium environment, ``deqmcl_gym/Log-v0``."""
+
+import math
+import re
+from collections.abc import Mapping
+from inspect import signature
+from os import PathLike
+from typing import Any, SupportsFloat, cast
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym import logs
+from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.maps import Map, PolygonMap
+from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError, array, integer, one_of
+from deqmcl_gym.world.presets import WORLDS
+
+PLANS = ("odometry", "reference", "none")
+ON_MISMATCH = ("error", "warn", "ignore")
+HORIZON = 50
+_SAME = 1e-5  # of an action: single precision, and text of 6 digits
+_RADIUS = 8.0  # px: of the robot in a picture
+_SIDE = 960  # image pixels of a picture without a map
+
+
+class LogEnv(gym.Env[Singles, Singles]):
+    """A recorded log, played back record by record: what a real robot saw, told and, later, knew.
+
+    ```python
+    import gymnasium as gym, deqmcl_gym
+
+    env = gym.make("deqmcl_gym/Log-v0", log="robot.log.gz", map="map.yaml", reference="robot.tum")
+    ranges, info = env.reset()
+    terminated = False
+    while not terminated:
+        action = info["planned_actions"][0]
+        ranges, reward, terminated, truncated, info = env.step(action)
+    ```
+
+    **Action Space**: `Box(-a, a, (2,), float32)`: distance to drive (in the log's unit; backwards
+    if negative) after an angle to turn (rad), as in `Room-v0`; a are the largest recorded ones.
+    Nothing can be steered: the action given must be the recorded one (`env.unwrapped.next_action`,
+    the first of `info["planned_actions"]` if the plan is the odometry's). `on_mismatch` says what
+    happens otherwise; it is never carried out. A checker that tries random actions, such as
+    Gymnasium's `check_env`, needs `on_mismatch="ignore"`.
+
+    **Observation Space**: `Box(0, 2 r, (beams,), float32)` for a scanner's `max_range` r: the scan.
+    Beams without a measurement (nothing in range, too near, failed) read 2 r, as Gymnasium's
+    checker wants finite spaces; localizers skip whatever is above r.
+
+    **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here as an action
+    (d, φ): φ is its turn, d its component along the new heading; `env.unwrapped.log.residuals` is
+    what is left across (`deqmcl_gym.logs.motion`). `planned_actions` are the increments to come, as
+    a log is a plan that was carried out, `planned_count` how many; `collided` is always False.
+    `truth` is the reference pose, and only there at records that have one. It is nowhere else, with
+    one exception that is asked for: `plan="reference"` plans by it.
+
+    **Poses** are those of the scanner's place with the robot's heading, so that a localizer needs
+    no mounting: `env.unwrapped.lidar` is in their origin. If a scanner is not mounted in the
+    robot's centre, that place moves sideways in a turn; `residuals` count it.
+
+    **Reward**: 0. **Terminated** after the last record, never truncated. **Randomness**: none.
+    **Options** of `reset`: none.
+
+    Args:
+        log: path of a log (see `deqmcl_gym.logs.read` for formats), or a `deqmcl_gym.logs.Log`.
+        map: path of a map's yaml, a map, its corners as for `floor_plan` of `Room-v0`, or None. The
+            env itself needs none; localizers find it as `env.unwrapped.floor_plan`.
+        reference: path of a TUM trajectory in the frame of the map.
+        plan: what is planned: "odometry", "reference" (needs a pose at each record) or "none".
+        horizon: how many planned actions `info` shows.
+        every: (distance, angle rad) or "0.2m,5deg": play only records this far apart, by odometry,
+            as AMCL's update_min_d and update_min_a; None plays all.
+        max_beams: use at most so many beams, spread evenly; None uses all.
+        start: the record of the log to begin with, from 0.
+        length: how many records from there on, before `every`; None is all.
+        on_mismatch: "error" refuses another action than the recorded one, "warn" warns and plays
+            the log, "ignore" plays it.
+        reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
+        render_mode: None or "rgb_array".
+
+    Raises:
+        InputError: a bad value, a log that cannot be read or has less than two records, a map in
+            another unit than the log.
+
+    Attributes:
+        log: the records that are played.
+        floor_plan: the map, for localizers; None without one.
+        lidar: the scanner's geometry, for localizers.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self,
+        *,
+        log: str | PathLike[str] | logs.Log,
+        map: Any = None,  # noqa: A002  # the word of everybody
+        reference: str | PathLike[str] | logs.Trajectory | None = None,
+        plan: str = "odometry",
+        horizon: int = HORIZON,
+        every: str | tuple[float, float] | None = None,
+        max_beams: int | None = None,
+        start: int = 0,
+        length: int | None = None,
+        on_mismatch: str = "error",
+        reading: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
+        self._horizon = integer("horizon", horizon, low=1, high=100_000)
+        apart = None if every is None else spacing("every", every)
+        one_of("plan", plan, PLANS)
+        if render_mode is not None:
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        whole = _read(log, reference, reading).segment(start, length)
+        played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
+        self.log = played if max_beams is None else played.with_beams(max_beams)
+        if len(self.log) < 2:
+            raise InputError(
+                f"{self.log.source} has {len(self.log)} record to play (of {len(whole):,} in the "
+                "segment), but needs 2 or more: choose a longer segment or a smaller every."
+            )
+        self.floor_plan = _map(map, self.log)
+        self.lidar = self.log.scanner
+        self._actions = self.log.actions.astype(np.float32)
+        planned = _planned(plan, self.log)
+        self._plan = np.vstack([planned, np.zeros((self._horizon, 2))]).astype(np.float32)
+        self._planned = len(planned)
+        most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
+        self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
+        none = np.float32(2 * self.lidar.max_range)
+        self._scans = np.where(np.isinf(self.log.ranges), none, self.log.ranges)
+        self.observation_space = gym.spaces.Box(0.0, none, (self.lidar.beams,), np.float32)
+        self._step = -1
+
+    @property
+    def record(self) -> logs.Record:
+        """The record that was played last, its reference pose included: for scoring."""
+        return self.log[self._begun]
+
+    @property
+    def elapsed_steps(self) -> int:
+        """Steps since reset."""
+        return self._begun
+
+    @property
+    def next_action(self) -> Singles:
+        """The recorded action of the next step, (2,) float32.
+
+        Raises:
+            RuntimeError: there is no next step.
+        """
+        if self._begun >= len(self._actions):
+            raise RuntimeError("the log has ended: call reset() before step().")
+        action: Singles = self._actions[self._begun]
+        return action.copy()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Singles, dict[str, Any]]:
+        """Go to the first record; seeds change nothing.
+
+        Raises:
+            InputError: an option.
+        """
+        for key in options or ():
+            one_of("reset option", key, ())
+        super().reset(seed=seed)
+        self._step = 0
+        return self._scans[0].copy(), self._info(np.zeros(2, np.float32))
+
+    def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Play the next record."""
+        recorded = self.next_action
+        self._compare(array("the action", action, (2,)), recorded)
+        self._step += 1
+        ended = self._step == len(self._actions)
+        return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return map, way and scan as seen from the last record, (h, w, 3) RGB.
+
+        In the frame of the map if there is a reference, else in that of the odometry, without map.
+        """
+        if self.render_mode is None:
+            gym.logger.warn('render() needs gym.make(..., render_mode="rgb_array").')
+            return None
+        from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
+
+        step, log = self._begun, self.log
+        known = log.referenced
+        poses = log.odometry if log.reference is None else log.reference
+        at = known if known.size else np.arange(len(log))
+        ground = self.floor_plan if known.size and self.floor_plan is not None else None
+        view = View(cast(PolygonMap, ground)) if ground is not None else _blank(poses[at], log.unit)
+        drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
+        if not known.size or step in known:
+            drawing.beams(poses[step], self.lidar.bearings, log.ranges[step])
+            drawing.robot(poses[step], _RADIUS * pixel(log.unit))
+        return drawing.number(step).image
+
+    @property
+    def _begun(self) -> int:
+        if self._step < 0:
+            raise RuntimeError("the episode has not begun: call reset() first.")
+        return self._step
+
+    def _compare(self, action: Floats, recorded: Singles) -> None:
+        """Say if an action is not the recorded one."""
+        if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
+            return
+        given, meant = (f"({d:.6g}, {turn:.6g})" for d, turn in (action, recorded))
+        sentence = (
+            f"the action of step {self._step + 1} is {given}, but {meant} was recorded: give "
+            "env.unwrapped.next_action"
+        )
+        if self._on_mismatch == "error":
+            raise InputError(f'{sentence}, or make the env with on_mismatch="warn" or "ignore".')
+        gym.logger.warn(f"{sentence}; the log is played as it is.")
+
+    def _info(self, action: Singles) -> dict[str, Any]:
+        step = self._step
+        info: dict[str, Any] = {
+            "planned_actions": self._plan[step : step + self._horizon].copy(),
+            "planned_count": max(0, min(self._horizon, self._planned - step)),
+            "action": action,
+            "collided": False,
+        }
+        if self.log.reference is not None and np.isfinite(self.log.reference[step, 0]):
+            info["truth"] = self.log.reference[step].copy()
+        return info
+
+
+def spacing(what: str, given: object) -> tuple[float, float]:
+    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
+    if not isinstance(given, str):
+        distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
+        return distance, angle
+    found = {"length": math.inf, "angle": math.inf}
+    for part in given.split(","):
+        match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m|px|deg|°|rad)\s*", part)
+        kind = "length" if match and match[2] in ("m", "px") else "angle"
+        if match is None or math.isfinite(found[kind]):
+            raise InputError(
+                f'{what} is {given!r}, but must be a distance and an angle, such as "0.2m,5deg".'
+            )
+        value = float(match[1])
+        found[kind] = math.radians(value) if match[2] in ("deg", "°") else value
+    return found["length"], found["angle"]
+
+
+def _read(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
+    if not isinstance(given, logs.Log):
+        if not isinstance(given, str | PathLike):
+            raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
+        options = dict(reading or {})
+        for name in options:
+            one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})
+        return logs.read(given, **{"reference": reference, **options})
+    if reading:
+        raise InputError("reading is given, but the log has been read already: leave it out.")
+    return given if reference is None else logs.referenced(given, reference)
+
+
+def _map(given: Any, log: logs.Log) -> Map | None:
+    if given is None:
+        return None
+    found = (
+        given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
+    )
+    if found.unit != log.unit:
+        raise InputError(
+            f"the map is in {found.unit}, but {log.source} in {log.unit}: give a map in {log.unit}."
+        )
+    return found
+
+
+def _planned(plan: str, log: logs.Log) -> Floats:
+    if plan == "none":
+        return np.empty((0, 2))
+    if plan == "odometry":
+        return log.actions
+    poses = np.full((len(log), 3), np.nan) if log.reference is None else log.reference
+    known = np.isfinite(poses[:, 0])
+    if not known.all():
+        raise InputError(
+            f'plan is "reference", but {int((~known).sum()):,} of {len(log):,} records of '
+            f"{log.source} have no reference pose: choose a segment where all do by start and "
+            'length, or plan="odometry".'
+        )
+    return actions_of(poses)[0]
+
+
+def _blank(poses: Floats, unit: str) -> Any:
+    """A view of the ground around some poses, without a map."""
+    from deqmcl_gym.world.drawing import View
+
+    around = 50 * pixel(unit)
+    (x0, y0), (x1, y1) = poses[:, :2].min(axis=0) - around, poses[:, :2].max(axis=0) + around
+    ground = PolygonMap(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), unit=unit)
+    return View(ground, scale=min(2.0, _SIDE * pixel(unit) / max(x1 - x0, y1 - y0)))

@@ -1,0 +1,24 @@
+"""Logs: what robots recorded, in one form, whatever it was recorded with.
+
+>>> from deqmcl_gym import logs
+>>> log = logs.read("robot.log.gz", reference="robot.tum")
+"""
+
+from deqmcl_gym.logs.found import LogWarning
+from deqmcl_gym.logs.log import Log, Record
+from deqmcl_gym.logs.reading import check_writable, read, write
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.trajectory import Trajectory, read_tum, referenced
+
+__all__ = [
+    "Log",
+    "LogWarning",
+    "Record",
+    "Scanner",
+    "Trajectory",
+    "check_writable",
+    "read",
+    "read_tum",
+    "referenced",
+    "write",
+]

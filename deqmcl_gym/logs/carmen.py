@@ -1,0 +1,191 @@
+"""CARMEN logs: one message a line, its words between blanks.
+
+``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` says nothing of its angles: n
+beams go from -90° on, 180°/n apart if n is even and up to +90° if it is odd, as those of a SICK
+LMS. ``ROBOTLASER1 type start fov step max_range accuracy remission_mode n r… m remission… laser_x
+laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis time host [logger_time]``
+says all. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator, is
+the reference. ``PARAM`` lines say how the scanner of FLASER is mounted and how far it sees; one of
+our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
+"""
+
+import gzip
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.found import UNREADABLE, Found
+from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.motion import composed, relative
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.text import numbers_of, text_of
+from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.validation import InputError, one_of
+
+SCANS = ("FLASER", "ROBOTLASER1")
+SICK_RANGE = 79.0  # m: an LMS in its 80 m mode says 81.83 or 81.91 where nothing is in range
+SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS counts in cm
+_OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
+
+# What else stands in such logs and is not needed here
+_OTHERS = re.compile(
+    r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
+    r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
+)
+
+
+@dataclass
+class _Messages:
+    """The messages of a log: scans by the word they begin with, parameters, true poses."""
+
+    scans: dict[str, Found]
+    params: dict[str, str] = field(default_factory=dict)
+    truth: list[list[float]] = field(default_factory=list)
+    unreadable: int = 0
+
+    def read(self, line: str) -> None:
+        """Take in a line; count it if it is damaged."""
+        kind, *words = line.split()
+        try:
+            if kind == "FLASER":
+                self._front_laser(words)
+            elif kind == "ROBOTLASER1":
+                self._robot_laser(words)
+            elif kind == "PARAM":
+                name, value, *_ = words
+                self.params[name] = value
+            elif kind == "TRUEPOS":
+                self.truth.append(numbers_of([words[6], *words[:3]]))
+            elif not _OTHERS.fullmatch(kind):
+                self.unreadable += 1
+        except (ValueError, IndexError):
+            self.unreadable += 1
+
+    def _front_laser(self, words: list[str]) -> None:
+        n = int(words[0])
+        if n < 1 or len(words) - n not in (9, 10):
+            raise ValueError("another number of words")
+        ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
+        self.scans["FLASER"].add(rest[6], rest[3:6], ranges)
+
+    def _robot_laser(self, words: list[str]) -> None:
+        n = int(words[7])
+        m = int(words[8 + n])
+        if n < 1 or m < 0 or len(words) - n - m not in (22, 23):
+            raise ValueError("another number of words")
+        _, start, _, step, farthest, *_ = numbers_of(words[:7])
+        ranges = numbers_of(words[8 : 8 + n])
+        rest = numbers_of(words[9 + n + m : 21 + n + m])
+        offset = relative(np.array([rest[3:6]]), np.array([rest[:3]]))[0]
+        geometry = (start, step, farthest, *(np.round(offset, 3) + 0.0).tolist())
+        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, geometry)
+
+    def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
+        """Return the scanner of messages that say their geometry, or of FLASER, which does not."""
+        if _OURS in self.params:
+            return Scanner.of_json(_OURS, self.params[_OURS])
+        if geometry is None:
+            start, step = -math.pi / 2, math.pi / (beams - 1 + (beams % 2 == 0))
+            farthest = self._param("robot_front_laser_max", SICK_RANGE)
+            names = ("offset", "side_offset", "angular_offset")
+            x, y, turn = (self._param(f"robot_frontlaser_{name}", 0.0) for name in names)
+        else:
+            start, step, farthest, x, y, turn = geometry
+        return Scanner(
+            angles=tuple((start + turn + step * np.arange(beams)).tolist()),
+            mounting=(x, y),
+            min_range=SMALLEST,
+            max_range=min(farthest, SICK_RANGE),
+            no_return=min(farthest, SICK_RANGE),
+        )
+
+    @property
+    def unit(self) -> str:
+        """The unit of all lengths."""
+        return self.params.get(_UNIT, "m")
+
+    def _param(self, name: str, default: float) -> float:
+        try:
+            return numbers_of([self.params[name]])[0]
+        except (KeyError, ValueError):
+            return default
+
+
+def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
+    """Read a CARMEN log, gzipped or not.
+
+    Args:
+        path: the file.
+        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one that there is.
+
+    Raises:
+        InputError: no scan, both kinds of them, or no sound record.
+    """
+    messages = _Messages({kind: Found(str(path)) for kind in SCANS})
+    for line in text_of(path).splitlines():
+        if line.strip():
+            messages.read(line)
+    found = messages.scans[_kind(path, messages, scan_topic)]
+    if messages.unreadable:
+        found.damage[UNREADABLE] += messages.unreadable
+    log = found.log(messages.scanner, unit=messages.unit)
+    return with_own_reference(log, messages.truth)
+
+
+def write_carmen(log: Log, path: Path) -> None:
+    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference; all digits.
+
+    Raises:
+        InputError: beams that are not evenly spaced, or the file cannot be written.
+    """
+    scanner, step = log.scanner, log.scanner.spacing
+    if step is None:
+        raise InputError(
+            "a CARMEN log has evenly spaced beams, but those of this log are not: write .csv or "
+            ".npz."
+        )
+    mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
+    farthest = min(scanner.no_return, scanner.max_range)
+    head = _words(0, scanner.angles[0], step * scanner.beams, step, farthest, 0.01, 0)
+    lines = [
+        "# CARMEN log of deqmcl-gym",
+        f"PARAM {_OURS} {scanner.json} 0 nohost 0",
+        f"PARAM {_UNIT} {log.unit} 0 nohost 0",
+    ]
+    for record, mount in zip(log, mounts, strict=True):
+        odometry, stamp = _words(*record.odometry), f"{record.time!r} nohost {record.time!r}"
+        ranges = np.where(np.isinf(record.ranges), np.float32(scanner.no_return), record.ranges)
+        scan = " ".join(map(str, ranges.tolist()))
+        lines.append(f"ODOM {odometry} 0 0 0 {stamp}")
+        if record.reference is not None:
+            lines.append(f"TRUEPOS {_words(*record.reference)} {odometry} {stamp}")
+        lines.append(
+            f"ROBOTLASER1 {head} {len(ranges)} {scan} 0 {_words(*mount)} {odometry} 0 0 0 0 0 "
+            f"{stamp}"
+        )
+    text = ("\n".join(lines) + "\n").encode()
+    write_bytes(path, gzip.compress(text, mtime=0) if path.suffix == ".gz" else text)
+
+
+def _kind(path: Path, messages: _Messages, asked: str | None) -> str:
+    if asked is not None:
+        return one_of("kind of scan in a CARMEN log", asked, SCANS)
+    there = [kind for kind, found in messages.scans.items() if found.times]
+    if len(there) == 1:
+        return there[0]
+    if there:
+        raise InputError(
+            f"{path} has scans of two kinds, {' and '.join(there)}: choose one by scan_topic."
+        )
+    damaged = f", and {messages.unreadable:,} unreadable lines" if messages.unreadable else ""
+    raise InputError(
+        f"{path} has no scan{damaged}: a CARMEN log has lines that begin with {' or '.join(SCANS)}."
+    )
+
+
+def _words(*values: float) -> str:
+    return " ".join(map(repr, values))

@@ -1,0 +1,122 @@
+"""What a reader finds in a file, and how that becomes a log: damage is skipped and counted."""
+
+import bisect
+import warnings
+from collections import Counter
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.logs.log import Log, said_of_skipped
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.validation import InputError
+
+UNREADABLE = "unreadable"
+OTHER_SCAN = "with a scan of another length or geometry"
+NOT_FINITE = "with a time or pose that is not finite"
+BACKWARDS = "whose time runs backwards"
+NO_ODOMETRY = "without odometry at that time"
+
+
+class LogWarning(UserWarning):
+    """Something in a log is not as it should be, and what was done about it."""
+
+
+@dataclass
+class Found:
+    """Records as they stand in a file, good and bad.
+
+    Attributes:
+        source: the file, as it is named in sentences.
+        times, odometry, ranges: of each record.
+        geometry: of the scanner at each record, whatever tells one from another.
+        damage: records that could not even be read, by reason.
+    """
+
+    source: str
+    times: list[float] = field(default_factory=list)
+    odometry: list[Sequence[float]] = field(default_factory=list)
+    ranges: list[Sequence[float]] = field(default_factory=list)
+    geometry: list[tuple[int, Any]] = field(default_factory=list)
+    damage: Counter[str] = field(default_factory=Counter)
+
+    def add(
+        self,
+        time: float,
+        odometry: Sequence[float],
+        ranges: Sequence[float],
+        geometry: Hashable = None,
+    ) -> None:
+        """Add a record."""
+        self.times.append(time)
+        self.odometry.append(odometry)
+        self.ranges.append(ranges)
+        self.geometry.append((len(ranges), geometry))
+
+    def log(self, scanner_of: Callable[[int, Any], Scanner], *, unit: str = "m") -> Log:
+        """Return the sound records as a log; warn of the others.
+
+        The scanner is the one of most records, as ``scanner_of`` (beams, geometry) makes it.
+
+        Raises:
+            InputError: no record is sound.
+        """
+        kept = np.arange(len(self.times))
+        if kept.size:
+            times, odometry = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
+            (most, _), *_ = Counter(self.geometry).most_common(1)
+            same = np.array([geometry == most for geometry in self.geometry])
+            kept = self._without(kept, same, OTHER_SCAN)
+            finite = np.isfinite(times) & np.isfinite(odometry).all(axis=1)
+            kept = self._without(kept, finite[kept], NOT_FINITE)
+            kept = kept[in_order(times[kept], self.damage)]
+        if not kept.size:
+            why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
+            raise InputError(f"{self.source} has no usable record{why}.")
+        if self.damage:
+            said = said_of_skipped(self.damage, kept.size)
+            warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=2)
+        ranges = np.array([self.ranges[index] for index in kept])
+        return Log(
+            scanner_of(*most),
+            times[kept],
+            odometry[kept],
+            ranges,
+            unit=unit,
+            skipped=dict(self.damage),
+            source=self.source,
+        )
+
+    def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
+        if lost := int((~sound).sum()):
+            self.damage[reason] += lost
+        left: Indices = kept[sound]
+        return left
+
+
+def in_order(times: Floats, damage: Counter[str]) -> Indices:
+    """Return the indices of the longest run of times that never goes back; count the others.
+
+    So one time stamp far ahead costs one record, not all that follow it.
+    """
+    if not (np.diff(times) < 0).any():
+        return np.arange(times.size)
+    ends: list[float] = []  # least last time of a run of each length
+    at: list[int] = []  # where it ends
+    before = np.full(times.size, -1)
+    for index, time in enumerate(times.tolist()):
+        length = bisect.bisect_right(ends, time)
+        before[index] = at[length - 1] if length else -1
+        if length == len(ends):
+            ends.append(time)
+            at.append(index)
+        else:
+            ends[length], at[length] = time, index
+    chain = [at[-1]]
+    while before[chain[-1]] >= 0:
+        chain.append(int(before[chain[-1]]))
+    damage[BACKWARDS] += times.size - len(chain)
+    return np.array(chain[::-1])

@@ -1,0 +1,75 @@
+"""Odometry as actions (d, φ): turn, then drive.
+
+An increment (Δx, Δy, Δθ) has three numbers, an action two. The heading is kept exactly, as scans
+depend on it most, and the drive is the least-squares one: φ = Δθ, and d is the component along the
+new heading. What is left is its component across, -d Δθ / 2 for a robot on an arc, and
+that of wheels that slip. As n dθ = dt for a tangent t and a normal n, a bend to the left and one to
+the right cancel at one pace: see ``Log.residuals`` for those of a log.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats
+
+_DECIMALS = 12  # of actions: hides the rounding of sums, so that a recorded action comes back
+
+
+def actions_of(poses: Floats) -> tuple[Floats, Floats]:
+    """Return the actions between consecutive poses (n, 3), and what they leave out.
+
+    Returns:
+        (d, φ), (n - 1, 2); the residual to the left of the new heading, (n - 1,). NaN where a pose
+        is.
+    """
+    known: Bools = np.asarray(np.isfinite(poses).all(axis=1))
+    given = np.where(known[:, None], poses, 0.0)
+    dx, dy, turn = np.diff(given, axis=0).T
+    cosine, sine = arrays.cos(given[1:, 2]), arrays.sin(given[1:, 2])
+    drive, across = dx * cosine + dy * sine, dy * cosine - dx * sine
+    found = np.column_stack([drive, arrays.wrapped(turn), across])
+    found[~(known[1:] & known[:-1])] = np.nan
+    found = np.round(found, _DECIMALS) + 0.0  # no -0.0
+    return found[:, :2], found[:, 2]
+
+
+def dead_reckoned(actions: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
+    """Return the poses that actions (n, 2) lead to, one by one, from a start, (n + 1, 3)."""
+    steps = np.asarray(actions, dtype=np.float64).reshape(-1, 2)
+    x, y, heading = np.asarray(start, dtype=np.float64)
+    headings = arrays.wrapped(np.cumsum([heading, *steps[:, 1]]))
+    drives = np.zeros(len(steps) + 1)
+    drives[1:] = steps[:, 0]
+    xs = np.cumsum(drives * arrays.cos(headings)) + x
+    ys = np.cumsum(drives * arrays.sin(headings)) + y
+    return np.column_stack([xs, ys, headings])
+
+
+def composed(poses: Floats, offset: Floats) -> Floats:
+    """Return poses (n, 3) ⊕ offset (3,) or (n, 3): the offset is seen from each pose."""
+    x, y, heading = poses.T
+    dx, dy, turn = np.broadcast_to(offset, poses.shape).T
+    cosine, sine = arrays.cos(heading), arrays.sin(heading)
+    return np.column_stack(
+        [
+            x + cosine * dx - sine * dy,
+            y + sine * dx + cosine * dy,
+            arrays.wrapped(heading + turn),
+        ]
+    )
+
+
+def relative(origins: Floats, poses: Floats) -> Floats:
+    """Return poses (n, 3) as seen from origins (n, 3): origin ⊕ relative = pose."""
+    dx, dy, turn = (poses - origins).T
+    cosine, sine = arrays.cos(origins[:, 2]), arrays.sin(origins[:, 2])
+    return np.column_stack([cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)])
+
+
+def heading_of(quaternions: Floats) -> Floats:
+    """Return the headings of quaternions (n, 4) x, y, z, w; NaN where one has no length."""
+    x, y, z, w = quaternions.T
+    size = (quaternions**2).sum(axis=1)
+    heading = np.asarray(arrays.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
+    return np.where(size > 1e-12, heading, np.nan)

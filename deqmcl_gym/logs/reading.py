@@ -1,0 +1,149 @@
+"""Logs by the endings of their names: which format is read and written."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from deqmcl_gym.logs import carmen, ros, tables
+from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.ros_writing import write_bag
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.trajectory import Trajectory, referenced
+from deqmcl_gym.validation import InputError, array, number
+
+_TEXT = (".log", ".clf", ".carmen", ".txt")
+_READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
+    dict.fromkeys(_TEXT, carmen.read_carmen)
+    | {".csv": tables.read_csv, ".npz": tables.read_npz}
+    | dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag)
+)
+_WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
+    dict.fromkeys(_TEXT[:3], carmen.write_carmen)
+    | {".csv": tables.write_csv, ".npz": tables.write_npz}
+    | dict.fromkeys(("", ".bag", ".mcap"), write_bag)
+)
+_TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
+    {
+        carmen.read_carmen: ("scan_topic",),
+        ros.read_bag: ("scan_topic", "odometry_topic", "reference_topic", "base_frame"),
+        tables.read_csv: ("scanner",),
+        tables.read_npz: ("scanner",),
+    }
+)
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    reference: str | PathLike[str] | Trajectory | None = None,
+    max_gap: float | None = None,
+    max_range: float | None = None,
+    mounting: tuple[float, float, float] | None = None,
+    scanner: Scanner | None = None,
+    scan_topic: str | None = None,
+    odometry_topic: str | None = None,
+    reference_topic: str | None = None,
+    base_frame: str | None = None,
+) -> Log:
+    """Read a log; the ending of its name says the format.
+
+    ``.log``, ``.clf``, ``.carmen``, ``.txt``, also with ``.gz``: CARMEN. ``.csv`` (``.csv.gz``),
+    ``.npz``: see ``logs.tables``. ``.bag``: ROS 1. ``.mcap``, ``.db3`` or a folder: ROS 2; these
+    need ``pip install "deqmcl-gym[ros]"``. Damaged records are skipped, with one ``LogWarning``
+    that counts them.
+
+    Args:
+        path: the file, or the folder of a ROS 2 bag.
+        reference: a TUM file or a trajectory, of the map's frame and the log's clock.
+        max_gap: see ``referenced``.
+        max_range: of the scanner, if it is less than the log says: ranges above it are none.
+        mounting: of the scanner on the robot, x ahead, y left, turn in rad, instead of what the log
+            says. A log that says nothing has it in the robot's centre.
+        scanner: of CSV and npz without it.
+        scan_topic: of a ROS bag; "FLASER" or "ROBOTLASER1" of a CARMEN log. None takes the only
+            one, as do the next.
+        odometry_topic: of a ROS bag; None also takes a moving transform from ``odom``.
+        reference_topic: of a ROS bag: poses of the robot in the map; None takes ``/reference`` if
+            there is one.
+        base_frame: the robot's frame in a ROS bag; None is the odometry's.
+
+    Raises:
+        InputError: an unknown format, an argument that it does not take, a file that is missing or
+            damaged as a whole, or no sound record.
+    """
+    file = Path(path)
+    reader = _READERS.get(_ending(file))
+    if reader is None or (_ending(file) == "" and file.is_file()):
+        raise InputError(
+            f"{file} is of an unknown format: the name of a log ends in {', '.join(_TEXT)} "
+            "(CARMEN; .gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a "
+            "ROS 2 bag."
+        )
+    options = {
+        "scanner": scanner, "scan_topic": scan_topic, "odometry_topic": odometry_topic,
+        "reference_topic": reference_topic, "base_frame": base_frame,
+    }  # fmt: skip
+    given = {name: value for name, value in options.items() if value is not None}
+    for name in given:
+        if name not in _TAKEN[reader]:
+            raise InputError(f"{name} is given, but {file} is of a format that does not take it.")
+    log = _changed(reader(file, **given), max_range, mounting)
+    return log if reference is None else referenced(log, reference, max_gap)
+
+
+def write(log: Log, path: str | PathLike[str]) -> None:
+    """Write a log, whole or not at all; the ending of the name says the format.
+
+    ``.log``, ``.clf``, ``.carmen``, also with ``.gz``: CARMEN. ``.csv``, ``.npz``. ``.bag``: ROS 1,
+    ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3).
+
+    Raises:
+        InputError: an unknown format, or one that cannot hold the log, or no place to write.
+    """
+    _WRITERS[check_writable(path)](log, Path(path))
+
+
+def check_writable(path: str | PathLike[str]) -> str:
+    """Return the ending of a log's name, which says its format.
+
+    Raises:
+        InputError: no format that is written, or one that needs what is not installed.
+    """
+    ending = _ending(Path(path))
+    if ending not in _WRITERS:
+        raise InputError(
+            f"{path} is of a format that is not written: end the name in .log, .log.gz, .csv, "
+            ".npz, .bag or .mcap, or in nothing for the folder of a ROS 2 bag."
+        )
+    if _WRITERS[ending] is write_bag:
+        ros.require_rosbags()
+    return ending
+
+
+def _ending(path: Path) -> str:
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    if suffixes[-1:] == [".gz"]:
+        suffixes.pop()
+    if path.is_dir():
+        return ""
+    return suffixes[-1] if suffixes else ""
+
+
+def _changed(log: Log, max_range: float | None, mounting: tuple[float, float, float] | None) -> Log:
+    scanner = log.scanner
+    if max_range is not None:
+        high = scanner.max_range
+        scanner = replace(
+            scanner, max_range=number("max_range", max_range, low=0, high=high, above=True)
+        )
+    if mounting is not None:
+        x, y, turn = array("mounting", mounting, (3,)).tolist()
+        if abs(turn) > 2 * math.pi:
+            raise InputError(f"the turn of mounting is {turn:g}, but must be in rad.")
+        angles = tuple((scanner.bearings + turn).tolist())
+        scanner = replace(scanner, angles=angles, mounting=(x, y))
+    return log if scanner is log.scanner else replace(log, scanner=scanner)

@@ -1,0 +1,241 @@
+"""ROS 1 and ROS 2 bags, read by ``rosbags``: no ROS is needed."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found, in_order
+from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.motion import heading_of
+from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.logs.transforms import Transforms
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSES: dict[str, Callable[[Any], Any]] = {
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+    ODOMETRY: lambda message: message.pose.pose,
+}
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_WORDS = "std_msgs/msg/String"
+UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
+_GAP = 1.0  # s without odometry, beyond which nobody knows where the robot was in between
+
+
+def require_rosbags() -> None:
+    """Refuse to go on without ``rosbags``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import rosbags.highlevel  # noqa: F401
+    except ModuleNotFoundError:
+        raise InputError(
+            'ROS bags need rosbags, which is not installed: pip install "deqmcl-gym[ros]".'
+        ) from None
+
+
+def read_bag(
+    path: Path,
+    scan_topic: str | None = None,
+    odometry_topic: str | None = None,
+    reference_topic: str | None = None,
+    base_frame: str | None = None,
+) -> Log:
+    """Read a ROS bag; see ``logs.read``.
+
+    A scan's time is that of its header; its odometry lies straight between the two messages around
+    it. Static transforms say where the scanner is mounted; one that hangs upside down is turned.
+
+    Raises:
+        InputError: no bag, a topic that is missing, several without a choice, a scanner that is
+            tilted, or no sound record.
+    """
+    require_rosbags()
+    if not path.exists():
+        raise InputError(f"{path} does not exist: give the path of a bag.")
+    with _opened(path) as bag:
+        scans = _topic(path, bag, (SCAN,), "scan_topic", scan_topic)
+        assert scans is not None
+        odometry = _topic(path, bag, (ODOMETRY,), "odometry_topic", odometry_topic, needed=False)
+        if reference_topic is None and REFERENCE_TOPIC not in bag.topics:
+            reference = None
+        else:
+            asked = reference_topic or REFERENCE_TOPIC
+            reference = _topic(path, bag, tuple(POSES), "reference_topic", asked)
+        messages = _Messages(path, scans, odometry, reference)
+        messages.read(bag)
+    return messages.log(base_frame)
+
+
+class _Messages:
+    """What is needed of the messages of a bag."""
+
+    def __init__(self, path: Path, scans: str, odometry: str | None, reference: str | None) -> None:
+        self.path, self.scans, self.odometry, self.reference = path, scans, odometry, reference
+        self.found = Found(str(path))
+        self.transforms = Transforms()
+        self.frames: Counter[str] = Counter()  # of the scanner
+        self.base = "base_link"
+        self.unit = "m"
+        self.moved: list[list[float]] = []  # t, x, y, qx, qy, qz, qw
+        self.truth: list[list[float]] = []
+
+    def read(self, bag: Any) -> None:
+        """Read all messages that matter; count those that cannot be decoded."""
+        wanted = {self.scans, self.odometry, self.reference, UNIT_TOPIC}
+        chosen = [
+            one for one in bag.connections if one.topic in wanted or one.msgtype in _TRANSFORMS
+        ]
+        for connection, _, raw in bag.messages(connections=chosen):
+            try:
+                message = bag.deserialize(raw, connection.msgtype)
+            except Exception:  # whatever damaged bytes lead to
+                self.found.damage[UNREADABLE] += 1
+                continue
+            self._take(connection, message)
+
+    def _take(self, connection: Any, message: Any) -> None:
+        if connection.msgtype in _TRANSFORMS:
+            for one in message.transforms:
+                self.transforms.add(_seconds(one.header.stamp), one)
+        elif connection.topic == UNIT_TOPIC:
+            self.unit = message.data
+        elif connection.topic == self.scans:
+            self.frames[message.header.frame_id] += 1
+            geometry = tuple(
+                float(getattr(message, name))
+                for name in ("angle_min", "angle_increment", "range_min", "range_max")
+            )
+            self.found.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
+        else:
+            row = _row(message.header.stamp, POSES[connection.msgtype](message))
+            if connection.topic == self.reference:
+                self.truth.append(row)
+            if connection.topic == self.odometry:  # it may be both
+                self.moved.append(row)
+                self.base = message.child_frame_id or self.base
+
+    def log(self, base_frame: str | None) -> Log:
+        """Return the log."""
+        base = base_frame or self.base
+        rows = np.array(self.moved).reshape(-1, 7)
+        if self.odometry is None:
+            base, rows = self.transforms.odometry(base_frame)
+            if not len(rows):
+                raise InputError(
+                    f"{self.path} has no odometry: give the topic of a {ODOMETRY} by "
+                    "odometry_topic; there is no moving transform from the frame odom either."
+                )
+        self._place(_poses(rows))
+        (frame, _), *_ = self.frames.most_common(1) or [("", 0)]
+
+        def scanner_of(beams: int, geometry: tuple[float, ...]) -> Scanner:
+            start, step, least, most = geometry
+            angles, mounting = self.transforms.mounted(
+                self.path, base, frame, start + step * np.arange(float(beams))
+            )
+            return Scanner(angles=angles, mounting=mounting, min_range=least, max_range=most)
+
+        log = self.found.log(scanner_of, unit=self.unit)
+        return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)))
+
+    def _place(self, odometry: Floats) -> None:
+        """Fill in where the robot was at each scan; leave out scans that nobody knows it of."""
+        odometry = odometry[np.isfinite(odometry).all(axis=1)]
+        odometry = odometry[in_order(odometry[:, 0], Counter())]
+        found, times = self.found, np.array(self.found.times)
+        if not len(odometry):
+            found.damage[NO_ODOMETRY] += times.size
+            found.times.clear()
+            return
+        at = odometry[:, 0]
+        after = np.clip(np.searchsorted(at, times), 0, at.size - 1)
+        before = np.maximum(after - 1, 0)
+        known = (times >= at[0]) & (times <= at[-1])
+        known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
+        x, y, heading = odometry[:, 1:].T
+        columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
+        poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])]).tolist()
+        if lost := int((~known).sum()):
+            found.damage[NO_ODOMETRY] += lost
+        chosen = np.flatnonzero(known).tolist()
+        found.times = [found.times[i] for i in chosen]
+        found.odometry = [poses[i] for i in chosen]
+        found.ranges = [found.ranges[i] for i in chosen]
+        found.geometry = [found.geometry[i] for i in chosen]
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag; whatever damaged bytes lead to within becomes a sentence."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+            yield bag
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises what it meets: struct, sqlite3, yaml, assertions
+        said = str(error) or type(error).__name__
+        raise InputError(
+            f"{path} cannot be read as a ROS bag ({said}): is it whole, and was it closed?"
+        ) from None
+
+
+def _topic(
+    path: Path,
+    bag: Any,
+    types: tuple[str, ...],
+    argument: str,
+    asked: str | None,
+    *,
+    needed: bool = True,
+) -> str | None:
+    """Return the topic asked for, or the only one of some types."""
+    there = {one.topic: one.msgtype for one in bag.connections}
+    fitting = sorted(topic for topic, kind in there.items() if kind in types)
+    listed = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(there.items())) or "none"
+    if asked is not None:
+        if asked in fitting:
+            return asked
+        raise InputError(
+            f"{argument} is {asked!r}, but must be a topic of type {' or '.join(types)}; those of "
+            f"{path}: {listed}."
+        )
+    if len(fitting) > 1:
+        raise InputError(
+            f"{path} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: choose "
+            f"one by {argument}."
+        )
+    if not fitting and needed:
+        raise InputError(f"{path} has no topic of type {types[0]}; its topics: {listed}.")
+    return fitting[0] if fitting else None
+
+
+def _seconds(stamp: Any) -> float:
+    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9
+
+
+def _row(stamp: Any, pose: Any) -> list[float]:
+    at, turned = pose.position, pose.orientation
+    return [_seconds(stamp), at.x, at.y, turned.x, turned.y, turned.z, turned.w]
+
+
+def _poses(rows: Floats) -> Floats:
+    """Rows t, x, y, θ of rows t, x, y, qx, qy, qz, qw."""
+    finite = np.isfinite(rows).all(axis=1)
+    headings = np.full(len(rows), np.nan)
+    headings[finite] = heading_of(rows[finite, 3:])
+    return np.column_stack([rows[:, :3], headings])

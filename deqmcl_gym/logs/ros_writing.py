@@ -1,0 +1,163 @@
+"""Logs as ROS bags, written by ``rosbags``: /scan, /odom, /tf_static, /reference if there is one.
+
+ROS lengths are metres. A log in px says so in a topic of our own, so that it comes back as it was.
+"""
+
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.logs.log import Log, Pose
+from deqmcl_gym.logs.ros import (
+    ODOMETRY,
+    REFERENCE_TOPIC,
+    SCAN,
+    UNIT_TOPIC,
+    require_rosbags,
+)
+from deqmcl_gym.validation import InputError
+
+_TRANSFORMS, _POSE, _WORDS = (
+    "tf2_msgs/msg/TFMessage",
+    "geometry_msgs/msg/PoseStamped",
+    "std_msgs/msg/String",
+)
+
+
+def write_bag(log: Log, path: Path) -> None:
+    """Write a log as .bag (ROS 1), .mcap (ROS 2), or a folder of a ROS 2 bag (sqlite3).
+
+    Raises:
+        InputError: beams that are not evenly spaced, times before 0, or it cannot be written.
+    """
+    require_rosbags()
+    if log.scanner.spacing is None:
+        raise InputError(
+            "a ROS bag has evenly spaced beams, but those of this log are not: write .csv or .npz."
+        )
+    if log.times[0] < 0:
+        raise InputError(
+            f"the log begins at {log.times[0]:g} s, but ROS has no time before 0: shift its times."
+        )
+    if path.exists() and path.is_dir():
+        raise InputError(f"{path} is a folder that exists already: give another path.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            draft = Path(folder) / "bag"
+            _write(log, draft, path.suffix.lower())
+            made = next(draft.glob("*.mcap")) if path.suffix.lower() == ".mcap" else draft
+            if made.is_dir():
+                shutil.move(made, path)
+            else:
+                os.replace(made, path)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}): give another path."
+        ) from None
+
+
+def _write(log: Log, draft: Path, ending: str) -> None:
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    first = ending == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    if _TRANSFORMS not in store.types:  # those of ROS 1 are without tf2
+        listed = "geometry_msgs/TransformStamped[] transforms"
+        store.register(get_types_from_msg(listed, _TRANSFORMS))
+    plugin = StoragePlugin.MCAP if ending == ".mcap" else StoragePlugin.SQLITE3
+    writer: Any = Writer1(draft) if first else Writer2(draft, version=8, storage_plugin=plugin)
+    encode = store.serialize_ros1 if first else store.serialize_cdr
+    with writer:
+        topics: dict[str, Any] = {}
+
+        def send(topic: str, kind: str, time: int, message: Any) -> None:
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(topics[topic], time, encode(message, kind))
+
+        _Messages(log, store.types, send, sequenced=first).send_all()
+
+
+class _Messages:
+    """The messages of a log."""
+
+    def __init__(
+        self,
+        log: Log,
+        types: Any,
+        send: Callable[[str, str, int, Any], None],
+        *,
+        sequenced: bool,
+    ) -> None:
+        """Make messages of the ``types`` of a ROS; its headers are ``sequenced`` in ROS 1."""
+        self._log, self._send, self._sequenced = log, send, sequenced
+        self._types = types
+
+    def send_all(self) -> None:
+        """Send what never changes, then each record."""
+        log, scanner = self._log, self._log.scanner
+        times = np.round(log.times * 1e9).astype(np.int64).tolist()
+        make = self._make
+        mounting = make(
+            "geometry_msgs/msg/Transform",
+            make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0),
+            self._turned(0.0),
+        )
+        static = make(
+            "geometry_msgs/msg/TransformStamped",
+            self._header(times[0], "base_link"),
+            "laser",
+            mounting,
+        )
+        self._send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, [static]))
+        if log.unit != "m":
+            self._send(UNIT_TOPIC, _WORDS, times[0], make(_WORDS, log.unit))
+        nothing, still = np.zeros(36), make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+        twist = make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            make("geometry_msgs/msg/Twist", still, still),
+            nothing,
+        )
+        step = scanner.spacing or 0.0
+        for time, record in zip(times, log, strict=True):
+            pose = make(
+                "geometry_msgs/msg/PoseWithCovariance", self._pose(record.odometry), nothing
+            )
+            header = self._header(time, "odom")
+            self._send("/odom", ODOMETRY, time, make(ODOMETRY, header, "base_link", pose, twist))
+            if record.reference is not None:
+                stamped = make(_POSE, self._header(time, "map"), self._pose(record.reference))
+                self._send(REFERENCE_TOPIC, _POSE, time, stamped)
+            scan = make(
+                SCAN, self._header(time, "laser"), scanner.angles[0], scanner.angles[-1], step,
+                0.0, 0.0, scanner.min_range, scanner.max_range, np.array(record.ranges),
+                np.empty(0, np.float32),
+            )  # fmt: skip
+            self._send("/scan", SCAN, time, scan)
+
+    def _make(self, kind: str, *values: Any) -> Any:
+        return self._types[kind](*values)
+
+    def _header(self, time: int, frame: str) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", *divmod(time, 1_000_000_000))
+        sequence = (0,) if self._sequenced else ()
+        return self._make("std_msgs/msg/Header", *sequence, stamp, frame)
+
+    def _pose(self, pose: Pose) -> Any:
+        x, y, heading = pose
+        at = self._make("geometry_msgs/msg/Point", x, y, 0.0)
+        return self._make("geometry_msgs/msg/Pose", at, self._turned(heading))
+
+    def _turned(self, heading: float) -> Any:
+        half = heading / 2
+        return self._make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half))

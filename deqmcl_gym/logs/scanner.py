@@ -1,0 +1,130 @@
+"""Scanner: a lidar as it sits on a real robot."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps.units import LENGTH
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError, array, integer, number, one_of
+
+_NAMES = ("angles", "mounting", "max_range", "min_range", "no_return", "sigma")
+_EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Scanner(Lidar):
+    """A lidar with beams at any angles, and what its ranges mean. Lengths are in the log's unit.
+
+    A range is a measurement if it lies in [min_range, max_range] and is below ``no_return``;
+    otherwise it is +inf in a record: the beam came back from nowhere, or failed.
+
+    Attributes:
+        angles: of the beams against the robot's heading, the turn of the mounting included,
+            counterclockwise, in the order of the ranges, (beams,) rad.
+        mounting: where the scanner sits, x ahead and y left of the robot's centre.
+        min_range: smallest range that is a measurement.
+        no_return: reported where nothing is in range, as is everything above.
+    """
+
+    beams: int = field(init=False)
+    field_of_view: float = field(init=False)
+    max_range: float = field(metadata=LENGTH)
+    sigma: float = field(default=0.0, metadata=LENGTH)
+    angles: tuple[float, ...] = field(repr=False)
+    mounting: tuple[float, float] = field(default=(0.0, 0.0), metadata=LENGTH)
+    min_range: float = field(default=0.0, metadata=LENGTH)
+    no_return: float = field(default=math.inf, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        angles = array("scanner.angles", self.angles, (None,)).tolist()
+        if not angles:
+            raise InputError("scanner.angles is empty, but a scanner needs 1 beam or more.")
+        span = max(angles) - min(angles)
+        if span > 2 * math.pi + _EVEN:
+            raise InputError(
+                f"scanner.angles span {span:.4g} rad, but must span at most 2π: are they degrees?"
+            )
+        object.__setattr__(self, "angles", tuple(angles))
+        object.__setattr__(self, "beams", len(angles))
+        object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
+        x, y = array("scanner.mounting", self.mounting, (2,)).tolist()
+        object.__setattr__(self, "mounting", (x, y))
+        number("scanner.min_range", self.min_range, low=0)
+        number("scanner.no_return", self.no_return, low=0, above=True, finite=False)
+        super().__post_init__()
+
+    @classmethod
+    def of_lidar(cls, lidar: Lidar) -> "Scanner":
+        """Return the scanner of a simulated robot: in its centre, every range a measurement."""
+        return cls(
+            angles=tuple(lidar.bearings), max_range=float(lidar.max_range), sigma=lidar.sigma
+        )
+
+    @classmethod
+    def of_json(cls, what: str, text: str) -> "Scanner":
+        """Return the scanner that :attr:`json` describes; ``what`` names the text in sentences.
+
+        Raises:
+            InputError: no JSON, an unknown name, or a bad value.
+        """
+        try:
+            values = json.loads(text)
+        except ValueError:
+            values = None
+        if not isinstance(values, dict) or not {"angles", "max_range"} <= values.keys():
+            raise InputError(
+                f"{what} is no JSON object with a scanner's angles and max_range: give "
+                '{"angles": [rad, …], "max_range": …}.'
+            )
+        for name in values:
+            one_of(f"name in {what}", name, _NAMES)
+        return cls(**values)
+
+    @property
+    def json(self) -> str:
+        """All that makes this scanner, as JSON without blanks."""
+        values = {name: getattr(self, name) for name in _NAMES}
+        return json.dumps(values, separators=(",", ":"))
+
+    @property
+    def bearings(self) -> Floats:
+        """Angles of the beams against the robot's heading, (beams,) rad."""
+        return np.array(self.angles)
+
+    @property
+    def spacing(self) -> float | None:
+        """The angle between neighbouring beams; None if they are not evenly spaced."""
+        if self.beams == 1:
+            return 0.0
+        step = (self.angles[-1] - self.angles[0]) / (self.beams - 1)
+        even = self.angles[0] + step * np.arange(self.beams)
+        return step if np.abs(even - self.bearings).max() <= _EVEN else None
+
+    def measured(self, ranges: ArrayLike) -> Singles:
+        """Return ranges (..., beams) with +inf for all that are no measurements, float32."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            given = np.array(ranges, dtype=np.float32)
+            low, high = np.float32(self.min_range), np.float32(self.max_range)
+            seen = (given >= low) & (given <= high) & (given < np.float32(self.no_return))
+        given[~seen] = np.inf
+        return given
+
+    def thinned(self, max_beams: int) -> tuple["Scanner", Sequence[int]]:
+        """Return the scanner with at most so many of its beams, spread evenly, and their indices.
+
+        The first and the last beam stay, unless there is to be one only: the middle one.
+        """
+        integer("max_beams", max_beams, low=1)
+        if max_beams >= self.beams:
+            return self, range(self.beams)
+        ends = (0.0, self.beams - 1.0) if max_beams > 1 else ((self.beams - 1) / 2,) * 2
+        kept = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
+        return replace(self, angles=tuple(self.angles[i] for i in kept)), kept

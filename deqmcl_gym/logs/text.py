@@ -1,0 +1,59 @@
+"""Text of logs and trajectories, whatever it is packed and encoded in."""
+
+import gzip
+import zlib
+from pathlib import Path
+
+from deqmcl_gym.validation import InputError
+
+_GZIP = b"\x1f\x8b"
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file, unpacked if it is gzip.
+
+    Bytes that are no UTF-8 become U+FFFD, so that they damage their line only.
+
+    Raises:
+        InputError: it is missing, cannot be read, breaks off within its compression, or is binary.
+    """
+    packed = bytes_of(path)
+    if packed[:2] == _GZIP:
+        try:
+            packed = gzip.decompress(packed)
+        except (EOFError, zlib.error, OSError) as error:
+            raise InputError(
+                f"{path} is a gzip file that breaks off or is damaged ({error}): fetch it again."
+            ) from None
+    if packed[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return packed.decode("utf-16", errors="replace")
+    if b"\0" in packed[:4096]:
+        raise InputError(
+            f"{path} is a binary file, but must be text: is its name's ending the right one?"
+        )
+    return packed.decode("utf-8-sig", errors="replace")
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return the bytes of a file.
+
+    Raises:
+        InputError: it is missing or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: give the path of a file.") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): give another file.") from None
+
+
+def numbers_of(words: list[str]) -> list[float]:
+    """Return words as numbers, NaN and inf among them.
+
+    Raises:
+        ValueError: one is none. Python's "1_000" is none either.
+    """
+    if any("_" in word for word in words):
+        raise ValueError("an underscore")
+    return [float(word) for word in words]

@@ -1,0 +1,196 @@
+"""Trajectories in the TUM format, and where a robot was at other times than those in one."""
+
+import math
+import warnings
+from collections import Counter
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order
+from deqmcl_gym.logs.log import Log, said_of_skipped
+from deqmcl_gym.logs.motion import composed, heading_of, relative
+from deqmcl_gym.logs.text import numbers_of, text_of
+from deqmcl_gym.maps.units import PIXELS
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.validation import InputError, array, number
+
+MAX_GAP = 2.0  # m
+_FEW = 0.5  # share of records with a reference pose below which one is warned
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses at times.
+
+    Attributes:
+        times: s, (n,), none before the last.
+        poses: (x, y, θ), (n, 3).
+        source: what it was read from.
+    """
+
+    times: Floats
+    poses: Floats
+    source: str = "the trajectory"
+
+    def __post_init__(self) -> None:
+        times = array(f"times of {self.source}", self.times, (None,))
+        poses = array(f"poses of {self.source}", self.poses, (times.size, 3))
+        if not times.size:
+            raise InputError(f"{self.source} has no pose.")
+        if (np.diff(times) < 0).any():
+            raise InputError(f"times of {self.source} run backwards.")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "poses", poses)
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write a TUM file: ``t x y 0 0 0 sin(θ/2) cos(θ/2)`` a line, all digits."""
+        rows = np.column_stack([self.times, self.poses]).tolist()
+        write_bytes(Path(path), "".join(_line(*row) for row in rows).encode())
+
+
+def read_tum(path: str | PathLike[str]) -> Trajectory:
+    """Read a TUM trajectory: ``t x y z qx qy qz qw`` a line, ``#`` begins a comment.
+
+    Lines that are no pose are skipped with a warning that counts them.
+
+    Raises:
+        InputError: no pose in it.
+    """
+    file = Path(path)
+    rows: list[list[float]] = []
+    damage: Counter[str] = Counter()
+    for line in text_of(file).splitlines():
+        if not (words := line.replace(",", " ").split()) or words[0].startswith("#"):
+            continue
+        try:
+            time, x, y, _, *quaternion = numbers_of(words)
+        except ValueError:
+            quaternion = []
+        if len(quaternion) != 4:
+            damage[UNREADABLE] += 1
+        else:
+            rows.append([time, x, y, *quaternion])
+    table = np.array(rows).reshape(-1, 7)
+    known = np.isfinite(table).all(axis=1)
+    headings = np.full(len(table), np.nan)
+    headings[known] = heading_of(table[known, 3:])
+    return _sound(np.column_stack([table[:, :3], headings]), str(file), damage)
+
+
+def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
+    """Return the sound ones of rows t, x, y, θ, (n, 4); warn of the others."""
+    finite = np.isfinite(rows).all(axis=1)
+    if not finite.all():
+        damage[NOT_FINITE] += int((~finite).sum())
+    rows = rows[finite]
+    if not len(rows):
+        why = f" ({said_of_skipped(damage, 0)})" if damage else ""
+        raise InputError(
+            f"{source} has no usable reference pose{why}: a TUM trajectory has lines of 8 numbers, "
+            "t x y z qx qy qz qw."
+        )
+    rows = rows[in_order(rows[:, 0], damage)]
+    if damage:
+        said = said_of_skipped(damage, len(rows))
+        warnings.warn(f"reference {source}: {said}.", LogWarning, stacklevel=3)
+    return Trajectory(rows[:, 0], rows[:, 1:], source)
+
+
+def referenced(
+    log: Log, reference: Trajectory | str | PathLike[str], max_gap: float | None = None
+) -> Log:
+    """Return the log with a trajectory as its reference, at the times of its records.
+
+    Between two poses of the trajectory the robot is where its odometry takes it from the first; the
+    odometry's error at the second is spread over the way between them. So a reference with a pose
+    a metre does not cut corners.
+
+    Args:
+        log: the records.
+        reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
+        max_gap: records between two poses further apart than this get none; None is 2 m.
+
+    Raises:
+        InputError: no record lies within the trajectory.
+    """
+    apart = MAX_GAP / PIXELS["m"] * PIXELS[log.unit] if max_gap is None else max_gap
+    number("max_gap", apart, low=0, finite=False)
+    trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
+    times, poses = trajectory.times, trajectory.poses
+    inside = (log.times >= times[0]) & (log.times <= times[-1])
+    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
+    before = after - 1
+    after = np.minimum(after, times.size - 1)
+    exact = np.isin(log.times, times)
+    near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
+    known = inside & (near | exact)
+    if not known.any():
+        raise InputError(
+            f"the reference {trajectory.source} covers {times[0]:.2f} s to {times[-1]:.2f} s, but "
+            f"{log.source} {log.times[0]:.2f} s to {log.times[-1]:.2f} s: no record has a "
+            "reference pose, so give the reference of this log, with the same clock."
+        )
+    if known.mean() < _FEW:
+        warnings.warn(
+            f"the reference {trajectory.source} has a pose for only {int(known.sum()):,} of "
+            f"{len(log):,} records of {log.source}.",
+            LogWarning,
+            stacklevel=2,
+        )
+    first, last = before[known], after[known]
+    here, whole, share = _travelled(log, times, known, first, last)
+    missed = relative(poses[first], poses[last]) - whole
+    missed[:, 2] = arrays.wrapped(missed[:, 2])
+    found = np.full((len(log), 3), np.nan)
+    found[known] = composed(poses[first], here + share[:, None] * missed)
+    return replace(log, reference=found)
+
+
+def with_own_reference(log: Log, rows: ArrayLike) -> Log:
+    """Return the log with the reference of its own file, rows t, x, y, θ, (k, 4); none if k = 0.
+
+    If they all stand at records, there is none between them.
+    """
+    given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
+    if not len(given):
+        return log
+    trajectory = _sound(given, log.source, Counter())
+    same = np.isin(trajectory.times, log.times).all()
+    return referenced(log, trajectory, max_gap=0.0 if same else None)
+
+
+def _travelled(
+    log: Log, times: Floats, known: Bools, first: Indices, last: Indices
+) -> tuple[Floats, Floats, Floats]:
+    """Return the ways from the ``first`` of ``times`` to records, and to the ``last``, by odometry.
+
+    Returns:
+        Poses as seen from the first, of the record and of the last, (k, 3) each, and the share of
+        the way that the record has behind it. Where the odometry does not reach so far, the way is
+        unknown: 0, and the share is that of the time.
+    """
+    x, y, heading = log.odometry.T
+    elapsed = log.way + 1e-9 * (log.times - log.times[0])  # goes on a little while it stands
+    columns = (x, y, np.unwrap(heading), elapsed)
+    *at, way = (np.interp(times, log.times, column) for column in columns)
+    odometry = np.column_stack(at)
+    here = relative(odometry[first], log.odometry[known])
+    whole = relative(odometry[first], odometry[last])
+    beyond = (times[first] < log.times[0]) | (times[last] > log.times[-1])
+    here[beyond] = whole[beyond] = 0.0
+    gone = np.where(beyond, log.times[known] - times[first], elapsed[known] - way[first])
+    length = np.where(beyond, times[last] - times[first], way[last] - way[first])
+    return here, whole, np.divide(gone, length, out=np.zeros_like(length), where=length > 0)
+
+
+def _line(time: float, x: float, y: float, heading: float) -> str:
+    turned = math.sin(heading / 2), math.cos(heading / 2)
+    return " ".join(map(repr, (time, x, y, 0, 0, 0, *turned))) + "\n"

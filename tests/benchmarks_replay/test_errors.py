@@ -1,0 +1,75 @@
+"""APE and RPE are evo's, as its command line computes them from our TUM files."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.replay.errors import absolute, relative_errors
+from deqmcl_gym.logs import Trajectory
+from deqmcl_gym.validation import InputError
+
+BESIDE = Path(sys.executable).parent  # where pip puts commands
+EVO = {name: shutil.which(name, path=BESIDE) for name in ("evo_ape", "evo_rpe")}
+RELATIONS = {"trans_part": "translation", "angle_rad": "rotation"}
+
+
+def tracks(seed, n=120):
+    """A drive with turns beyond ±π, and an estimate of it."""
+    rng = np.random.default_rng(seed)
+    reference = np.cumsum(rng.normal(0.1, 0.5, (n, 3)), axis=0)
+    return reference + rng.normal(0, 0.3, (n, 3)), reference
+
+
+def by_evo(tool, folder, relation, *options):
+    """The error of each pose, as evo's command says."""
+    saved = folder / f"{tool}-{relation}{len(options)}.zip"
+    command = [EVO[tool], "tum", folder / "reference.tum", folder / "estimate.tum"]
+    subprocess.run(
+        [*command, "-r", relation, *options, "--save_results", saved, "--no_warnings"],
+        env=os.environ | {"HOME": str(folder)}, check=True, capture_output=True,
+    )  # fmt: skip
+    with zipfile.ZipFile(saved) as archive, archive.open("error_array.npy") as file:
+        return np.load(file)
+
+
+@pytest.mark.skipif(None in EVO.values(), reason="evo is not installed")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_errors_are_those_of_evo(tmp_path, seed):
+    estimate, reference = tracks(seed)
+    times = 1e9 + 0.1 * np.arange(len(estimate))
+    Trajectory(times, estimate).write(tmp_path / "estimate.tum")
+    Trajectory(times, reference).write(tmp_path / "reference.tum")
+    found = {
+        ("evo_ape",): absolute(estimate, reference),
+        ("evo_rpe",): relative_errors(estimate, reference),
+        ("evo_rpe", "-d", "7"): relative_errors(estimate, reference, delta=7),
+    }
+    for (tool, *options), errors in found.items():
+        for relation, part in RELATIONS.items():
+            expected = by_evo(tool, tmp_path, relation, *options)
+            np.testing.assert_allclose(getattr(errors, part), expected, rtol=0, atol=1e-6)
+
+
+def test_poses_without_a_reference_count_for_nothing():
+    estimate, reference = tracks(0)
+    reference[::3] = np.nan
+    known = np.isfinite(reference[:, 0])
+    whole = absolute(estimate, reference)
+    assert whole.rmse == absolute(estimate[known], reference[known]).rmse
+    assert whole.translation.size == known.sum()
+
+
+def test_without_any_reference_there_is_no_error():
+    estimate, reference = tracks(0, n=5)
+    with pytest.raises(InputError, match="no pose has a reference"):
+        absolute(estimate, np.full_like(reference, np.nan))
+    with pytest.raises(InputError, match="needs 6 poses"):
+        relative_errors(estimate, reference, delta=5)
+    with pytest.raises(InputError, match="shape"):
+        absolute(estimate, reference[1:])

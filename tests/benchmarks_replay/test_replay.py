@@ -1,0 +1,132 @@
+"""A localizer on a log: what it is given, and that a recorded lap is that lap again."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import deqmcl_gym  # noqa: F401  # registers the envs
+from benchmarks.replay.clusters import best_cluster
+from benchmarks.replay.noise import motion_noise
+from benchmarks.replay.playing import played, replay
+from benchmarks.setup.names import scenario
+from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.logs import Log, Scanner
+from deqmcl_gym.logs.motion import dead_reckoned
+from deqmcl_gym.validation import InputError
+from localizers import PointsBelief, make
+
+
+class Spy:
+    """Keeps all that it is given."""
+
+    def __init__(self):
+        self.given = []
+
+    def reset(self, prior, plan, rng):
+        self.given.append((plan,))
+        return PointsBelief(np.zeros((1, 3)))
+
+    def update(self, ranges, action, plan):
+        self.given.append((ranges, action, plan))
+        return PointsBelief(np.zeros((1, 3)))
+
+
+@pytest.fixture(scope="module")
+def lap():
+    """A room, and the log of its lap."""
+    env = RecordLog(gym.make("deqmcl_gym/Room-v0", preset="sharp", ends_at_goal=False))
+    _, info = env.reset(seed=11)
+    while info["planned_count"]:
+        *_, info = env.step(info["planned_actions"][0])
+    return env.unwrapped, env.log
+
+
+@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "dead-reckoning"])
+def test_a_replayed_lap_is_the_lap_to_the_bit(lap, name):
+    trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
+    setup = scenario("sharp")
+    room = setup.room()
+    live = list(trial_moments(trial))
+    log = Log.of_episode(
+        [moment.ranges for moment in live],
+        [moment.action for moment in live[1:]],
+        [moment.truth for moment in live],
+        room.lidar,
+        unit="px",
+    )
+    env = LogEnv(log=log, map=room.floor_plan, horizon=len(log))
+    localizer = make(name, setup.robot_model(room))
+    again = list(played(env, localizer, setup.prior_in(room), trial.filter_rng()))
+    assert len(again) == len(live)
+    for one, other in zip(live, again, strict=True):
+        for mine, theirs in zip(one.belief.points(), other.belief.points(), strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+
+
+def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
+    _, log = lap
+    seen = []
+    for reference in (log.reference, log.reference + 100.0, None):
+        spy = Spy()
+        other = Log(log.scanner, log.times, log.odometry, log.ranges, reference, log.unit)
+        list(played(LogEnv(log=other), spy, None, np.random.default_rng(0)))
+        seen.append(spy.given)
+    np.testing.assert_equal(seen[1], seen[0])
+    np.testing.assert_equal(seen[2], seen[0])
+
+
+def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap, tmp_path):
+    room, log = lap
+    env = LogEnv(log=log, map=room.floor_plan)
+    setup = scenario("sharp")
+    localizer = make("mcl", setup.robot_model(room), particles=200)
+    track = replay(env, localizer, setup.prior_in(room), np.random.default_rng(0))
+    assert track.means.shape == track.best.shape == track.truth.shape == (len(log), 3)
+    np.testing.assert_array_equal(track.truth, log.reference)
+    assert track.way[-1] == pytest.approx(np.abs(log.actions[:, 0]).sum())
+    assert np.median(np.hypot(*(track.means - track.truth)[:, :2].T)) < 20
+    track.write(tmp_path)
+    assert len((tmp_path / "estimate.tum").read_text().splitlines()) == len(log)
+
+
+def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():
+    rng = np.random.default_rng(0)
+    here, there = rng.normal((0, 0, 3.1), 0.02, (300, 3)), rng.normal((9, 9, 0), 0.02, (200, 3))
+    poses = np.concatenate([here, there])
+    best = best_cluster(poses, np.full(500, 1 / 500), unit="m")
+    assert best.share == pytest.approx(0.6)
+    assert best.mean == pytest.approx(here.mean(axis=0), abs=1e-3)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(-50, 50))
+def test_a_cluster_on_the_edge_of_cells_is_whole(heading, x, y):
+    rng = np.random.default_rng(1)
+    poses = rng.normal((x, y, heading), 0.05, (100, 3))
+    assert best_cluster(poses, np.full(100, 0.01), unit="m").share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("noise", [(0.1, 0.2, 0.05), (0.4, 0.05, 0.2)])
+def test_the_noise_of_a_log_is_found_from_its_reference(noise):
+    drive, turn, drift = noise
+    rng = np.random.default_rng(0)
+    n = 4000
+    actions = np.column_stack([rng.uniform(0.05, 0.4, n), rng.normal(0, 0.3, n)])
+    d, phi = np.abs(actions).T
+    done = actions + rng.standard_normal((n, 2)) * np.column_stack(
+        [drive * d, turn * phi + drift * d]
+    )
+    scanner = Scanner(angles=(0.0,), max_range=5.0)
+    told, true = dead_reckoned(actions), dead_reckoned(done)
+    log = Log(scanner, np.arange(n + 1.0), told, np.ones((n + 1, 1)), true)
+    found = motion_noise(log)
+    # Relative standard errors are about 1/sqrt(2 n) = 1.1 %; those of turn and drift trade off.
+    assert (found.drive, found.turn, found.drift) == pytest.approx(noise, rel=0.1)
+    with pytest.raises(InputError, match="no reference"):
+        motion_noise(Log(scanner, log.times, told, log.ranges))
+    with pytest.raises(InputError, match="needs 10"):
+        motion_noise(log.segment(0, 5))

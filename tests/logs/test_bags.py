@@ -1,0 +1,174 @@
+"""Bags of other people's robots, written by rosbags alone: topics, transforms, odometry."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from drives import read_and_warned
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from deqmcl_gym import logs
+from deqmcl_gym.validation import InputError
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+SCAN, ODOMETRY, TF = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
+
+
+def make(kind, *values):
+    return STORE.types[kind](*values)
+
+
+def header(time, frame):
+    stamp = make("builtin_interfaces/msg/Time", int(time), round(time % 1 * 1e9))
+    return make("std_msgs/msg/Header", stamp, frame)
+
+
+def quaternion(roll=0.0, yaw=0.0):
+    half = roll / 2, yaw / 2
+    (sr, sy), (cr, cy) = map(math.sin, half), map(math.cos, half)
+    return make("geometry_msgs/msg/Quaternion", sr * cy, sr * sy, cr * sy, cr * cy)
+
+
+def transform(parent, child, x, y, roll=0.0, yaw=0.0, time=0.0):
+    moved = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", x, y, 0.3),
+        quaternion(roll, yaw),
+    )
+    one = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
+    return make(TF, [one])
+
+
+def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
+    values = np.float32(ranges)
+    return make(
+        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.0, 0.1, 10.0, values,
+        np.empty(0, np.float32),
+    )  # fmt: skip
+
+
+def odometry(time, x, heading=0.0):
+    at = make("geometry_msgs/msg/Point", x, 0.0, 0.0)
+    pose = make("geometry_msgs/msg/Pose", at, quaternion(yaw=heading))
+    still = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    twist = make("geometry_msgs/msg/Twist", still, still)
+    nothing = np.zeros(36)
+    return make(
+        ODOMETRY,
+        header(time, "odom"),
+        "base_footprint",
+        make("geometry_msgs/msg/PoseWithCovariance", pose, nothing),
+        make("geometry_msgs/msg/TwistWithCovariance", twist, nothing),
+    )
+
+
+def bag(path, *messages, plugin=StoragePlugin.SQLITE3):
+    """Write messages (topic, type, message)."""
+    with Writer(path, version=8, storage_plugin=plugin) as writer:
+        topics = {}
+        for number, (topic, kind, message) in enumerate(messages):
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            if message is not None:
+                writer.write(topics[topic], number, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def drive(*more, times=(0.5, 1.0, 1.5)):
+    """Odometry at 0, 1, 2 s, one metre apart; scans in between."""
+    moved = [("/odom", ODOMETRY, odometry(float(t), float(t), 0.1 * t)) for t in range(3)]
+    return [*more, *moved, *(("/scan", SCAN, scan(time)) for time in times)]
+
+
+def test_odometry_lies_straight_between_the_messages_around_a_scan(tmp_path):
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive()))
+    assert log.times.tolist() == [0.5, 1.0, 1.5]
+    np.testing.assert_allclose(log.odometry, [[t, 0, 0.1 * t] for t in log.times], atol=1e-12)
+    assert "no static transform from base_footprint to laser" in warned
+
+
+def test_a_scan_that_nobody_knows_the_place_of_is_counted(tmp_path):
+    times = (0.5, 1.0, 2.5, 99.0)
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive(times=times)))
+    assert log.times.tolist() == [0.5, 1.0]
+    assert "skipped 2 of 4 records: 2 without odometry" in warned
+
+
+@pytest.mark.parametrize(("roll", "sign"), [(0.0, 1), (math.pi, -1)])
+def test_static_transforms_say_the_mounting_through_a_chain_and_upside_down(tmp_path, roll, sign):
+    chain = [
+        ("/tf_static", TF, transform("base_footprint", "base_link", 0.1, 0.0)),
+        ("/tf_static", TF, transform("base_link", "mast", 0.2, 0.0, yaw=math.pi / 2)),
+        ("/tf_static", TF, transform("mast", "laser", 0.5, 0.0, roll=roll)),
+    ]
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive(*chain)))
+    assert warned == ""
+    assert log.scanner.mounting == pytest.approx((0.3, 0.5))
+    assert log.scanner.bearings == pytest.approx(math.pi / 2 + sign * np.array([-1.0, 0.0, 1.0]))
+    placed = log.at_scanner()
+    ahead = log.odometry[:, 2] + math.atan2(0.5, 0.3)
+    np.testing.assert_allclose(
+        placed.odometry[:, 0] - log.odometry[:, 0], math.hypot(0.3, 0.5) * np.cos(ahead)
+    )
+
+
+def test_a_tilted_scanner_is_refused(tmp_path):
+    tilted = ("/tf_static", TF, transform("base_footprint", "laser", 0.0, 0.0, roll=0.5))
+    with pytest.raises(InputError, match="tilted by 29°"):
+        logs.read(bag(tmp_path / "x", *drive(tilted)))
+
+
+def test_without_an_odometry_topic_the_moving_transform_is_taken(tmp_path):
+    moved = [
+        ("/tf", TF, transform("odom", "base_link", float(t), 0.0, yaw=0.1 * t, time=t))
+        for t in range(3)
+    ]
+    mounted = ("/tf_static", TF, transform("base_link", "laser", 0.2, 0.0))
+    scans = [("/scan", SCAN, scan(0.5)), ("/scan", SCAN, scan(1.5))]
+    log, warned = read_and_warned(bag(tmp_path / "x", mounted, *moved, *scans))
+    np.testing.assert_allclose(log.odometry, [[0.5, 0, 0.05], [1.5, 0, 0.15]], atol=1e-12)
+    assert (log.scanner.mounting, warned) == ((0.2, 0.0), "")
+    with pytest.raises(InputError, match="no odometry"):
+        logs.read(bag(tmp_path / "y", mounted, *scans))
+
+
+def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_several(tmp_path):
+    other = ("/back/scan", SCAN, scan(1.2, ranges=(4.0, 4.0, 4.0)))
+    path = bag(tmp_path / "x", *drive(other), plugin=StoragePlugin.MCAP)
+    with pytest.raises(InputError, match=r"2 topics of type .*, /back/scan, /scan: choose"):
+        logs.read(path)
+    log, _ = read_and_warned(path, scan_topic="/back/scan")
+    assert log.ranges.tolist() == [[4.0, 4.0, 4.0]]
+    with pytest.raises(InputError, match="scan_topic is '/odom', but must be a topic of type"):
+        logs.read(path, scan_topic="/odom")
+    with pytest.raises(InputError, match="reference_topic"):
+        logs.read(path, scan_topic="/scan", reference_topic="/amcl_pose")
+    log, _ = read_and_warned(path, scan_topic="/scan", reference_topic="/odom")
+    np.testing.assert_allclose(log.reference, log.odometry, atol=1e-12)
+
+
+@pytest.mark.parametrize("messages", [(), [("/odom", ODOMETRY, odometry(0.0, 0.0))]])
+def test_a_bag_without_a_laser_is_refused(tmp_path, messages):
+    with pytest.raises(InputError, match=r"no topic of type sensor_msgs/msg/LaserScan; its topics"):
+        logs.read(bag(tmp_path / "x", *messages))
+
+
+def test_a_bag_with_an_empty_laser_topic_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no usable record"):
+        read_and_warned(bag(tmp_path / "x", *drive(("/scan", SCAN, None), times=())))
+
+
+def test_a_scan_of_another_length_or_geometry_is_counted(tmp_path):
+    odd = ("/scan", SCAN, scan(0.7, ranges=(1.0, 2.0)))
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive(odd)))
+    assert len(log) == 3
+    assert "1 with a scan of another length" in warned
+
+
+def test_without_rosbags_one_sentence_names_the_command(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    for call in (lambda: logs.read(tmp_path / "x.bag"), lambda: logs.check_writable("x.mcap")):
+        with pytest.raises(InputError, match=r'pip install "deqmcl-gym\[ros\]"'):
+            call()

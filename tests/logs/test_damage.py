@@ -1,0 +1,228 @@
+"""Damaged logs: a bad record is skipped and counted, a bad file refused in one sentence."""
+
+import gzip
+import re
+import sqlite3
+
+import numpy as np
+import pytest
+from drives import ENDINGS, NAN, episode, read_and_warned, real
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deqmcl_gym import logs
+from deqmcl_gym.logs.found import Found, in_order
+from deqmcl_gym.validation import InputError
+
+
+def carmen_lines(n=12):
+    return [f"FLASER 3 1.5 2.5 3.5 0 0 0 {t}.0 0 0.1 {t} host {t}" for t in range(n)]
+
+
+DAMAGES = {
+    "cut within its ranges": lambda line: line[:12],
+    "cut before its time": lambda line: line[: line.index("host") - 3],
+    "a word among its ranges": lambda line: line.replace("2.5", "2,5"),
+    "an underscore among its digits": lambda line: line.replace("2.5", "2_5"),
+    "no UTF-8": lambda line: line.replace("2.5", "\udcff"),
+    "one range less": lambda line: line.replace(" 3 1.5", " 2"),
+    "one range more": lambda line: line.replace(" 3 1.5", " 4 1.5 1.5"),
+    "a count that lies": lambda line: line.replace(" 3 1.5", " 4 1.5"),
+    "a count below 0": lambda line: line.replace(" 3 1.5", " -3 1.5"),
+    "a NaN in its pose": lambda line: line.replace("0 0.1", "0 nan"),
+    "an infinite time": lambda line: re.sub(r"\d+ host", "inf host", line),
+    "a garbled word": lambda line: line.replace("FLASER", "FLAS3R"),
+    "two lines in one": lambda line: line + line,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@settings(max_examples=15, deadline=None)
+@given(hurt=st.sets(st.integers(1, 11), min_size=1, max_size=4))
+def test_every_damaged_record_is_left_out_and_counted_and_no_other(tmp_path_factory, damage, hurt):
+    lines = carmen_lines()
+    for index in hurt:
+        lines[index] = DAMAGES[damage](lines[index])
+    path = tmp_path_factory.getbasetemp() / "damaged.log"
+    path.write_bytes("\n".join(lines).encode("utf-8", "surrogateescape"))
+    log, warned = read_and_warned(path)
+    assert log.times.tolist() == [t for t in range(12) if t not in hurt]
+    assert sum(log.skipped.values()) == len(hurt)
+    assert f"skipped {len(hurt)} of 12 records" in warned
+
+
+@pytest.mark.parametrize("time", ["-5", "1e9"])
+@pytest.mark.parametrize("index", [2, 5, 9])
+def test_a_time_stamp_that_is_off_costs_one_record(tmp_path, time, index):
+    lines = carmen_lines()
+    lines[index] = re.sub(r"\d+ host", f"{time} host", lines[index])
+    (tmp_path / "x.log").write_text("\n".join(lines))
+    log, warned = read_and_warned(tmp_path / "x.log")
+    assert log.times.tolist() == [t for t in range(12) if t != index]
+    assert "skipped 1 of 12 records: 1 whose time runs backwards" in warned
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, NAN, float("inf"), float("-inf"), 81.83, 1e300])
+def test_a_bad_range_costs_its_beam_not_the_record(tmp_path, bad):
+    (tmp_path / "x.log").write_text(
+        "\n".join(line.replace("2.5", repr(bad)) for line in carmen_lines())
+    )
+    log, warned = read_and_warned(tmp_path / "x.log")
+    assert log.ranges.tolist() == [[1.5, np.inf, 3.5]] * 12
+    assert not warned
+    assert "33.3% of the ranges without a return" in str(log)
+
+
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=25))
+def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
+    damage = Found("x").damage
+    kept = in_order(np.array(times, float), damage)
+    run = np.array(times)[kept]
+    assert (np.diff(run) >= 0).all()
+    assert (np.diff(kept) > 0).all()
+    longest = np.ones(len(times), int)  # by definition, in quadratic time
+    for i in range(len(times)):
+        before = [longest[j] for j in range(i) if times[j] <= times[i]]
+        longest[i] = 1 + max(before, default=0)
+    assert len(kept) == longest.max()
+    assert damage.total() == len(times) - len(kept)
+
+
+def refused(path, **options):
+    with pytest.raises(InputError) as caught:
+        read_and_warned(path, **options)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert path.name in sentence
+    return sentence
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.98])
+def test_a_file_that_breaks_off_is_refused_or_its_loss_is_counted(tmp_path, ending, share):
+    log = real(n=60)
+    path = tmp_path / f"x{ending}"
+    logs.write(log, path)
+    file = next(path.glob("*.db3")) if ending == "" else path
+    content = file.read_bytes()
+    file.write_bytes(content[: int(len(content) * share)])
+    try:
+        back, warned = read_and_warned(path)
+    except InputError:
+        refused(path)
+    else:  # a text cut at a line's end looks whole
+        assert ending in (".log", ".csv")
+        assert len(back) < len(log)
+        assert back.times.tolist() == log.times[: len(back)].tolist()
+        assert "skipped 1 of" in warned or content[int(len(content) * share) - 1 :][:1] == b"\n"
+
+
+@pytest.mark.parametrize("ending", [*ENDINGS[:-1], ".db3"])
+@settings(max_examples=20, deadline=None)
+@given(noise=st.binary(max_size=200))
+def test_noise_is_refused_in_one_sentence(tmp_path_factory, ending, noise):
+    path = tmp_path_factory.getbasetemp() / f"noise{ending}"
+    path.write_bytes(noise)
+    refused(path)
+
+
+def test_a_gzip_that_breaks_off_says_so(tmp_path):
+    packed = gzip.compress("\n".join(carmen_lines(500)).encode())
+    (tmp_path / "x.log.gz").write_bytes(packed[: len(packed) // 2])
+    assert "breaks off" in refused(tmp_path / "x.log.gz")
+
+
+def test_utf_16_and_a_byte_order_mark_are_read(tmp_path):
+    for encoding in ("utf-16", "utf-8-sig", "latin-1"):
+        text = "# Gebäude 79\n" + "\n".join(carmen_lines())
+        (tmp_path / "x.log").write_bytes(text.encode(encoding))
+        log, warned = read_and_warned(tmp_path / "x.log")
+        assert (len(log), warned) == (12, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no scan"),
+        ("ODOM 0 0 0 0 0 0 1 h 1", "no scan"),
+        ("FLASER 3 1", "1 unreadable lines"),
+        ("FLASER 1 1 0 0 0 nan 0 0 1 h 1", "not finite"),
+        (
+            "FLASER 1 1 0 0 0 0 0 0 1 h 1\n"
+            "ROBOTLASER1 0 0 3 1 80 0.01 0 1 1 0 0 0 0 0 0 0 0 0 0 0 0 1 h 1",
+            "two kinds",
+        ),
+    ],
+)
+def test_a_carmen_log_without_a_choice_of_scans_is_refused(tmp_path, text, said):
+    (tmp_path / "x.log").write_text(text)
+    assert said in refused(tmp_path / "x.log")
+
+
+def test_what_cannot_be_a_log_is_refused(tmp_path):
+    (tmp_path / "x.dat").write_text("1")
+    (tmp_path / "x").write_text("1")
+    for name, said in (("x.dat", "unknown format"), ("x", "unknown format"), ("no.log", "exist")):
+        assert said in refused(tmp_path / name)
+    for name in ("no.csv", "no.npz", "no.mcap", "no.bag", "no"):
+        assert re.search("exist", refused(tmp_path / name))
+    logs.write(episode(), tmp_path / "x.csv")
+    assert "does not take it" in refused(tmp_path / "x.csv", scan_topic="/scan")
+    with pytest.raises(InputError, match="not written"):
+        logs.write(episode(), tmp_path / "x.dat")
+
+
+def test_pickles_are_never_loaded(tmp_path):
+    arrays = {
+        "times": np.array([{}], object),
+        "odometry": np.zeros((1, 3)),
+        "ranges": np.ones((1, 1)),
+    }
+    np.savez(tmp_path / "x.npz", **arrays)
+    assert "pickles" in refused(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"odometry": np.zeros((2, 3))}, "odometry"),
+        ({"ranges": np.zeros((3, 2))}, "have shape"),
+        ({"times": [0.0, 2.0, 1.0]}, "run backwards"),
+        ({"times": [0.0, NAN, 1.0]}, "times"),
+        ({"reference": np.zeros((2, 3))}, "reference"),
+        ({"unit": "feet"}, "unit"),
+    ],
+)
+def test_a_log_made_by_hand_is_checked(changes, said):
+    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
+    arrays = {"times": np.arange(3.0), "odometry": np.zeros((3, 3)), "ranges": np.ones((3, 1))}
+    with pytest.raises(InputError, match=said):
+        logs.Log(scanner, **(arrays | changes))
+
+
+def test_a_reference_that_does_not_overlap_is_refused_and_a_bad_line_of_it_counted(tmp_path):
+    log = real()
+    later = logs.Trajectory(log.times + 1e6, log.odometry)
+    with pytest.raises(InputError, match="no record has a reference pose"):
+        logs.referenced(log, later)
+    path = tmp_path / "x.tum"
+    lines = "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n3 0 0\n\n# x\n4 nan 0 0 0 0 0 1\n5 0 0 0 0 0 1 0\n"
+    path.write_text(lines)
+    with pytest.warns(logs.LogWarning, match="skipped 3 of 5"):
+        assert logs.read_tum(path).times.tolist() == [1.0, 5.0]
+    path.write_text("# nothing\n")
+    with pytest.raises(InputError, match="no usable reference pose"):
+        logs.read_tum(path)
+
+
+def test_a_damaged_message_of_a_bag_is_counted(tmp_path):
+    log = real()
+    logs.write(log, tmp_path / "x")
+    with sqlite3.connect(next((tmp_path / "x").glob("*.db3"))) as base:
+        topic = base.execute("SELECT id FROM topics WHERE name = '/scan'").fetchone()[0]
+        third = "SELECT id FROM messages WHERE topic_id = ? ORDER BY timestamp LIMIT 1 OFFSET 2"
+        (message,) = base.execute(third, (topic,)).fetchone()
+        base.execute("UPDATE messages SET data = x'0001000001' WHERE id = ?", (message,))
+    back, warned = read_and_warned(tmp_path / "x")
+    assert back.times == pytest.approx(np.delete(log.times, 2))
+    assert "skipped 1 of 30 records: 1 unreadable" in warned

@@ -1,0 +1,280 @@
+"""deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
+
+import json
+import math
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from drives import ENDINGS, NAN, SQUARE, episode, real
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given
+from hypothesis import strategies as st
+
+import deqmcl_gym  # noqa: F401  # registers the envs
+from deqmcl_gym import logs
+from deqmcl_gym.envs.log import LogEnv, spacing
+from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned, relative
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.validation import InputError
+
+LOG_ID = "deqmcl_gym:deqmcl_gym/Log-v0"
+UNITS = r".*we recommend using a symmetric and normalized space.*"
+
+
+def played(env):
+    """What the env says at reset and at each step."""
+    said = [(*env.reset(), 0.0, False, False)]
+    while not said[-1][3]:
+        scan, reward, ended, truncated, info = env.step(env.unwrapped.next_action)
+        said.append((scan, info, reward, ended, truncated))
+    return said
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending):
+    room = RecordLog(gym.make("deqmcl_gym/Room-v0", preset="sharp", horizon=20))
+    said = [room.reset(seed=5)]
+    while len(said) < 60:
+        scan, _, _, _, info = room.step(said[-1][1]["planned_actions"][0])
+        said.append((scan, info))
+    logs.write(room.log, tmp_path / f"x{ending}")
+    env = gym.make(LOG_ID, log=tmp_path / f"x{ending}", horizon=20)
+    back = played(env)
+    assert len(back) == len(said)
+    for t, ((scan, info), (again, told, reward, ended, truncated)) in enumerate(
+        zip(said, back, strict=True)
+    ):
+        np.testing.assert_array_equal(again, scan)
+        np.testing.assert_array_equal(told["action"], info["action"])
+        np.testing.assert_allclose(told["truth"], info["truth"], rtol=0, atol=1e-12)
+        to_come = np.array([info["action"] for _, info in said[t + 1 : t + 21]]).reshape(-1, 2)
+        np.testing.assert_array_equal(told["planned_actions"][: told["planned_count"]], to_come)
+        assert set(told) == set(info)
+        assert (reward, ended, truncated) == (0.0, t == len(said) - 1, False)
+    with pytest.raises(RuntimeError, match="has ended"):
+        env.step(np.zeros(2, np.float32))
+
+
+@pytest.mark.parametrize("options", [{}, {"plan": "none"}, {"map": SQUARE, "every": (0.2, 0.1)}])
+def test_the_env_checker_has_nothing_to_say(options):
+    env = gym.make(LOG_ID, log=real(), on_mismatch="ignore", **options).unwrapped
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=UNITS)
+        check_env(env)
+
+
+def test_a_spec_is_json_and_makes_the_same_env_again(tmp_path):
+    logs.write(real(), tmp_path / "x.npz")
+    env = gym.make(LOG_ID, log=str(tmp_path / "x.npz"), map=SQUARE, every="0.1m,5deg", max_beams=3)
+    spec = env.spec.to_json()
+    assert json.loads(spec)["id"] == "deqmcl_gym/Log-v0"
+    np.testing.assert_equal(played(gym.make(EnvSpec.from_json(spec))), played(env))
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_many_logs_are_played_side_by_side(tmp_path, mode):
+    logs.write(real(), tmp_path / "x.npz")
+    envs = gym.make_vec(
+        LOG_ID, 2, vectorization_mode=mode, log=str(tmp_path / "x.npz"), on_mismatch="ignore"
+    )
+    _, info = envs.reset()
+    log = real()
+    for t in range(5):
+        known = np.isfinite(log.at_scanner().reference[t, 0])
+        assert info.get("_truth", np.zeros(2, bool)).tolist() == [known, known]
+        *_, info = envs.step(np.zeros((2, 2), np.float32))
+    envs.close()
+
+
+def test_truth_is_told_where_a_reference_is_and_by_no_other_way():
+    log = real()
+    blind = logs.Log(log.scanner, log.times, log.odometry, log.ranges)
+    for one, other in zip(played(LogEnv(log=log)), played(LogEnv(log=blind)), strict=True):
+        seen = one[1].pop("truth", None)
+        np.testing.assert_equal(one, other)  # all the rest is the same without a reference
+        assert "truth" not in other[1]
+        del seen
+    told = ["truth" in said[1] for said in played(LogEnv(log=log))]
+    assert told == np.isfinite(log.reference[:, 0]).tolist()
+
+
+def test_another_action_than_the_recorded_one_is_refused_warned_of_or_ignored():
+    wrong = np.float32([0.3, 0.3])
+    for handling in ("error", "warn", "ignore"):
+        env = LogEnv(log=real(), on_mismatch=handling)
+        env.reset()
+        if handling == "error":
+            with pytest.raises(InputError, match="was recorded"):
+                env.step(wrong)
+            assert env.elapsed_steps == 0
+        elif handling == "warn":
+            with pytest.warns(UserWarning, match="was recorded"):
+                env.step(wrong)
+        else:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                info = env.step(wrong)[4]
+            np.testing.assert_array_equal(info["action"], env._actions[0])
+        for bad in ([NAN, 0.0], [0.0], "abc", None):
+            with pytest.raises(InputError, match="the action"):
+                env.step(bad)
+
+
+def test_what_is_planned_is_the_odometry_the_reference_or_nothing():
+    log = episode()
+    by_odometry, by_reference, nothing = (
+        LogEnv(log=log, plan=plan, horizon=7) for plan in ("odometry", "reference", "none")
+    )
+    np.testing.assert_array_equal(
+        by_odometry.reset()[1]["planned_actions"], log.actions[:7].astype(np.float32)
+    )
+    meant = actions_of(log.reference)[0][:7].astype(np.float32)
+    np.testing.assert_array_equal(by_reference.reset()[1]["planned_actions"], meant)
+    assert (meant != log.actions[:7]).any()
+    info = nothing.reset()[1]
+    assert (info["planned_count"], info["planned_actions"].tolist()) == (0, [[0, 0]] * 7)
+    with pytest.raises(InputError, match="have no reference pose"):
+        LogEnv(log=real(), plan="reference")
+
+
+@given(
+    steps=st.lists(
+        st.tuples(st.floats(-1, 1), st.floats(-3, 3), st.floats(-1, 1)), min_size=1, max_size=20
+    )
+)
+def test_an_action_turns_as_odometry_does_and_leaves_out_what_lies_across(steps):
+    poses = [np.array([[1.0, 2.0, 3.0]])]
+    for step in steps:
+        poses.append(composed(poses[-1], np.array([step])))
+    track = np.concatenate(poses)
+    actions, residuals = actions_of(track)
+    before, after = track[:-1], track[1:]
+    gone = np.concatenate(
+        [dead_reckoned([action], start)[1:] for action, start in zip(actions, before, strict=True)]
+    )
+    off = relative(after, gone)
+    np.testing.assert_allclose(off, np.column_stack([0 * residuals, -residuals, 0 * residuals]),
+                               atol=1e-9)  # fmt: skip
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_records_are_played_as_far_apart_as_every_says(distance, angle):
+    log = real(60)
+    kept = log.spaced(distance, angle)
+    chosen = np.searchsorted(log.times, kept.times)
+    expected, last = [0], log.odometry[0]
+    for index, pose in enumerate(log.odometry[1:], start=1):
+        turn = abs(math.remainder(pose[2] - last[2], 2 * math.pi))
+        if math.hypot(*(pose - last)[:2]) >= distance or turn >= angle:
+            expected.append(index)
+            last = pose
+    assert chosen.tolist() == expected
+
+
+@given(st.integers(1, 60), st.integers(1, 70))
+def test_beams_are_thinned_evenly_and_keep_the_ends(beams, most):
+    log = real(3, beams).with_beams(most)
+    assert log.scanner.beams == min(beams, most)
+    whole = real(3, beams)
+    kept = [whole.scanner.angles.index(angle) for angle in log.scanner.angles]
+    np.testing.assert_array_equal(log.ranges, whole.ranges[:, kept])
+    if 1 < most < beams:
+        assert (kept[0], kept[-1]) == (0, beams - 1)
+        assert np.ptp(np.diff(kept)) <= 1
+
+
+def test_a_segment_is_played_before_it_is_thinned():
+    log = real(50)
+    env = LogEnv(log=log, start=10, length=20, every=(0.3, 9.0))
+    assert env.log.times[0] == log.times[10]
+    assert env.log.times[-1] <= log.times[29]
+    np.testing.assert_array_equal(env.log.times, log.segment(10, 20).spaced(0.3, 9.0).times)
+
+
+def test_beams_without_a_return_read_more_than_the_scanner_can_see():
+    log = real()
+    env = LogEnv(log=log)
+    scans = np.array([said[0] for said in played(env)])
+    lost = np.isinf(log.ranges)
+    assert lost.any()
+    assert (scans[lost] > env.lidar.max_range).all()
+    np.testing.assert_array_equal(scans[~lost], log.ranges[~lost])
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("0.2m,5deg", (0.2, math.radians(5))),
+        ("5°, 0.2 m", (0.2, math.radians(5))),
+        ("0.2m", (0.2, math.inf)),
+        (".5rad", (math.inf, 0.5)),
+        ((0.2, 0.1), (0.2, 0.1)),
+    ],
+)
+def test_every_is_a_distance_and_an_angle(text, meant):
+    assert spacing("every", text) == pytest.approx(meant)
+
+
+@pytest.mark.parametrize("bad", ["", "0.2", "0.2m,0.3m", "0.2m;5deg", "-1m", "nanm", 3, None, (1,)])
+def test_anything_else_is_refused(bad):
+    with pytest.raises(InputError, match="every"):
+        spacing("every", bad)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"log": 3}, "path of a log"),
+        ({"map": PolygonMap(((0, 0), (9, 0), (9, 9)))}, "the map is in px, but the log in m"),
+        ({"plan": "truth"}, "plan"),
+        ({"on_mismatch": "sigh"}, "on_mismatch"),
+        ({"horizon": 0}, "horizon"),
+        ({"start": 30}, "start"),
+        ({"length": 31}, "length"),
+        ({"length": 1}, "needs 2 or more"),
+        ({"every": (1e3, 1e3)}, "needs 2 or more"),
+        ({"max_beams": 0}, "max_beams"),
+        ({"reading": {"max_range": 3}}, "reading"),
+        ({"log": "x.log", "reading": {"topic": "/scan"}}, "key in reading"),
+        ({"render_mode": "human"}, "render_mode"),
+    ],
+)
+def test_a_bad_argument_is_refused_in_one_sentence(options, said):
+    with pytest.raises(InputError, match=said) as caught:
+        LogEnv(**({"log": real()} | options))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("map_", [None, SQUARE])
+def test_a_picture_has_even_sides_and_changes_as_the_robot_drives(map_):
+    env = LogEnv(log=real(), map=map_, render_mode="rgb_array")
+    env.reset()
+    first = env.render()
+    env.step(env.next_action)
+    assert first.shape[0] % 2 == first.shape[1] % 2 == 0
+    assert (env.render() != first).any()
+
+
+def test_reset_takes_no_option_and_nothing_works_before_it():
+    env = LogEnv(log=real())
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step(np.zeros(2))
+    with pytest.raises(InputError, match="reset option"):
+        env.reset(options={"start": 3})
+
+
+def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():
+    log = real()
+    env = RecordLog(LogEnv(log=log, every=(0.1, 0.1)))
+    with pytest.raises(RuntimeError, match="call reset"):
+        _ = env.log
+    said = played(env)
+    np.testing.assert_array_equal(env.log.actions.astype(np.float32)[0], said[1][1]["action"])
+    assert len(env.log) == len(said)
+    assert RecordLog(RoomEnv(), truth=False).reset(seed=0)

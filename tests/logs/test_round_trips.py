@@ -1,0 +1,120 @@
+"""What is written is read back: every format, rooms in px and logs as real robots make them."""
+
+import gzip
+import math
+
+import numpy as np
+import pytest
+from drives import ENDINGS, episode, real, same
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deqmcl_gym import logs
+from deqmcl_gym.logs.carmen import read_carmen, write_carmen
+from deqmcl_gym.validation import InputError
+
+ROS = (".bag", ".mcap", "")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("made", [episode, real])
+def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
+    log = made()
+    logs.write(log, tmp_path / f"x{ending}")
+    back = logs.read(tmp_path / f"x{ending}")
+    if ending in ROS:  # headings pass through quaternions, angles are float32
+        same(back, log, within=1e-12, angles=1e-6)
+        assert (back.scanner.min_range, back.scanner.max_range) == pytest.approx(
+            (log.scanner.min_range, log.scanner.max_range), rel=1e-7
+        )
+    else:
+        same(back, log)
+        assert back.scanner == log.scanner
+    assert not back.skipped
+    assert [path.name for path in tmp_path.iterdir()] == [f"x{ending}"]  # nothing beside it
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_actions_of_an_episode_come_back_to_the_bit(tmp_path, ending):
+    log = episode()
+    logs.write(log, tmp_path / f"x{ending}")
+    actions = logs.read(tmp_path / f"x{ending}").actions.astype(np.float32)
+    np.testing.assert_array_equal(actions, log.actions.astype(np.float32))
+
+
+def test_a_trajectory_comes_back_and_becomes_the_reference_it_was(tmp_path):
+    log = real()
+    known = log.referenced
+    written = logs.Trajectory(log.times[known], log.reference[known])
+    written.write(tmp_path / "x.tum")
+    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges)
+    found = logs.referenced(bare, logs.read_tum(tmp_path / "x.tum"), max_gap=0.0)
+    np.testing.assert_allclose(found.reference, log.reference, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("ending", [".log", ".bag", ".mcap", ""])
+def test_beams_that_are_not_evenly_spaced_go_where_they_can_be_said(tmp_path, ending):
+    log = real()
+    angles = (*log.scanner.angles[:-1], 1.5)
+    bent = logs.Log(logs.Scanner(angles=angles, max_range=8.0), log.times, log.odometry, log.ranges)
+    with pytest.raises(InputError, match="evenly spaced"):
+        logs.write(bent, tmp_path / f"x{ending}")
+    assert not list(tmp_path.iterdir())
+    logs.write(bent, tmp_path / "x.npz")
+    same(logs.read(tmp_path / "x.npz"), bent)
+
+
+finite = st.floats(-1e6, 1e6, allow_nan=False)
+readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    rows=st.lists(
+        st.tuples(
+            st.floats(0, 1e9, allow_nan=False),
+            st.tuples(finite, finite, st.floats(-3.14, 3.14)),
+            st.lists(readings, min_size=3, max_size=3),
+        ),
+        min_size=1, max_size=6,
+    ),
+    kind=st.sampled_from(["FLASER", "ROBOTLASER1"]),
+    between=st.sampled_from([" ", "  ", "\t"]),
+    ending=st.sampled_from(["\n", "\r\n", "\n\n"]),
+)  # fmt: skip
+def test_carmen_lines_of_other_programs_are_read_as_they_stand(
+    tmp_path_factory, rows, kind, between, ending
+):
+    rows = sorted(rows, key=lambda row: row[0])
+    path = tmp_path_factory.getbasetemp() / "generated.log"
+    lines = ["# comment", "PARAM robot_frontlaser_offset 0.25 0 nohost 0", "SYNC x 0 nohost 0"]
+    for time, pose, ranges in rows:
+        at, scan = " ".join(map(repr, pose)), " ".join(map(repr, ranges))
+        head = "0 -1.5 3 1 80.0 0.01 0 " if kind == "ROBOTLASER1" else ""
+        after = "0 " if kind == "ROBOTLASER1" else ""
+        more = "0 0 0 0 0 " if kind == "ROBOTLASER1" else ""
+        lines.append(f"ODOM {at} 0 0 0 {time!r} host {time!r}")
+        lines.append(f"{kind} {head}3 {scan} {after}{at} {at} {more}{time!r} host {time!r}")
+    path.write_bytes(ending.join(line.replace(" ", between) for line in lines).encode())
+    log = logs.read(path)
+    assert log.times.tolist() == [row[0] for row in rows]
+    assert log.odometry.tolist() == [list(row[1]) for row in rows]
+    given_ranges = np.float32([row[2] for row in rows])
+    usable = (given_ranges >= 0.01) & (given_ranges < 79)
+    np.testing.assert_array_equal(log.ranges, np.where(usable, given_ranges, np.inf))
+    flaser = kind == "FLASER"
+    assert log.scanner.mounting == ((0.25, 0.0) if flaser else (0.0, 0.0))
+    expected = [-math.pi / 2, 0, math.pi / 2] if flaser else [-1.5, -0.5, 0.5]
+    assert log.scanner.bearings == pytest.approx(expected)
+    write_carmen(log, path)
+    same(read_carmen(path), log)
+
+
+@pytest.mark.parametrize(("beams", "last"), [(180, 89.0), (360, 89.5), (181, 90.0), (361, 90.0)])
+def test_flaser_has_the_angles_of_a_sick(tmp_path, beams, last):
+    line = f"FLASER {beams} {'1 ' * beams}0 0 0 0 0 0 1 host 1\n"
+    path = tmp_path / "x.log"
+    path.write_bytes(gzip.compress(line.encode()))  # the ending need not say that it is packed
+    degrees = np.degrees(logs.read(path).scanner.bearings)
+    assert (degrees[0], degrees[-1]) == pytest.approx((-90.0, last))
+    assert np.diff(degrees) == pytest.approx(np.full(beams - 1, 180 / (beams - beams % 2)))
