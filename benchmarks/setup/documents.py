@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from benchmarks.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, one_of
 
 
@@ -17,11 +18,13 @@ def read(path: Path, what: str) -> dict[str, Any]:
         InputError: it cannot be read, or is no TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the {what} file {path} cannot be read ({error.strerror}): give one that is there."
-        ) from None
+        return tomllib.loads(content_of(path).decode())
+    except FileNotFoundError:
+        raise InputError(f"the {what} file {path} is not there: give one that is.") from None
+    except UnreadableError as error:
+        raise InputError(f"the {what} file {path} {error}: give another one.") from None
+    except RecursionError:
+        raise InputError(f"the {what} file {path} is nested too deeply.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"the {what} file {path} is no TOML: {error}.") from None
 
@@ -77,5 +80,11 @@ def _refuse_nan(value: Any, at: str) -> None:
             _refuse_nan(inner, at)
     elif not isinstance(value, str | bool | int | float):
         raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
+    elif isinstance(value, str) and not _encodable(value):
+        raise InputError(f"{at} is {ascii(value)}, which is no text: it has half a character.")
     elif isinstance(value, float) and math.isnan(value):
         raise InputError(f"{at} is nan, but must be a number.")
+
+
+def _encodable(text: str) -> bool:
+    return not any("\ud800" <= character <= "\udfff" for character in text)
