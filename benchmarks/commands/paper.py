@@ -40,16 +40,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from concurrent.futures import ThreadPoolExecutor
+    from benchmarks.execution.processes import Processes, prepare
 
-    from benchmarks.execution.processes import prepare
-
-    if options.jobs != 1:
-        prepare()  # while this process loads what it needs
+    prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.files import write_text
-    from benchmarks.pictures.figures import paper_figures
-    from benchmarks.report import write_report
+    from benchmarks.pictures.figures import chosen, paper_figures
+    from benchmarks.report import load, write_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS
@@ -58,11 +55,13 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else comma_separated(named)
     sweep = sweep_of(options, localizers, options.trials)
+    if not (out / "report.html").exists():
+        load()  # while the workers load theirs
     with begun(sweep, out, how, command=["deqmcl", *given]) as running:
-        with ThreadPoolExecutor(1) as beside:  # this process only waits for the others
-            drawing = beside.submit(paper_figures, sweep.distinct(), out / "figures")
+        with Processes(1) as beside:  # where the kernels are loaded
+            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
-        files = [*write_report(out, results), *drawing.result()]
+            files = [*write_report(out, results), *drawing.result()]
         if results.failures:
             print(summary(sweep, results, out, files))
             raise TrialsFailedError(failed_sentence(results))

@@ -34,9 +34,8 @@ def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -
     return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
 
 
-def paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
-    """Draw the figures of those methods that are among the trials, unless they are there."""
-    shown = chosen(trials)
+def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
+    """Draw the figures of the trials that are ``chosen``, unless they are there."""
     source = [*keyed(shown), source_of("benchmarks"), cv2.__version__, PIL.__version__]
     digest = sha256("\n".join(source).encode()).hexdigest()
     return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from benchmarks.pictures.figures import camera_of
@@ -20,12 +20,13 @@ _SCALE = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Lap:
-    """An animation of one world.
+    """One world, to be shown as an animation.
 
     Attributes:
         name: file name without ending.
         title: heading.
         caption: what is to be seen.
+        trials: shown side by side, one of each method.
         animation: WebP.
         still: PNG, for those who want no motion.
     """
@@ -33,20 +34,24 @@ class Lap:
     name: str
     title: str
     caption: str
-    animation: bytes
-    still: bytes
+    trials: tuple[Trial, ...]
+    animation: bytes = b""
+    still: bytes = b""
 
 
 def laps(panel: Panel) -> list[Lap]:
-    """Draw the best, median and worst world of the panel's focus, beside its baseline."""
+    """Choose the best, median and worst world of the panel's focus, beside its baseline.
+
+    Nothing is drawn yet: see ``drawn``.
+    """
     focus = _focus(panel.present)
     if focus is None:
         return []
     ranked = sorted((e, world) for world, e in focus.errors.items() if not math.isnan(e))
-    chosen = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
+    places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
     shown = dict.fromkeys((focus.baseline, focus.method))
-    drawn = []
-    for place, (error, world) in chosen.items():
+    chosen = []
+    for place, (error, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
         first = {
             method: record["trial"]
             for method in shown
@@ -54,19 +59,27 @@ def laps(panel: Panel) -> list[Lap]:
             if record["trial"]["trial"] == world
         }
         names = " and ".join(panel.labels[method] for method in first)
-        drawn.append(
+        chosen.append(
             Lap(
                 name=f"lap-{panel.number}-{place.lower()}",
                 title=f"{place} of {len(ranked)} worlds",
                 caption=f"World {world}, {names}: error of {panel.labels[focus.method]} "
                 f"{error:.1f}. Every {_STRIDE}th step; orange: present, pink: past, "
                 "light blue: future.",
-                **_encoded([trial_of(trial) for trial in first.values()]),
+                trials=tuple(map(trial_of, first.values())),
             )
         )
-        if len(ranked) == 1:
-            break
-    return drawn
+    return chosen
+
+
+def drawn(lap: Lap) -> Lap:
+    """Return the lap with its pictures: its trials are run again."""
+    rows = [_frames(trial) for trial in lap.trials]
+    longest = max(map(len, rows))
+    padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
+    frames = [side_by_side(images) for images in zip(*padded, strict=True)]
+    still = png(frames[len(frames) // 2])
+    return replace(lap, animation=webp(frames, _MILLISECONDS), still=still)
 
 
 def trial_of(canonical: dict[str, Any]) -> Trial:
@@ -85,14 +98,6 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
     ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
     candidates = [*named, *ranked, *rows]
     return candidates[0] if candidates else None
-
-
-def _encoded(trials: Sequence[Trial]) -> dict[str, bytes]:
-    rows = [_frames(trial) for trial in trials]
-    longest = max(map(len, rows))
-    padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
-    frames = [side_by_side(images) for images in zip(*padded, strict=True)]
-    return {"animation": webp(frames, _MILLISECONDS), "still": png(frames[len(frames) // 2])}
 
 
 def _frames(trial: Trial) -> list[Image]:

@@ -39,6 +39,14 @@ def require_report() -> None:
         raise InputError(why)
 
 
+def load() -> None:
+    """Load what a page is drawn with, if it is installed: half a second."""
+    if no_report() is None:
+        # it warns of a home that it cannot write to
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
+        from benchmarks.report import html, story  # noqa: F401
+
+
 def write_report(out: Path, results: Results) -> list[Path]:
     """Write the tables, report.html, results.md and images/ into a folder; return the files.
 
@@ -78,8 +86,7 @@ def _write(out: Path, results: Results) -> list[Path]:
         write_bytes(out / name, content)
     if no_report() is not None:
         return [out / name for name in contents]
-    # it warns of a home that it cannot write to
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    load()
     from benchmarks.report.html import html
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of

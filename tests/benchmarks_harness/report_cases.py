@@ -1,5 +1,6 @@
 """Made-up results with all that a report shows, and its files."""
 
+import copy
 import csv
 import io
 
@@ -77,6 +78,7 @@ def written(out, given, laps=()):
     """Write the report of results, with these animations; return its files."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(story, "laps", lambda panel: [*laps])
+        patch.setattr(story, "drawn", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

@@ -16,7 +16,9 @@ from benchmarks.tables.panels import panels
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
-LAP = Lap(name="lap", title="Best", caption="World 0.", animation=b"RIFFwebp", still=b"\x89PNG")
+LAP = Lap(
+    name="lap", title="Best", caption="World 0.", trials=(), animation=b"RIFFwebp", still=b"\x89PNG"
+)
 VOID = {"meta", "img", "source", "br"}
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
 

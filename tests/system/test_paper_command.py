@@ -10,10 +10,8 @@ from sweep_command import broken, lines
 
 from benchmarks.commands import paper, shared
 from benchmarks.pictures import figures
-from benchmarks.report import writing
 from benchmarks.sweeps.suites import SUITES, paper_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.trials import attempt
 from benchmarks.trials.spec import unworded
 from localizers.naming import registry
 
@@ -108,16 +106,19 @@ def test_one_and_two_workers_write_the_same_bytes_but_for_the_command(small_run,
     assert ours == theirs
 
 
-def test_a_second_run_computes_and_draws_nothing(one_worker, monkeypatch):
-    def fail(*given):
-        raise AssertionError(f"{given} was run or drawn again")
+def test_a_second_run_computes_and_draws_nothing(one_worker, ran):
+    def made():
+        parts = ("trials", "timings", "figures", "images", "report.html", "results.csv")
+        found = [
+            file for part in parts for file in [one_worker / part, *one_worker.glob(f"{part}/*")]
+        ]
+        return {file: file.stat().st_mtime_ns for file in found}
 
-    before = files(one_worker)
-    monkeypatch.setattr(attempt, "trial_moments", fail)
-    monkeypatch.setattr(figures, "write_figures", fail)
-    monkeypatch.setattr(writing, "_write", fail)
+    before, contents = made(), files(one_worker)
     assert exit_code(*SMALL, "--jobs", "1", "--out", one_worker) == 0
-    assert files(one_worker) == before
+    assert ran == []
+    assert made() == before
+    assert files(one_worker) == contents
 
 
 def test_a_folder_grows_by_worlds_and_methods_and_runs_only_those(one_worker, tmp_path, ran):
