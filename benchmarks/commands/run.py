@@ -2,9 +2,8 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, sweep_of
+from benchmarks.commands.shared import add_setting, folder, sweep_of
 
 NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
@@ -18,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_setting(parser)
     parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+    parser.add_argument("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 LARGEST = 2**26  # bytes: far above any file of ours
 
@@ -25,7 +25,7 @@ class UnreadableError(ValueError):
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[IO[bytes]]:
+def opened(path: Path) -> Iterator[BinaryIO]:
     """Open a regular file; a pipe is not waited for.
 
     Raises:

@@ -63,8 +63,6 @@ def written(
 ) -> list[Path]:
     """Return the files that ``make`` gives for ``source``; call it only if they are not there.
 
-    Those of the part made earlier that are no longer made are removed.
-
     Args:
         folder: that the names of the files are in.
         part: what they are, among all that is written in the folder.
@@ -72,27 +70,45 @@ def written(
         make: returns their contents by name.
 
     Raises:
+        InputError: see ``write_part``.
+    """
+    earlier = _read(folder).get(part, {"source": None, "files": {}})
+    kept = earlier["files"]
+    if earlier["source"] == source and all(_digest(folder / n) in d for n, d in kept.items()):
+        return [folder / name for name in kept]
+    return write_part(folder, part, make(), source)
+
+
+def write_part(
+    folder: Path, part: str, contents: Mapping[str, bytes], source: str = ""
+) -> list[Path]:
+    """Write files by name; those of the part written earlier and no longer made are removed.
+
+    Raises:
         InputError: a file is in the way that is not ours. Nothing is written then.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with writing(folder):
         parts = _read(folder)
-        earlier = parts.get(part, {"source": None, "files": {}})
-        names = earlier["files"]
-        if earlier["source"] == source and all(_digest(folder / n) in d for n, d in names.items()):
-            return [folder / name for name in names]
-        contents = make()
+        earlier = parts[part]["files"] if part in parts else {}
         new = {name: [hashlib.sha256(content).hexdigest()] for name, content in contents.items()}
-        either = {n: [*names.get(n, []), *new.get(n, [])] for n in {**names, **new}}
+        either = {n: [*earlier.get(n, []), *new.get(n, [])] for n in {**earlier, **new}}
         for name, digests in either.items():
             _refuse_other(folder, name, digests)
         _write(folder, parts | {part: {"source": "", "files": either}})  # whenever this is killed
         for name, content in contents.items():
             write_bytes(folder / name, content)
-        for name in names.keys() - contents.keys():
+        for name in earlier.keys() - contents.keys():
             (folder / name).unlink(missing_ok=True)
         _write(folder, parts | {part: {"source": source, "files": new}})
-        return [folder / name for name in new]
+        for path in {(folder / name).parent for name in either}:
+            _remove_temporary(path)
+    return [folder / name for name in new]
+
+
+def _remove_temporary(folder: Path) -> None:
+    for path in filter(is_temporary, folder.glob(".*")):
+        path.unlink(missing_ok=True)
 
 
 def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:

@@ -2,7 +2,9 @@
 
 import os
 import re
+import shlex
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from deqmcl_gym.validation import InputError
@@ -40,6 +42,24 @@ def is_temporary(path: Path) -> bool:
 def utf8(text: str) -> bytes:
     r"""Encode a text; a byte of a file name that is no UTF-8 as ``\udc…``."""
     return text.encode(errors="backslashreplace")
+
+
+def command_line(words: Sequence[str]) -> str:
+    """Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\\xe9'``."""
+    return " ".join(
+        shlex.quote(word) if word.isprintable() else f"$'{_escaped(word)}'" for word in words
+    )
+
+
+def _escaped(word: str) -> str:
+    quoted = word.replace("\\", "\\\\").replace("'", "\\'")
+    return "".join(c if c.isprintable() else _bytes_of(c) for c in quoted)
+
+
+def _bytes_of(character: str) -> str:
+    of_file_name = "\udc80" <= character <= "\udcff"
+    content = character.encode(errors="surrogateescape" if of_file_name else "replace")
+    return "".join(f"\\x{byte:02x}" for byte in content)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,11 +81,11 @@ def _refuse_nan(value: Any, at: str) -> None:
             _refuse_nan(inner, at)
     elif not isinstance(value, str | bool | int | float):
         raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
-    elif isinstance(value, str) and not _encodable(value):
-        raise InputError(f"{at} is {ascii(value)}, which is no text: it has half a character.")
+    elif isinstance(value, str) and not _is_text(value):
+        raise InputError(f"{at} is {value!a}, but must be text without control characters.")
     elif isinstance(value, float) and math.isnan(value):
         raise InputError(f"{at} is nan, but must be a number.")
 
 
-def _encodable(text: str) -> bool:
-    return not any("\ud800" <= character <= "\udfff" for character in text)
+def _is_text(text: str) -> bool:
+    return not any(unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n\r" for c in text)

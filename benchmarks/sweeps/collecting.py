@@ -9,8 +9,8 @@ from pathlib import Path
 from benchmarks.setup import documents
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials.spec import Trial, unworded
@@ -19,9 +19,7 @@ from deqmcl_gym.validation import InputError
 _SHOWN = 20  # lines of a kind
 
 
-def collected(
-    sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest
-) -> Results:
+def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
     """Return what the store has of these trials (by key), in their order."""
     records, failures = [], []
     for key, trial in trials.items():
@@ -65,7 +63,7 @@ def results_in(folder: Path) -> Results:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     made = manifest.read(folder)
-    with documents.errorsnamed(folder / manifest.NAME):
+    with documents.errors_name(folder / manifest.NAME):
         sweep = sweep_of(unworded(made.sweep), title="", takes=partial(_recorded, made.parameters))
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}
     results = collected(sweep, trials, Store(folder, reading=True), made)
@@ -87,7 +85,9 @@ def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tupl
 
 def left_out_lines(results: Results, out: Path) -> list[str]:
     """Say which files of a folder are in no table, and why."""
-    lines = [f"deqmcl: {out / name} {why}; it is left out." for name, why in results.left_out.items()]
+    lines = [
+        f"deqmcl: {out / name} {why}; it is left out." for name, why in results.left_out.items()
+    ]
     more = [f"deqmcl: … and {len(lines) - _SHOWN:,} more files are left out."]
     return lines if len(lines) <= _SHOWN else lines[:_SHOWN] + more
 

@@ -206,7 +206,7 @@ def _label(kind: str, name: str) -> str:
     """Refuse a name that cannot stand in a table: a spreadsheet takes =… for a formula."""
     if not name.isprintable():
         raise InputError(
-            f"the {kind} {ascii(name)} has a line break, a control character or a byte that is no "
+            f"the {kind} {name!a} has a line break, a control character or a byte that is no "
             "UTF-8 in its name: rename its file."
         )
     if name.startswith(("=", "+", "-", "@")):

@@ -11,8 +11,8 @@ from tqdm import tqdm
 
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
-from benchmarks.sweeps import manifest
 from benchmarks.files.lock import locked
+from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest

@@ -117,7 +117,7 @@ class Store:
         """
         for name in ("trials", "failed"):
             for path in sorted((self.out / name).glob("*")):
-                if path.stem in keys and path.suffix == ".json" or is_temporary(path):
+                if is_temporary(path) or (path.stem in keys and path.suffix == ".json"):
                     continue
                 why = "is no file of a trial"
                 if path.suffix == ".json":
