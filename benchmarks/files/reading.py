@@ -1,13 +1,14 @@
 """Files that somebody else may have made: read without waiting, without end, without trust."""
 
 import errno
+import io
 import json
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, NoReturn
 
 LARGEST = 2**26  # bytes: far above any file of ours
 
@@ -25,7 +26,7 @@ class UnreadableError(ValueError):
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[BinaryIO]:
+def opened(path: Path) -> Iterator[io.BufferedReader]:
     """Open a regular file; a pipe is not waited for.
 
     Raises:
@@ -95,8 +96,7 @@ def misfit(value: Any, shape: Any, at: str = "") -> str | None:
     if isinstance(shape, tuple):
         return None if any(misfit(value, one) is None for one in shape) else _unlike(value, at)
     if isinstance(shape, type):
-        number = float if shape is float and isinstance(value, int) else shape
-        right = isinstance(value, number if number is shape else int)
+        right = isinstance(value, int | float if shape is float else shape)
         return None if right and isinstance(value, bool) == (shape is bool) else _unlike(value, at)
     inner: list[tuple[Any, Any]]
     if isinstance(shape, list) and isinstance(value, list):

@@ -45,7 +45,7 @@ def utf8(text: str) -> bytes:
 
 
 def command_line(words: Sequence[str]) -> str:
-    """Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\\xe9'``."""
+    r"""Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\xe9'``."""
     return " ".join(
         shlex.quote(word) if word.isprintable() else f"$'{_escaped(word)}'" for word in words
     )

@@ -1,7 +1,7 @@
 """manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
 
+import itertools
 import json
-import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -203,8 +203,8 @@ def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
 
 def _cut(words: Sequence[str]) -> list[str]:
     """Return words of which no more is shown than a few characters around where they differ."""
-    first = max(len(os.path.commonprefix(list(words))) - 20, 0)
-    return [
-        ("…" if first else "") + (one[first:] if len(one) <= first + 60 else f"{one[first:][:57]}…")
-        for one in words
-    ]
+    was, now = words
+    alike = itertools.takewhile(lambda pair: pair[0] == pair[1], zip(was, now, strict=False))
+    first = max(sum(1 for _ in alike) - 20, 0)
+    ends = [f"{one[first:][:57]}…" if len(one) > first + 60 else one[first:] for one in words]
+    return [f"…{end}" if first else end for end in ends]

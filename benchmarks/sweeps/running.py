@@ -157,8 +157,8 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
         try:
             store.put(key, outcome.record, outcome.seconds)
             return None
-        except ValueError:  # JSON has no NaN
-            reason = "its record holds a number that is not finite"
+        except ValueError as error:
+            reason = f"its record cannot be kept: {error}"
     store.put_failure(key, trial, reason)
     return reason
 

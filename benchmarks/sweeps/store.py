@@ -75,7 +75,11 @@ class Store:
         return record | {"key": key, "seconds": timing.get("seconds")}
 
     def put(self, key: str, record: dict[str, Any], seconds: float) -> None:
-        """Keep a finished trial. The timing goes first: a trial that is there is complete."""
+        """Keep a finished trial. The timing goes first: a trial that is there is complete.
+
+        Raises:
+            ValueError: it is no record, or holds a number that is not finite.
+        """
         self._write("timings", key, {"seconds": seconds})
         self._write("trials", key, record)
         self._path("failed", key).unlink(missing_ok=True)
@@ -133,6 +137,8 @@ class Store:
         return self.out / folder / f"{key}.json"
 
     def _write(self, folder: str, key: str, content: dict[str, Any]) -> None:
+        if why := misfit(content, _SHAPES[folder]):
+            raise ValueError(why)
         signed = {"schema": SCHEMA, "key": key} | content
         write_text(self._path(folder, key), _json(signed | {"checksum": _checksum(signed)}))
 
