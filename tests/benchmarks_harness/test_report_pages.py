@@ -17,7 +17,13 @@ from benchmarks.tables.panels import panels
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
 LAP = Lap(
-    name="lap", title="Best", caption="World 0.", trials=(), animation=b"RIFFwebp", still=b"\x89PNG"
+    name="lap",
+    title="Best",
+    caption="World 0.",
+    trials=(),
+    keys=("mcl-0-0",),
+    animation=b"RIFFwebp",
+    still=b"\x89PNG",
 )
 VOID = {"meta", "img", "source", "br"}
 TABLES = {"results.csv", "trials.csv", "timings.csv"}

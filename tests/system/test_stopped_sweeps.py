@@ -106,7 +106,7 @@ def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, 
         running.process.send_signal(how)
     assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
     assert len(trial_files(running.out)) == 2
-    assert not (running.out / ".lock").exists()
+    assert not (running.out / ".deqmcl.lock").exists()
 
 
 def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(sleepy, tmp_path):

@@ -61,7 +61,7 @@ def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
     assert "4 of 4 trials finished." in capsys.readouterr().out
     assert len(ran) == 4
     assert tables(out) == tables(finished)
-    assert not list(out.glob(".lock*"))
+    assert not list(out.glob(".deqmcl*"))
 
 
 @pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed", "guided", "study-plan"])

@@ -7,9 +7,9 @@ import pytest
 from deqmcl_command import files
 from sweep_command import broken, sweep, tables, write_small
 
+from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest, store
 from benchmarks.sweeps.collecting import results_in
-from benchmarks.sweeps.lock import locked
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
@@ -137,18 +137,18 @@ def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_non
     assert f"another sweep (process {holder.pid}) is writing to {tmp_path}" in said
     with pytest.raises(InputError, match="another sweep"), locked(tmp_path, "1/2"):
         pass
-    assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+    assert [path.name for path in tmp_path.iterdir()] == [".deqmcl.lock"]
     holder.kill()
     holder.communicate()
-    assert (tmp_path / ".lock").exists()  # stale
+    assert (tmp_path / ".deqmcl.lock").exists()  # stale
     assert sweep(file, tmp_path) == 0
-    assert not (tmp_path / ".lock").exists()
+    assert not (tmp_path / ".deqmcl.lock").exists()
 
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmarks.sweeps.lock import locked
+from benchmarks.files.lock import locked
 with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)
@@ -159,7 +159,7 @@ with locked(Path(sys.argv[1])):
 def test_different_shards_share_a_folder_and_the_same_one_does_not(tmp_path):
     with locked(tmp_path, "1/2"):
         with locked(tmp_path, "2/2"):
-            assert (tmp_path / ".lock").exists()
+            assert (tmp_path / ".deqmcl.lock").exists()
         for shard in ("1/2", None):
             with pytest.raises(InputError, match="another sweep"), locked(tmp_path, shard):
                 pass
