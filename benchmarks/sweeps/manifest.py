@@ -24,6 +24,10 @@ from benchmarks.trials.provenance import Provenance, environment
 from deqmcl_gym.validation import InputError
 
 NAME = "manifest.json"
+
+_ABSENT = object()
+_SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
+
 _NAMED = {str: str}
 _SHAPE = {
     "schema": int,
@@ -188,23 +192,29 @@ def cpu_model() -> str:
 
 
 def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
-    """Say where two JSON values differ."""
-    if isinstance(theirs, list) and isinstance(ours, list):
-        theirs, ours = dict(enumerate(theirs, 1)), dict(enumerate(ours, 1))
+    """Say where two JSON values differ; lists of one length are compared item by item."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for key in dict.fromkeys([*theirs, *ours]):
-            inner = f"{at}.{key}" if at else str(key)
-            yield from _differences(theirs.get(key), ours.get(key), inner)
+            inner = f"{at}.{key}" if at else key
+            yield from _differences(theirs.get(key, _ABSENT), ours.get(key, _ABSENT), inner)
+    elif isinstance(theirs, list) and isinstance(ours, list) and len(theirs) == len(ours):
+        for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
+            yield from _differences(*pair, f"{at}[{number}]")
     elif theirs != ours:
-        words = [json.dumps(value, ensure_ascii=False) for value in (theirs, ours)]
-        was, now = _cut(words)
+        was, now = _shown(theirs, ours)
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
 
 
-def _cut(words: Sequence[str]) -> list[str]:
-    """Return words of which no more is shown than a few characters around where they differ."""
-    was, now = words
-    alike = itertools.takewhile(lambda pair: pair[0] == pair[1], zip(was, now, strict=False))
-    first = max(sum(1 for _ in alike) - 20, 0)
-    ends = [f"{one[first:][:57]}…" if len(one) > first + 60 else one[first:] for one in words]
-    return [f"…{end}" if first else end for end in ends]
+def _shown(*values: Any) -> list[str]:
+    """Return unequal JSON values as texts; long ones from shortly before they first differ."""
+    texts = [
+        "not set" if value is _ABSENT else json.dumps(value, ensure_ascii=False) for value in values
+    ]
+    same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    first = max(0, sum(1 for _ in same) - _BEFORE)
+    return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
+
+
+def _cut(text: str, first: int) -> str:
+    last = first + _SHOWN
+    return f"{'…' * (first > 0)}{text[first:last]}{'…' * (last < len(text))}"

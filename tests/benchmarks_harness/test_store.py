@@ -72,7 +72,7 @@ def damaged(good):
         "edited by hand": ("checksum does not fit", good.replace(b"1.5", b"1.4")),
         "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
-        "forged without scores": ("has null at scores", forged(scores=None)),
+        "forged without scores": ("has None at scores", forged(scores=None)),
         "forged with words for numbers": ("has 'a' at curves.0.error.0", forged(
             curves={"0": {"first_state": 0, "error": ["a"]}})),
         "forged as another trial": ("of another trial", forged(trial={"trial": 7})),

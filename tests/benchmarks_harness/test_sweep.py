@@ -120,7 +120,7 @@ class Broken:
         (partial(Broken, "none"), "AttributeError"),
         (partial(Nowhere, 0, math.nan), "at offset 0 is not finite"),
         # its square, in the profile
-        (partial(Nowhere, 2, 1e300), "its record holds a number that is not finite"),
+        (partial(Nowhere, 2, 1e300), "its record cannot be kept: Out of range float"),
     ],
 )
 def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(

@@ -99,7 +99,7 @@ BAD = [  # a file, and what the sentence must name
     ("", ["localizers", "missing"]),
     ("localizers = []", ["no localizer", "no combinations"]),
     ('localizers = ["mcl"]\ntrails = 3', ["'trails'", "did you mean 'trials'?"]),
-    ('localizers = ["mcl"', ["no TOML", "Unclosed"]),
+    ('localizers = ["mcl"', ["not valid TOML", "Unclosed"]),
     ('localizers = "mcl"', ["localizers", "'mcl'", "list"]),
     ("localizers = [{ nam = 'mcl' }]", ["'nam'", "did you mean 'name'?"]),
     ("localizers = [{ params = {} }]", ["no name"]),
@@ -143,7 +143,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         read_sweep(tmp_path)
     (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
-    with pytest.raises(InputError, match="no TOML"):
+    with pytest.raises(InputError, match="not UTF-8"):
         read_sweep(tmp_path / "latin.toml")
 
 
