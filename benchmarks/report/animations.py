@@ -19,6 +19,7 @@ from benchmarks.report.laps import Lap, drawn
 from deqmcl_gym.validation import InputError
 
 IMAGES, INDEX = "images", "laps.json"
+_NONE = "the folder has none of these trials"
 _PATIENCE = 300.0  # seconds for one animation
 _SHAPE = {str: {"trials": [str], "webp": str, "png": str}}
 
@@ -28,8 +29,8 @@ Promise = Callable[[], Lap]
 class Animator(Protocol):
     """Gives laps their pictures."""
 
-    def missing(self, keys: Collection[str]) -> bool:
-        """Whether a report of these trials would lack animations."""
+    def lacking(self, keys: Collection[str]) -> str:
+        """Say what a report of these trials would lack; "" if nothing."""
         ...
 
     def working(self) -> Any:
@@ -40,10 +41,10 @@ class Animator(Protocol):
 class Drawing:
     """Runs the trials again, in workers: a plug-in that hangs or exits there does no harm."""
 
-    def missing(self, keys: Collection[str]) -> bool:
-        """No: all are drawn."""
+    def lacking(self, keys: Collection[str]) -> str:
+        """All are drawn."""
         del keys
-        return False
+        return ""
 
     @contextmanager
     def working(self) -> Iterator[Callable[[Lap], Promise]]:
@@ -58,10 +59,12 @@ class Kept:
 
     folder: Path
 
-    def missing(self, keys: Collection[str]) -> bool:
-        """Whether any were drawn of other trials."""
+    def lacking(self, keys: Collection[str]) -> str:
+        """Some may be gone, or drawn of other trials."""
         shown = {key for entry in self._index.values() for key in entry["trials"]}
-        return not shown or not shown <= set(keys)
+        if not shown or not shown <= set(keys):
+            return f"{_NONE} ({sorted(shown - set(keys))})"
+        return ", ".join(filter(None, map(self._spoilt, self._index)))
 
     @contextmanager
     def working(self) -> Iterator[Callable[[Lap], Promise]]:
@@ -79,22 +82,27 @@ class Kept:
     def _of(self, lap: Lap) -> Lap:
         entry = self._index.get(lap.name)
         if entry is None or entry["trials"] != list(lap.keys):
-            raise InputError(
-                "the folder has none of these trials; the sweep's own command draws them."
-            )
-        files = {}
+            raise InputError(f"{_NONE}; the sweep's own command draws them.")
+        if why := self._spoilt(lap.name):
+            raise InputError(f"{why}; the sweep's own command draws it again.")
+        return replace(
+            lap, animation=self._read(lap.name, "webp"), still=self._read(lap.name, "png")
+        )
+
+    def _spoilt(self, name: str) -> str | None:
+        """Say what is wrong with the pictures of a lap."""
         for ending in ("webp", "png"):
-            path = self.folder / IMAGES / f"{lap.name}.{ending}"
             try:
-                files[ending] = content_of(path)
-                why = "" if _digest(files[ending]) == entry[ending] else "was changed"
+                if _digest(self._read(name, ending)) != self._index[name][ending]:
+                    return f"{name}.{ending} was changed"
             except FileNotFoundError:
-                why = "is gone"
+                return f"{name}.{ending} is gone"
             except UnreadableError as error:
-                why = str(error)
-            if why:
-                raise InputError(f"{path.name} {why}; the sweep's own command draws it again.")
-        return replace(lap, animation=files["webp"], still=files["png"])
+                return f"{name}.{ending} {error}"
+        return None
+
+    def _read(self, name: str, ending: str) -> bytes:
+        return content_of(self.folder / IMAGES / f"{name}.{ending}")
 
 
 def lap_files(laps: Sequence[Lap]) -> dict[str, bytes]:

@@ -85,8 +85,8 @@ def _written(out: Path, part: str, results: Results, animator: "Animator") -> li
 
 def _source(results: Results, animator: "Animator") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
-    still = animator.missing({record["key"] for record in results.finished})
-    digest = sha256(f"{source_of('benchmarks')} {no_report()} {still}".encode())
+    lacking = animator.lacking({record["key"] for record in results.finished})
+    digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
