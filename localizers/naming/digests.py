@@ -2,8 +2,8 @@
 
 What is covered: of a package, all its files; of ``file.py``, that file, the files beside it that
 have its name and another ending, and those beside or below whose names stand in its text
-(``"weights.npz"``, ``f"layer-{n}.npy"``, ``"*.npz"``). A name that is only made up while it runs is
-not seen, nor is what it imports or downloads.
+(``"weights.npz"``, ``f"layer-{n}.npy"``, ``"*.npz"``), unless it writes them. A name that is only
+made up while it runs is not seen, nor is what it imports or downloads.
 """
 
 import ast
@@ -17,6 +17,8 @@ from functools import lru_cache
 from pathlib import Path
 
 _DEPTH = 4  # folders below that of a file, in which what it names is looked for
+_WRITERS = {"dump", "mkdir", "save", "savetxt", "savez", "touch", "unlink"}
+_WRITERS |= {"write_bytes", "write_text", "basicConfig", "FileHandler"}
 _MADE = ("__pycache__", ".git")
 
 
@@ -95,19 +97,40 @@ def _files(root: Path) -> list[Path]:
 
 
 def _patterns(source: bytes) -> set[str]:
-    """Return the texts in Python source that may name files; what an f-string fills in is ``*``."""
+    """Return the texts in Python source that may name files; what an f-string fills in is ``*``.
+
+    Those of a statement that writes a file are left out: what a plug-in makes, it does not ship.
+    """
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return set()
     found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found.add(node.value)
-        elif isinstance(node, ast.JoinedStr):
-            parts = [v.value if isinstance(v, ast.Constant) else "*" for v in node.values]
-            found.add("".join(map(str, parts)))
+    for statement in (node for node in ast.walk(tree) if isinstance(node, ast.stmt)):
+        own = [node for child in _expressions(statement) for node in ast.walk(child)]
+        if any(isinstance(node, ast.Call) and _writes(node) for node in own):
+            continue
+        for node in own:
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.add(node.value)
+            elif isinstance(node, ast.JoinedStr):
+                parts = [v.value if isinstance(v, ast.Constant) else "*" for v in node.values]
+                found.add("".join(map(str, parts)))
     return {text for text in found if "\n" not in text and len(text) <= 255}
+
+
+def _expressions(statement: ast.stmt) -> list[ast.AST]:
+    """Return the parts of a statement that are no statements."""
+    inner = (ast.stmt, ast.ExceptHandler, ast.match_case)
+    return [child for child in ast.iter_child_nodes(statement) if not isinstance(child, inner)]
+
+
+def _writes(call: ast.Call) -> bool:
+    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    given = [*call.args, *(keyword.value for keyword in call.keywords)]
+    words = [node.value for node in given if isinstance(node, ast.Constant)]
+    modes = [word for word in words if isinstance(word, str) and set(word) <= set("rwaxbt+")]
+    return name in _WRITERS or (name == "open" and any(set("wax+") & set(mode) for mode in modes))
 
 
 def _digest(files: Iterable[tuple[Path, Path]]) -> str | None:

@@ -257,6 +257,9 @@ class Mine:
     def __init__(self, robot):
         self.layers = [(HERE / "nets" / f"layer-{n}.npy").read_bytes() for n in range(2)]
         self.table = (HERE / "table.bin").read_bytes()
+        with (HERE / "calls.txt").open("a") as log:
+            log.write("one more")
+        (HERE / "made.npz").write_bytes(b"")
         self.more = [path.read_bytes() for path in HERE.glob("*.onnx")]
     def reset(self, prior, plan, rng): ...
     def update(self, ranges, action, plan): ...
