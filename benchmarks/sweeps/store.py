@@ -137,7 +137,7 @@ class Store:
         return self.out / folder / f"{key}.json"
 
     def _write(self, folder: str, key: str, content: dict[str, Any]) -> None:
-        if why := misfit(content, _SHAPES[folder]):
+        if why := _unlike(content, folder):
             raise ValueError(why)
         signed = {"schema": SCHEMA, "key": key} | content
         write_text(self._path(folder, key), _json(signed | {"checksum": _checksum(signed)}))
@@ -179,9 +179,25 @@ def _checked(path: Path, folder: str, key: str) -> dict[str, Any]:
     if given != expected:
         raise UnreadableError("was changed after it was written: its checksum does not fit")
     del content["schema"], content["key"]
-    if why := misfit(content, _SHAPES[folder]):
+    if why := _unlike(content, folder):
         raise UnreadableError(f"{why}, as no trial has")
     return content
+
+
+def _unlike(content: dict[str, Any], folder: str) -> str | None:
+    """Say where the content of a file differs from what is kept in its folder."""
+    why = misfit(content, _SHAPES[folder])
+    if why or folder != "trials":
+        return why
+    steps, quality = content["steps_done"], content["quality"]
+    lengths = [len(curve["error"]) for curve in content["curves"].values()]
+    if {str(row["offset"]) for row in content["scores"]} != content["curves"].keys() or not lengths:
+        return "has scores and curves of other offsets"
+    if not all(0 < length <= steps + 1 for length in lengths) or len(quality or ()) > steps:
+        return f"has a curve or qualities of another length than its {str(steps)[:20]} steps"
+    if not all(key.removeprefix("-").isdecimal() for key in content["profile"]):
+        return "has a profile of no offsets"
+    return None
 
 
 def _checksum(content: dict[str, Any]) -> str:

@@ -91,7 +91,8 @@ def test_a_report_is_written_into_a_folder_whose_name_is_no_text(tmp_path, capsy
 
 def test_a_file_is_in_the_way_of_a_folder(file, tmp_path, capsys):
     for name in ("trials", "timings"):
-        assert sweep(file, out := tmp_path / name) == 0
+        out = tmp_path / name
+        assert sweep(file, out) == 0
         shutil.rmtree(out / name)
         (out / name).write_text("mine")
         assert sweep(file, out) == 2
