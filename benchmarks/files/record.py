@@ -1,8 +1,8 @@
 """What we have written in a folder: nothing else there is overwritten or removed.
 
 ``written.json`` holds, by part (a report, the figures, …), what the part was made of and the
-SHA-256 of each of its files. A file that is there without standing in it, or with another content,
-is the user's. Files are made again only if what they are made of, or one of them, has changed.
+size and SHA-256 of each of its files. A file that is there without standing in it, or with another
+content, is the user's. Files are made again only if what they are made of, or one of them, has changed.
 """
 
 import hashlib
@@ -74,7 +74,7 @@ def written(
     """
     earlier = _read(folder).get(part, {"source": None, "files": {}})
     kept = earlier["files"]
-    if earlier["source"] == source and all(_digest(folder / n) in d for n, d in kept.items()):
+    if earlier["source"] == source and all(_is_one_of(folder / n, d) for n, d in kept.items()):
         return [folder / name for name in kept]
     return write_part(folder, part, make(), source)
 
@@ -91,7 +91,7 @@ def write_part(
     with writing(folder):
         parts = _read(folder)
         earlier = parts[part]["files"] if part in parts else {}
-        new = {name: [hashlib.sha256(content).hexdigest()] for name, content in contents.items()}
+        new = {name: [_digest(content)] for name, content in contents.items()}
         either = {n: [*earlier.get(n, []), *new.get(n, [])] for n in {**earlier, **new}}
         for name, digests in either.items():
             _refuse_other(folder, name, digests)
@@ -116,7 +116,7 @@ def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:
     path = folder / name
     inside = [folder / parent for parent in Path(name).parents][:-1]
     other = [p for p in inside if os.path.lexists(p) and (p.is_symlink() or not p.is_dir())]
-    if other or (os.path.lexists(path) and (path.is_symlink() or _digest(path) not in digests)):
+    if other or (os.path.lexists(path) and (path.is_symlink() or not _is_one_of(path, digests))):
         raise InputError(
             f"{next(iter(other), path)} is not as deqmcl has written it: move it away, or give "
             "another --out."
@@ -152,9 +152,17 @@ def _write(folder: Path, parts: Mapping[str, Part]) -> None:
     write_text(folder / NAME, json.dumps(parts, indent=2) + "\n")
 
 
-def _digest(path: Path) -> str:
+def _is_one_of(path: Path, digests: list[str]) -> bool:
+    """Whether a file has one of these digests; one of another size is not read."""
     try:
         with opened(path) as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+            size = os.fstat(file.fileno()).st_size
+            if not any(digest.startswith(f"{size}-") for digest in digests):
+                return False
+            return f"{size}-{hashlib.file_digest(file, 'sha256').hexdigest()}" in digests
     except (FileNotFoundError, UnreadableError):
-        return ""
+        return False
+
+
+def _digest(content: bytes) -> str:
+    return f"{len(content)}-{hashlib.sha256(content).hexdigest()}"
