@@ -2,7 +2,8 @@
 
 ``written.json`` holds, by part (a report, the figures, …), what the part was made of and the
 size and SHA-256 of each of its files. A file that is there without standing in it, or with another
-content, is the user's. Files are made again only if what they are made of, or one of them, has changed.
+content, is the user's. Files are made again only if what they are made of, or one of them, has
+changed.
 """
 
 import hashlib
