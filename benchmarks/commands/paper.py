@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.commands.shared import add_setting, comma_separated, setting_words, sweep_of
+from benchmarks.commands.shared import add_setting, comma_separated, folder, setting_words, sweep_of
 
 if TYPE_CHECKING:
     from benchmarks.sweeps.design import Sweep
@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=int, metavar="J", help="processes (one per processor)")
     parser.add_argument(
-        "--out", type=Path, default=Path("results/paper"), metavar="DIR", help="(results/paper)"
+        "--out", type=folder, default=Path("results/paper"), metavar="DIR", help="(results/paper)"
     )
 
 
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
-    from benchmarks.files import write_text
+    from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report import load, write_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         if results.failures:
             print(summary(sweep, results, out, files))
             raise TrialsFailedError(failed_sentence(results))
-        write_text(out / "table.md", _table(sweep, results, "github"))
+        write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     return f"{_table(sweep, results, 'simple')}\nWritten to {out}: table.md, {named}."
 

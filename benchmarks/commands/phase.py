@@ -2,9 +2,8 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, comma_separated, setting_words, sweep_of
+from benchmarks.commands.shared import add_setting, comma_separated, folder, setting_words, sweep_of
 
 NAME = "phase"
 HELP = "draw the queue as place fields over the theta phase"
@@ -23,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fields", type=int, default=12, metavar="K", help="place fields along the lap (12)"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+    parser.add_argument("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, sweep_of
+from benchmarks.commands.shared import add_setting, folder, sweep_of
 
 NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
@@ -24,7 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the lap as a log, too: .log, .csv, .npz, .bag or .mcap (none)",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+    parser.add_argument("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -2,10 +2,18 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
+
+
+def folder(text: str) -> Path:
+    """Return the folder of an argument; "" would be the current one."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty: name a folder, as in results/mine")
+    return Path(text)
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:

@@ -5,6 +5,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.commands.shared import folder
+
 NAME = "speed"
 HELP = "measure speed against NumPy, pymunk, CartPole and peers"
 DESCRIPTION = (
@@ -21,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--peers", action="store_true", help="also other packages, as far as installed"
     )
     parser.add_argument(
-        "--out", type=Path, default=Path("results/speed"), metavar="DIR", help="(results/speed)"
+        "--out", type=folder, default=Path("results/speed"), metavar="DIR", help="(results/speed)"
     )
 
 

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import comma_separated
+from benchmarks.commands.shared import comma_separated, folder
 
 NAME = "sweep"
 HELP = "run a suite of trials, or what a TOML file says; resumable, on one or many machines"
@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of them, or a sweep file")
-    add("--out", type=Path, metavar="DIR", help="output folder (results/SUITE)")
+    add("--out", type=folder, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
         dest="added",
@@ -50,6 +50,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.report import no_report, write_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.dry_run import dry_run
+    from benchmarks.sweeps.manifest import of_sweep, refuse_others
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
@@ -81,12 +82,14 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if options.dry_run:
         return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
-    texts, failed = [], []
-    for folder, sweep in sweeps.items():
-        with begun(sweep, out / folder, how, command=["deqmcl", *given]) as running:
+    command, texts, failed = ["deqmcl", *given], [], []
+    for part, sweep in sweeps.items():
+        refuse_others(out / part, of_sweep(sweep, command))
+    for part, sweep in sweeps.items():
+        with begun(sweep, out / part, how, command=command) as running:
             results = running.results()
-            files = write_report(out / folder, results)
-        texts.append(summary(sweep, results, out / folder, files))
+            files = write_report(out / part, results)
+        texts.append(summary(sweep, results, out / part, files))
         failed += [failed_sentence(results)] if results.failures else []
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")

@@ -1,6 +1,30 @@
-"""Output files: written whole or not at all, and not again while nothing has changed."""
+"""Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.record import written
-from benchmarks.files.writing import writable_folder, write_bytes, write_text
+from benchmarks.files.reading import UnreadableError, content_of, json_of, misfit
+from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
+from benchmarks.files.writing import (
+    command_line,
+    is_temporary,
+    utf8,
+    writable_folder,
+    write_bytes,
+    write_text,
+)
 
-__all__ = ["writable_folder", "write_bytes", "write_text", "written"]
+__all__ = [
+    "UnreadableError",
+    "command_line",
+    "content_of",
+    "is_empty",
+    "is_temporary",
+    "json_of",
+    "misfit",
+    "own_folder",
+    "refuse_changed",
+    "utf8",
+    "writable_folder",
+    "write_bytes",
+    "write_part",
+    "write_text",
+    "written",
+]

@@ -1,10 +1,16 @@
 """A folder that can be written to; a file written whole or not at all."""
 
 import os
+import re
+import shlex
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from deqmcl_gym.validation import InputError
+
+_PREFIX, _SUFFIX = ".deqmcl-", ".tmp"
+_TEMPORARY = re.compile(r"\.deqmcl-[a-z0-9_]{8}\.tmp")
 
 
 def writable_folder(path: Path) -> Path:
@@ -28,6 +34,34 @@ def writable_folder(path: Path) -> Path:
     return path
 
 
+def is_temporary(path: Path) -> bool:
+    """Whether a file is what an interrupted write of ours has left."""
+    return _TEMPORARY.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
+
+
+def utf8(text: str) -> bytes:
+    r"""Encode a text; a byte of a file name that is no UTF-8 as ``\udc…``."""
+    return text.encode(errors="backslashreplace")
+
+
+def command_line(words: Sequence[str]) -> str:
+    r"""Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\xe9'``."""
+    return " ".join(
+        shlex.quote(word) if word.isprintable() else f"$'{_escaped(word)}'" for word in words
+    )
+
+
+def _escaped(word: str) -> str:
+    quoted = word.replace("\\", "\\\\").replace("'", "\\'")
+    return "".join(c if c.isprintable() else _bytes_of(c) for c in quoted)
+
+
+def _bytes_of(character: str) -> str:
+    of_file_name = "\udc80" <= character <= "\udcff"
+    content = character.encode(errors="surrogateescape" if of_file_name else "replace")
+    return "".join(f"\\x{byte:02x}" for byte in content)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     write_bytes(path, text.encode())
@@ -36,7 +70,7 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: beside it first, then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)

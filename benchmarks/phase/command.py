@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.files import writable_folder, write_bytes
+from benchmarks.files import own_folder, write_part
 from benchmarks.phase.cycles import cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.page import cycles_csv, fields_csv, page, table
@@ -34,7 +34,7 @@ def run_phase(
     require_plots()
     from benchmarks.phase.figure import phase_figure
 
-    writable_folder(out)
+    own_folder(out, "phase")
     room = room_of(trials[0].scenario)
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
@@ -45,8 +45,7 @@ def run_phase(
         "phase.png": phase_figure(laps, places, room.floor_plan, title),
         "phase.md": page(title, laps, places, command).encode(),
     }
-    for name, content in contents.items():
-        write_bytes(out / name, content)
+    write_part(out, "phase", contents)
     return f"{title}\n\n{table(laps, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
 
 

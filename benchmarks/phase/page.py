@@ -1,12 +1,12 @@
 """phase.md and the CSV files behind the figure."""
 
 import math
-import shlex
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 from tabulate import tabulate
 
+from benchmarks.files import command_line
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.precession import Lap
 from benchmarks.tables.text import csv_text
@@ -60,7 +60,7 @@ def table(laps: Sequence[Lap], style: str) -> str:
 def page(title: str, laps: Sequence[Lap], fields: PlaceFields, command: Sequence[str]) -> str:
     """Return phase.md: the numbers, what is to be seen, what is claimed and what not."""
     return (
-        f"# {title}\n\n```\n{shlex.join(command)}\n```\n\n{table(laps, 'github')}\n\n"
+        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{table(laps, 'github')}\n\n"
         f"{len(fields)} place fields of radius {fields.radius:.1f} px along the planned lap "
         f"(`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import PIL
 
-from benchmarks.files import write_bytes, written
+from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment, room_of, trial_moments
@@ -38,7 +38,7 @@ def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of the trials that are ``chosen``, unless they are there."""
     source = [*keyed(shown), source_of("benchmarks"), cv2.__version__, PIL.__version__]
     digest = sha256("\n".join(source).encode()).hexdigest()
-    return written(folder / "drawn.json", digest, lambda: write_figures(shown, folder))
+    return written(folder, "figures", digest, lambda: figures_of(shown))
 
 
 def chosen(trials: Sequence[Trial]) -> list[Trial]:
@@ -46,8 +46,8 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
     return [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _SHOWN]
 
 
-def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
-    """Draw what can be drawn of these methods, each given by its trial 0; return the files."""
+def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
+    """Draw what can be drawn of these methods, each given by its trial 0, by file name."""
     seen = {t.localizer: (camera_of(t.scenario, t.lag), list(trial_moments(t))) for t in trials}
     contents: dict[str, bytes] = {}
     for method in FIG_4_METHODS:
@@ -63,9 +63,7 @@ def write_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
         laps = [lap_frames(seen[method][1], small, method) for method in shown]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
         contents["lap.webp"] = webp(frames, _FRAME_MILLISECONDS)
-    for name, content in contents.items():
-        write_bytes(folder / name, content)
-    return [folder / name for name in contents]
+    return contents
 
 
 def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.files import writable_folder, write_bytes, write_text
+from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import camera_of, lap_frames
 from benchmarks.pictures.frames import webp
@@ -29,7 +29,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     require_plots()
     if log is not None:
         check_writable(log)
-    writable_folder(out)
+    own_folder(out, "run")
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     episode = list(trial_moments(trial))
     setup = scenario_of(trial)
@@ -39,18 +39,17 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()
     }
-    write_bytes(out / "lap.webp", webp(lap_frames(episode, camera, trial.localizer), 80))
-    write_bytes(
-        out / "error.png",
-        error_plot(curves, f"{title}, scenario {trial.scenario}, seed {trial.seed}"),
-    )
-    write_text(out / "error.csv", _curves_csv(trace))
-    write_bytes(out / "trace.npz", npz(trace))
+    heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
+    tracks = {name: text.encode() for name, text in trajectories(trace).items()}
+    files = {
+        "lap.webp": webp(lap_frames(episode, camera, trial.localizer), 80),
+        "error.png": error_plot(curves, heading),
+        "error.csv": _curves_csv(trace).encode(),
+        "trace.npz": npz(trace),
+    } | tracks
+    write_part(out, "run", files)
     if log is not None:
         write(_log(episode, setup.room()), log)
-    tracks = trajectories(trace)
-    for name, text in tracks.items():
-        write_text(out / name, text)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
         f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
@@ -58,9 +57,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     ]
     return "\n".join(
         [
-            f"{title}, scenario {trial.scenario}, seed {trial.seed}: {trace.steps} steps",
+            f"{heading}: {trace.steps} steps",
             *lines,
-            f"Written to {out}: lap.webp, error.png, error.csv, trace.npz, {', '.join(tracks)}.",
+            f"Written to {out}: {', '.join(files)}.",
             *([] if log is None else [f"Log: {log}"]),
         ]
     )

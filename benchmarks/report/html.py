@@ -1,15 +1,15 @@
 """report.html: one page without network and scripts, escaped by jinja2."""
 
 import json
-import shlex
 from base64 import b64encode
 from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from benchmarks.files import command_line
 from benchmarks.report import tables, words
-from benchmarks.report.markdown import describe
+from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
 from benchmarks.tables.table_1 import full_name
@@ -41,7 +41,8 @@ def html(story: Story) -> str:
             ["trial", "reason"],
             [[describe(failure.trial), failure.reason] for failure in results.failures],
         ),
-        command=shlex.join(results.command),
+        left_out=left_out_table(results),
+        command=command_line(results.command),
         environment=json.dumps(results.environment, indent=2),
         pictured=PICTURED,
     )

@@ -10,7 +10,9 @@ from benchmarks.pictures.frames import png, side_by_side, webp
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial, frozen, unworded
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
 _STRIDE = 4  # steps per frame
@@ -27,6 +29,7 @@ class Lap:
         title: heading.
         caption: what is to be seen.
         trials: shown side by side, one of each method.
+        keys: the names under which their results are kept.
         animation: WebP.
         still: PNG, for those who want no motion.
     """
@@ -35,6 +38,7 @@ class Lap:
     title: str
     caption: str
     trials: tuple[Trial, ...]
+    keys: tuple[str, ...]
     animation: bytes = b""
     still: bytes = b""
 
@@ -53,7 +57,7 @@ def laps(panel: Panel) -> list[Lap]:
     chosen = []
     for place, (error, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
         first = {
-            method: record["trial"]
+            method: record
             for method in shown
             for record in reversed(panel.records[method])
             if record["trial"]["trial"] == world
@@ -66,14 +70,21 @@ def laps(panel: Panel) -> list[Lap]:
                 caption=f"World {world}, {names}: error of {panel.labels[focus.method]} "
                 f"{error:.1f}. Every {_STRIDE}th step; orange: present, pink: past, "
                 "light blue: future.",
-                trials=tuple(map(trial_of, first.values())),
+                trials=tuple(trial_of(record["trial"]) for record in first.values()),
+                keys=tuple(record["key"] for record in first.values()),
             )
         )
     return chosen
 
 
 def drawn(lap: Lap) -> Lap:
-    """Return the lap with its pictures: its trials are run again."""
+    """Return the lap with its pictures: its trials are run again.
+
+    Raises:
+        InputError: its code is another one by now.
+    """
+    if tuple(map(key_of, lap.trials)) != lap.keys:
+        raise InputError("code, libraries or a plug-in were changed since its trials were run.")
     rows = [_frames(trial) for trial in lap.trials]
     longest = max(map(len, rows))
     padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits

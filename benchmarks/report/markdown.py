@@ -1,16 +1,21 @@
 """results.md: the same as the page, for a repository."""
 
 import json
-import shlex
+import re
 
 from tabulate import tabulate
 
+from benchmarks.files import command_line
 from benchmarks.report import tables, words
+from benchmarks.report.animations import lap_files
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
+from benchmarks.sweeps.results import Results
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
+
+_LISTED = 100  # files left out
 
 
 def markdown(story: Story, folder: str) -> str:
@@ -31,10 +36,12 @@ def markdown(story: Story, folder: str) -> str:
         parts += ["## Over what was swept", *(_image(one, folder) for one in story.curves)]
     if results.failures:
         parts += ["## Failed trials", _failures(story)]
+    if results.left_out:
+        parts += ["## Files left out", _table("", left_out_table(results))]
     parts += [
         "## To get the same",
-        f"```\n{shlex.join(results.command)}\n```",
-        f"```json\n{json.dumps(results.environment, indent=2)}\n```",
+        _fenced(command_line(results.command)),
+        _fenced(json.dumps(results.environment, indent=2), "json"),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -90,8 +97,16 @@ def images(story: Story) -> dict[str, bytes]:
     for section in story.sections:
         pictures += [*section.charts, *section.over_time]
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in pictures}
-    laps = [lap for section in story.sections for lap in section.laps]
-    return drawn | {f"{lap.name}.webp": lap.animation for lap in laps}
+    return drawn | lap_files([lap for section in story.sections for lap in section.laps])
+
+
+def left_out_table(results: Results) -> Table:
+    """Which files of the folder are in no table, and why."""
+    listed = list(results.left_out.items())
+    lines = [[name, why] for name, why in listed[:_LISTED]]
+    if len(listed) > _LISTED:
+        lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
+    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
 
 
 def describe(trial: dict[str, object]) -> str:
@@ -100,6 +115,13 @@ def describe(trial: dict[str, object]) -> str:
         f"{trial.get('localizer')} on {trial.get('scenario')}, world {trial.get('trial')}, "
         f"filter seed {trial.get('filter_seed')}"
     )
+
+
+def _fenced(text: str, kind: str = "") -> str:
+    """Return text as a code block that it cannot end."""
+    longest = max((len(run) for run in re.findall("`+", text)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return f"{fence}{kind}\n{text}\n{fence}"
 
 
 def _plain(text: str) -> str:

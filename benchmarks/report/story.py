@@ -1,14 +1,12 @@
 """All that a report shows, before it is HTML or Markdown."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.execution.engines import available_cpus
-from benchmarks.execution.processes import Processes
+from benchmarks.report.animations import Animator, Promise
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -17,15 +15,15 @@ from benchmarks.report.charts import (
     time_charts,
 )
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
-from benchmarks.report.laps import Lap, drawn, laps
+from benchmarks.report.laps import Lap, laps
 from benchmarks.report.style import Look, looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from deqmcl_gym.validation import InputError
 
 PICTURED = 8  # panels with pictures; the tables are of all
 ANIMATED = 1  # panels with animations: they are what makes a page large
-_PATIENCE = 300.0  # seconds for one animation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +59,12 @@ class Story:
         return [section.panel for section in self.sections]
 
 
-def story_of(panels: Sequence[Panel], results: Results) -> Story:
-    """Draw everything, and run again the trials that are shown as animations."""
+def story_of(panels: Sequence[Panel], results: Results, animator: Animator) -> Story:
+    """Draw everything; the animations are the animator's."""
     look = looks(label for panel in panels for label in panel.labels.values())
     animated = panels[:ANIMATED]
-    # Workers have the kernels loaded, and a plug-in that hangs or exits there does no harm.
-    with Processes(available_cpus(), timeout=_PATIENCE) as pool, mpl.rc_context(HOUSE_STYLE):
-        waiting = [[pool.submit(drawn, lap) for lap in laps(panel)] for panel in animated]
+    with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
+        waiting = [[promised(lap) for lap in laps(panel)] for panel in animated]
         sections = [_section(panel, look) for panel in panels]
         curves = [*swept_charts(panels, look, ERROR), *swept_charts(panels, look, DIFFERENCE)]
         for place, drawing in enumerate(waiting):
@@ -87,8 +84,10 @@ def _section(panel: Panel, look: Mapping[str, Look]) -> Section:
     )
 
 
-def _awaited(drawing: Sequence[Future[Lap]]) -> dict[str, Any]:
+def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:
     try:
-        return {"laps": [lap.result() for lap in drawing]}
+        return {"laps": [lap() for lap in drawing]}
+    except InputError as error:
+        return {"no_laps": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        return {"no_laps": f"{type(error).__name__}: {error}"}
+        return {"no_laps": f"its trials could not be run again ({type(error).__name__}: {error})"}

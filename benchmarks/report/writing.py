@@ -7,15 +7,17 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchmarks.files import writable_folder, write_bytes, written
+from benchmarks.files import own_folder, refuse_changed, utf8, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.panels import panels
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
-IMAGES = "images"
+if TYPE_CHECKING:
+    from benchmarks.report.animations import Animator
 
 
 def no_report() -> str | None:
@@ -48,22 +50,43 @@ def load() -> None:
 
 
 def write_report(out: Path, results: Results) -> list[Path]:
-    """Write the tables, report.html, results.md and images/ into a folder; return the files.
+    """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
     results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
     results.md also tell times and versions. Without the extra ``report`` there are the tables only.
     Nothing is written if all is there and would come out the same.
 
     Raises:
-        InputError: ``out`` cannot be written to.
+        InputError: a file in the folder is in the way that is not ours.
     """
-    writable_folder(out)
-    return written(out / "written.json", _source(results), lambda: _write(out, results))
+    from benchmarks.report.animations import Drawing
+
+    return _written(out, "report", results, Drawing())
 
 
-def _source(results: Results) -> str:
-    """Name all that a report is made of: results, code and libraries."""
-    digest = sha256(f"{source_of('benchmarks')} {no_report()}".encode())
+def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
+    """Write the report of a folder anew, into it or elsewhere; no trial is run.
+
+    Raises:
+        InputError: ``out`` cannot be written to, or holds what is not ours.
+    """
+    from benchmarks.report.animations import Kept
+
+    if out.exists() and out.samefile(folder):
+        refuse_changed(out)
+        return _written(out, "report", results, Kept(folder))
+    return _written(own_folder(out, "copy"), "copy", results, Kept(folder))
+
+
+def _written(out: Path, part: str, results: Results, animator: "Animator") -> list[Path]:
+    source = _source(results, animator)
+    return written(out, part, source, lambda: _contents(results, animator))
+
+
+def _source(results: Results, animator: "Animator") -> str:
+    """Name all that a report is made of: results, animations, code and libraries."""
+    lacking = animator.lacking({record["key"] for record in results.finished})
+    digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
@@ -73,27 +96,25 @@ def _source(results: Results) -> str:
     return digest.hexdigest()
 
 
-def _write(out: Path, results: Results) -> list[Path]:
+def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
+    """Return the files of a report by name."""
     compared = panels(results.records, results.baseline, results.limits)
-    contents = {
-        "results.csv": results_csv(compared).encode(),
-        "trials.csv": trials_csv(results.finished).encode(),
-        "timings.csv": timings_csv(results.finished).encode(),
+    tables = {
+        "results.csv": results_csv(compared),
+        "trials.csv": trials_csv(results.finished),
+        "timings.csv": timings_csv(results.finished),
     }
     if any(panel.gaps for panel in compared):
-        contents["gaps.csv"] = gaps_csv(compared).encode()
-    for name, content in contents.items():
-        write_bytes(out / name, content)
+        tables["gaps.csv"] = gaps_csv(compared)
     if no_report() is not None:
-        return [out / name for name in contents]
+        return {name: utf8(text) for name, text in tables.items()}
     load()
+    from benchmarks.report.animations import IMAGES
     from benchmarks.report.html import html
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(compared, results)
-    told = {"results.md": markdown(story, IMAGES).encode(), "report.html": html(story).encode()}
-    told |= {f"{IMAGES}/{name}": content for name, content in images(story).items()}
-    for name, content in told.items():
-        write_bytes(out / name, content)
-    return [out / name for name in [*contents, *told]]
+    story = story_of(compared, results, animator)
+    told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
+    pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
+    return {name: utf8(text) for name, text in (tables | told).items()} | pictures

@@ -1,13 +1,25 @@
 """TOML documents: read, and taken apart; what is not as it should be is refused by name."""
 
+import codecs
+import io
 import math
 import tomllib
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from benchmarks.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, one_of
+
+# byte order marks, the longer ones first
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
 
 
 def read(path: Path, what: str) -> dict[str, Any]:
@@ -16,14 +28,41 @@ def read(path: Path, what: str) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read, or is no TOML.
     """
+    named = f"the {what} file {path}"
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the {what} file {path} cannot be read ({error.strerror}): give one that is there."
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"the {what} file {path} is no TOML: {error}.") from None
+        content = content_of(path)
+    except FileNotFoundError:
+        raise InputError(f"{named} is not there: give an existing file.") from None
+    except UnreadableError as error:
+        raise InputError(f"{named} {error}: give another one.") from None
+    try:
+        return tomllib.loads(_decoded(content, named))
+    except RecursionError:
+        raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
+    except InputError:
+        raise
+    except ValueError as error:  # an error of TOML, or a number of thousands of digits
+        raise InputError(f"{named} is not valid TOML: {error}.") from None
+
+
+def _decoded(content: bytes, named: str) -> str:
+    """Return UTF-8 text, with or without a byte order mark, whatever ends its lines.
+
+    Raises:
+        InputError: it is in another encoding.
+    """
+    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
+    if encoding is not None:
+        raise InputError(f"{named} is {encoding}, but must be UTF-8: save it as UTF-8.")
+    try:
+        content.decode()
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{content[error.start]:02x} in line {line}"
+        raise InputError(f"{named} is not UTF-8 ({found}): save it as UTF-8.") from None
+    if 0 in content:
+        raise InputError(f"{named} holds zero bytes, as UTF-16 does: save it as UTF-8.")
+    return io.TextIOWrapper(io.BytesIO(content), "utf-8-sig").read()
 
 
 @contextmanager
@@ -77,5 +116,11 @@ def _refuse_nan(value: Any, at: str) -> None:
             _refuse_nan(inner, at)
     elif not isinstance(value, str | bool | int | float):
         raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
+    elif isinstance(value, str) and not _is_text(value):
+        raise InputError(f"{at} is {value!a}, but must be text without control characters.")
     elif isinstance(value, float) and math.isnan(value):
         raise InputError(f"{at} is nan, but must be a number.")
+
+
+def _is_text(text: str) -> bool:
+    return not any(unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n\r" for c in text)

@@ -1,6 +1,5 @@
 """``deqmcl speed``: measure the figures and the curves, write them down."""
 
-import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -9,7 +8,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from benchmarks.files import writable_folder, write_bytes
+from benchmarks.files import command_line, own_folder, write_part
 from benchmarks.speed import rays, steps, trials, worlds
 from benchmarks.speed.figure import Measured, measured
 from benchmarks.speed.plots import scaling_plot
@@ -54,7 +53,7 @@ QUICK = Extent(
 
 def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str]) -> str:
     """Measure, write the files; return what to print."""
-    writable_folder(out)
+    own_folder(out, "speed")
     rows, reasons = _measured(extent.figures, peers=peers)
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
@@ -64,8 +63,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     else:
         reasons += ["No picture: pip install 'deqmcl-gym[plots]' brings what it needs."]
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
-    for name, content in files.items():
-        write_bytes(out / name, content)
+    write_part(out, "speed", files)
     written = f"Written to {out}: {', '.join(files)}."
     return "\n\n".join([speed_table(rows, "simple"), HOW, *reasons, written])
 
@@ -99,7 +97,7 @@ def _page(
     versions = [f"Python {machine['python']}", *(f"{k} {v}" for k, v in libraries.items())]
     parts = [
         "# Speed",
-        f"`{shlex.join(command)}`",
+        f"`{command_line(command)}`",
         speed_table(rows, "github"),
         HOW,
         *reasons,

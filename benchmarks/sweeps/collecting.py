@@ -1,96 +1,95 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
-import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
+from benchmarks.setup import documents
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Failure, Results
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.trials.provenance import environment
 from benchmarks.trials.spec import Trial, unworded
 from deqmcl_gym.validation import InputError
 
-_SHOWN = 20  # cells that are not complete
+_SHOWN = 20  # lines of a kind
 
 
-def collected(
-    title: str, trials: Mapping[str, Trial], store: Store, command: Sequence[str]
-) -> Results:
-    """Return what the store has of these trials (by key)."""
-    planned = {key: trial.canonical() for key, trial in trials.items()}
-    return _found(planned, store.get, store.failure, title, command, environment())
-
-
-def _found(
-    planned: Mapping[str, dict[str, Any]],
-    record: Callable[[str], dict[str, Any] | None],
-    failure: Callable[[str], dict[str, Any] | None],
-    title: str,
-    command: Sequence[str],
-    environment: dict[str, Any],
-) -> Results:
-    """Return what is found of the trials that were planned, in their order."""
+def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
+    """Return what the store has of these trials (by key), in their order."""
     records, failures = [], []
-    for name, trial in planned.items():
-        if (finished := record(name)) is not None:
+    for key, trial in trials.items():
+        if (finished := store.get(key, trial)) is not None:
             records.append(finished)
-        elif (failed := failure(name)) is not None:
-            failures.append(Failure(trial=trial, reason=failed["reason"]))
-    return Results(
-        title=title,
+        elif (reason := store.failure(key, trial)) is not None:
+            failures.append(Failure(trial=trial.canonical(), reason=reason))
+    asked = {named(trial.canonical()) for trial in trials.values()}
+    results = Results(
+        title=sweep.title,
         records=records,
         failures=failures,
-        missing=len(planned) - len(records) - len(failures),
-        planned=len(planned),
-        command=list(command),
-        environment=environment,
+        missing=len(trials) - len(records) - len(failures),
+        planned=len(trials),
+        command=list(made.command),
+        environment=made.environment,
+        left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
     )
+    return of_sweep(sweep, results)
 
 
 def of_sweep(sweep: Sweep, results: Results) -> Results:
     """Return the results with the trials of the limit set apart, and with the sweep's baseline."""
-    compared = {_name(trial.canonical()) for trial in sweep.compared()}
-    limits = {_name(trial.canonical()) for trial in sweep.limits()}
+    compared = {named(trial.canonical()) for trial in sweep.compared()}
+    limits = {named(trial.canonical()) for trial in sweep.limits()}
     return replace(
         results,
-        records=[record for record in results.records if _name(record["trial"]) in compared],
-        limits=[record for record in results.records if _name(record["trial"]) in limits],
+        records=[record for record in results.records if named(record["trial"]) in compared],
+        limits=[record for record in results.records if named(record["trial"]) in limits],
         baseline=sweep.baseline,
     )
 
 
 def results_in(folder: Path) -> Results:
-    """Return what the folder of a sweep holds, whatever code has made it.
+    """Return what a folder holds of its own sweep; nothing that it names is loaded or run.
+
+    Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
+    is installed here.
 
     Raises:
         InputError: the folder is not one of results, or none of its files can be read.
     """
-    content = manifest.read(folder)
-    try:
-        sweep = sweep_of(unworded(content["identity"]["sweep"]), title="")
-        command, environment = content["command"], content["environment"]
-    except (KeyError, TypeError):
+    made = manifest.read(folder)
+    with documents.errors_name(folder / manifest.NAME):
+        sweep = sweep_of(unworded(made.sweep), title="", takes=partial(_recorded, made.parameters))
+    trials = {made.made.key(trial): trial for trial in sweep.distinct()}
+    results = collected(sweep, trials, Store(folder, reading=True), made)
+    if results.left_out and results.missing == results.planned:
+        name, why = next(iter(results.left_out.items()))
         raise InputError(
-            f"{folder / manifest.NAME} does not say what was run: give a folder of results."
-        ) from None
-    store = Store(folder, reading=True)
-    finished = {_name(r["trial"]): r for key in store.keys("trials") if (r := store.get(key))}
-    failed = {_name(f["trial"]): f for key in store.keys("failed") if (f := store.failure(key))}
-    if store.rejected and not finished and not failed:
-        name, why = next(iter(store.rejected.items()))
-        raise InputError(
-            f"none of the {len(store.rejected)} trials in {folder} can be read ({name} {why}): "
-            "run them anew, into a new --out."
+            f"{folder} has no trial of its sweep, but {len(results.left_out)} others ({name} {why})"
+            ": give another folder, or run the sweep again."
         )
-    planned = {_name(own): own for own in (trial.canonical() for trial in sweep.distinct())}
-    results = _found(planned, finished.get, failed.get, sweep.title, command, environment)
-    return of_sweep(sweep, results)
+    return results
+
+
+def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tuple[str, ...] | None:
+    if name not in parameters:
+        raise InputError(f"parameters has no {name!r}: the manifest was changed.")
+    known = parameters[name]
+    return None if known is None else tuple(known)
+
+
+def left_out_lines(results: Results, out: Path) -> list[str]:
+    """Say which files of a folder are in no table, and why."""
+    lines = [
+        f"deqmcl: {out / name} {why}; it is left out." for name, why in results.left_out.items()
+    ]
+    more = [f"deqmcl: … and {len(lines) - _SHOWN:,} more files are left out."]
+    return lines if len(lines) <= _SHOWN else lines[:_SHOWN] + more
 
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
@@ -113,12 +112,12 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {_name(record["trial"]) for record in results.finished}
+    there = {named(record["trial"]) for record in results.finished}
     planned: Counter[str] = Counter()
     done: Counter[str] = Counter()
     for trial in sweep.distinct():
         planned[trial.cell()] += 1
-        done[trial.cell()] += _name(trial.canonical()) in there
+        done[trial.cell()] += named(trial.canonical()) in there
     lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
     return ["Not complete:", *lines[:_SHOWN], *more]
@@ -131,7 +130,3 @@ def failed_sentence(results: Results) -> str:
         f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "
         f"{first.trial['localizer']}, trial {first.trial['trial']}: {first.reason}"
     )
-
-
-def _name(trial: Mapping[str, Any]) -> str:
-    return json.dumps(trial, sort_keys=True)

@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,6 +13,10 @@ from benchmarks.sweeps.factors import GROUPS, SCALARS, Axis, Limit, Method
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.spec import Params, Trial, frozen, thawed
 from deqmcl_gym.validation import InputError, integer, one_of
+
+MOST = 1_000_000  # trials
+
+Takes = Callable[[str], tuple[str, ...] | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,7 @@ class Sweep:
         vary: axes; the last one turns fastest.
         baseline: localizer that the report compares the others with.
         limit: what the optimality gap is measured from; None if it is not asked for.
+        takes: names of the parameters that a localizer of a name takes; None: any.
     """
 
     title: str
@@ -50,9 +55,10 @@ class Sweep:
     vary: tuple[Axis, ...] = field(default=())
     baseline: str = BASELINE
     limit: Limit | None = None
+    takes: Takes = field(default=takes, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scenario", absolute_scenario(self.scenario))
+        object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         integer("lag", self.lag)
         integer("seed", self.seed)
@@ -67,13 +73,18 @@ class Sweep:
         for axis in self.vary:
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
-        for method in self.localizers:
-            takes(method.name)
+        methods = [*self.localizers, *([self.limit.method] if self.limit else [])]
+        for method in methods:
+            self.takes(_label("localizer", method.name))
         if self.baseline != BASELINE:
             one_of("baseline", self.baseline, [method.name for method in self.localizers])
         if self.limit is not None:
-            takes(self.limit.method.name)
             integer("trials of the limit", self.limit.trials, low=1, high=self.trials)
+        if self.combinations > MOST:
+            raise InputError(
+                f"the sweep has {self.combinations:,} trials, more than {MOST:,}: vary less, or "
+                "make several sweeps of it."
+            )
 
     @property
     def combinations(self) -> int:
@@ -174,7 +185,7 @@ class Sweep:
         return base
 
     def _params_of(self, method: Method, base: dict[str, Any]) -> Params:
-        known = takes(method.name)
+        known = self.takes(method.name)
         shared = {"lag": base["lag"]} | base["params"]
         useful = {k: v for k, v in shared.items() if known is None or k in known}
         return frozen(useful | dict(method.params))
@@ -184,7 +195,26 @@ def _absolute(axis: Axis) -> Axis:
     names = axis.values.get("scenario", ())
     if not names:
         return axis
-    return Axis(values={**axis.values, "scenario": tuple(map(absolute_scenario, names))})
+    return Axis(values={**axis.values, "scenario": tuple(map(_scenario, names))})
+
+
+def _scenario(name: str) -> str:
+    return _label("scenario", absolute_scenario(name))
+
+
+def _label(kind: str, name: str) -> str:
+    """Refuse a name that cannot stand in a table: a spreadsheet takes =… for a formula."""
+    if not name.isprintable():
+        raise InputError(
+            f"the {kind} {name!a} has a line break, a control character or a byte that is no "
+            "UTF-8 in its name: rename its file."
+        )
+    if name.startswith(("=", "+", "-", "@")):
+        raise InputError(
+            f"the {kind} {name!r} must not begin with {name[0]}, which spreadsheets take for a "
+            f"formula: write ./{name} if it is a file, or rename it."
+        )
+    return name
 
 
 def _jsonable_method(method: Method) -> dict[str, Any]:

@@ -1,52 +1,123 @@
 """manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
 
+import itertools
 import json
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.files import write_text
-from benchmarks.setup.names import scenario_digest
+from benchmarks.files import (
+    UnreadableError,
+    content_of,
+    is_empty,
+    json_of,
+    misfit,
+    refuse_changed,
+    write_text,
+)
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
-from benchmarks.trials.plugins import source_digest
-from benchmarks.trials.provenance import code_digest, environment, versions
+from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.provenance import Provenance, environment
 from deqmcl_gym.validation import InputError
 
 NAME = "manifest.json"
 
+_ABSENT = object()
+_SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
-def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
-    """Write the manifest of a new folder; in one that has its manifest, compare.
+_NAMED = {str: str}
+_SHAPE = {
+    "schema": int,
+    "identity": {"sweep": dict, "code": str, "libraries": _NAMED, "plug-ins": _NAMED},
+    "parameters": {str: ([str], type(None))},
+    "command": [str],
+    "environment": {str: (str, _NAMED)},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manifest:
+    """What a folder says that it is of; read as data: nothing that it names is loaded.
+
+    Attributes:
+        sweep: ``Sweep.canonical()``.
+        made: code, libraries and plug-ins of its trials.
+        parameters: those that each localizer takes; None: any.
+        command: the words that started the sweep.
+        environment: see ``provenance.environment``.
+    """
+
+    sweep: dict[str, Any]
+    made: Provenance
+    parameters: Mapping[str, Sequence[str] | None]
+    command: Sequence[str]
+    environment: dict[str, Any]
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Everything that the numbers depend on."""
+        return {
+            "sweep": self.sweep,
+            "code": self.made.code,
+            "libraries": dict(self.made.libraries),
+            "plug-ins": dict(self.made.plug_ins),
+        }
+
+
+def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
+    """Return the manifest that a sweep has if it is run now."""
+    methods = [*sweep.localizers, *([sweep.limit.method] if sweep.limit else [])]
+    return Manifest(
+        sweep=sweep.canonical(),
+        made=provenance_of(sweep.cells()),
+        parameters={method.name: sweep.takes(method.name) for method in methods},
+        command=command,
+        environment=environment(),
+    )
+
+
+def refuse_others(folder: Path, ours: Manifest) -> None:
+    """Refuse a folder unless it is new, empty, or of this sweep.
 
     A folder may grow: more worlds, runs and localizers are asked for than it was made for.
 
     Raises:
-        InputError: the folder is of another sweep, other code or another plug-in; all differences
-            are listed.
+        InputError: the folder is not ours, or of another sweep, other code or another plug-in
+            (all differences are listed); or a file in it was changed.
     """
-    ours = identity(sweep)
-    path = folder / NAME
-    if path.exists():
-        theirs = read(folder).get("identity")
-        if theirs is None:
-            raise InputError(f"{path} is not of a sweep: give a new --out.")
-        if theirs == ours:
-            return
-        if differences := list(_differences(_less(theirs, ours), ours, "")):
-            raise InputError(
-                f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
-                "--out, or restore what was changed."
-            )
+    if is_empty(folder):
+        return
+    theirs = read(folder).identity
+    if differences := list(_differences(_less(theirs, ours.identity), ours.identity, "")):
+        raise InputError(
+            f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
+            "--out, or restore what was changed."
+        )
+    refuse_changed(folder)
+
+
+def begin(folder: Path, ours: Manifest) -> None:
+    """Write the manifest of a new folder, or of one that grows.
+
+    Raises:
+        InputError: see ``refuse_others``.
+    """
+    refuse_others(folder, ours)
+    if not is_empty(folder) and read(folder).identity == ours.identity:
+        return
     content = {
-        "identity": ours,
-        "command": list(command),
-        "environment": environment(),
+        "schema": SCHEMA,
+        "identity": ours.identity,
+        "parameters": ours.parameters,
+        "command": ours.command,
+        "environment": ours.environment,
         "cpu": cpu_model(),
-        "seeds": seeds(sweep.seed),
+        "seeds": seeds(ours.sweep["seed"]),
     }
-    write_text(path, json.dumps(content, indent=2) + "\n")
+    write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:
@@ -64,36 +135,38 @@ def _less(theirs: Any, ours: dict[str, Any]) -> Any:
         return theirs
 
 
-def read(folder: Path) -> dict[str, Any]:
+def read(folder: Path) -> Manifest:
     """Return a folder's manifest.
 
     Raises:
-        InputError: there is none, or it cannot be read.
+        InputError: there is none, it cannot be read, or it is not as this version writes it.
     """
+    path = folder / NAME
     try:
-        content = json.loads((folder / NAME).read_text())
+        content = json_of(content_of(path))
     except FileNotFoundError:
-        raise InputError(f"{folder} holds no {NAME}: give the folder of a sweep.") from None
-    except (OSError, ValueError):
-        content = None
-    if not isinstance(content, dict):
-        raise InputError(f"{folder / NAME} cannot be read: give a new --out.")
-    return content
-
-
-def identity(sweep: Sweep) -> dict[str, Any]:
-    """Return everything that the numbers of a sweep depend on, as JSON-able values."""
-    digests: dict[str, str] = {}
-    for trial in sweep.cells():
-        digests[trial.localizer] = source_digest(trial.localizer)
-        digests[trial.scenario] = scenario_digest(trial.scenario)
-    return {
-        "schema": SCHEMA,
-        "sweep": sweep.canonical(),
-        "code": code_digest(),
-        "libraries": versions(),
-        "plug-ins": {name: digest for name, digest in digests.items() if digest},
-    }
+        raise InputError(
+            f"{folder} holds no {NAME} of a sweep: give the folder of a sweep, or a new one."
+        ) from None
+    except UnreadableError as error:
+        raise InputError(f"{path} {error}: restore it, or give a new --out.") from None
+    schema = content.get("schema")
+    if isinstance(schema, int) and schema != SCHEMA:
+        raise InputError(
+            f"{folder} was written by {'an older' if schema < SCHEMA else 'a newer'} version of "
+            f"deqmcl-gym (schema {schema}, this one has {SCHEMA}): use that version, or give a new "
+            "--out."
+        )
+    if why := misfit(content, _SHAPE):
+        raise InputError(f"{path} {why}: it is not of a sweep, or was changed; give a new --out.")
+    identity = content["identity"]
+    return Manifest(
+        sweep=identity["sweep"],
+        made=Provenance(identity["code"], identity["libraries"], identity["plug-ins"]),
+        parameters=content["parameters"],
+        command=content["command"],
+        environment=content["environment"],
+    )
 
 
 def seeds(root: int) -> dict[str, Any]:
@@ -119,15 +192,29 @@ def cpu_model() -> str:
 
 
 def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
-    """Say where two JSON values differ."""
+    """Say where two JSON values differ; lists of one length are compared item by item."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for key in dict.fromkeys([*theirs, *ours]):
             inner = f"{at}.{key}" if at else key
-            yield from _differences(theirs.get(key), ours.get(key), inner)
+            yield from _differences(theirs.get(key, _ABSENT), ours.get(key, _ABSENT), inner)
+    elif isinstance(theirs, list) and isinstance(ours, list) and len(theirs) == len(ours):
+        for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
+            yield from _differences(*pair, f"{at}[{number}]")
     elif theirs != ours:
-        yield f"{at.removeprefix('sweep.')} was {_short(theirs)} and is {_short(ours)}"
+        was, now = _shown(theirs, ours)
+        yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
 
 
-def _short(value: Any) -> str:
-    words = json.dumps(value, ensure_ascii=False)
-    return words if len(words) <= 60 else f"{words[:57]}…"
+def _shown(*values: Any) -> list[str]:
+    """Return unequal JSON values as texts; long ones from shortly before they first differ."""
+    texts = [
+        "not set" if value is _ABSENT else json.dumps(value, ensure_ascii=False) for value in values
+    ]
+    same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    first = max(0, sum(1 for _ in same) - _BEFORE)
+    return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
+
+
+def _cut(text: str, first: int) -> str:
+    last = first + _SHOWN
+    return f"{'…' * (first > 0)}{text[first:last]}{'…' * (last < len(text))}"

@@ -30,7 +30,7 @@ class Results:
         title: of the sweep.
         records: finished trials in the sweep's order, as the store keeps them: ``trial``,
             ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
-            ``seconds``.
+            ``key``, ``seconds``.
         limits: those of the sweep's limit, which are compared with nothing.
         baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
@@ -38,6 +38,7 @@ class Results:
         planned: distinct trials asked for.
         command: the words that started the sweep.
         environment: versions and code, see ``provenance.environment``.
+        left_out: files of the folder that are in no table, and why.
     """
 
     title: str
@@ -49,6 +50,7 @@ class Results:
     environment: dict[str, Any]
     limits: list[dict[str, Any]] = field(default_factory=list)
     baseline: str = BASELINE
+    left_out: dict[str, str] = field(default_factory=dict)
 
     @property
     def finished(self) -> list[dict[str, Any]]:

@@ -12,15 +12,15 @@ from tqdm import tqdm
 from benchmarks.execution.apart import check_methods
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
+from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import collected, of_sweep
+from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.lock import locked
+from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.episode import check_setting
-from benchmarks.trials.plugins import keyed
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -58,13 +58,14 @@ class Running:
     store: Store
     trials: Mapping[str, Trial]  # by key
     options: Options
-    command: Sequence[str]
+    made: Manifest
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then."""
         run_missing(_part(self.trials, self.options.shard), self.store, self.options)
-        found = collected(self.sweep.title, self.trials, self.store, self.command)
-        return of_sweep(self.sweep, found)
+        results = collected(self.sweep, self.trials, self.store, self.made)
+        _say(left_out_lines(results, self.store.out))
+        return results
 
 
 @contextmanager
@@ -74,15 +75,19 @@ def begun(
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
     Raises:
-        InputError: the folder is another sweep's, or in use.
+        InputError: the folder is not ours, another sweep's, or in use.
     """
+    made = manifest.of_sweep(sweep, command)
+    manifest.refuse_others(out, made)
     store = Store(out)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
     with locked(out, shard):
-        manifest.begin(out, sweep, command)
-        trials = keyed(sweep.distinct())
-        _say_strays(store, trials, remove=shard is None)
-        yield Running(sweep, store, trials, options, command)
+        trials = {made.made.key(trial): trial for trial in sweep.distinct()}
+        store.refuse_obstacles(trials.keys())
+        manifest.begin(out, made)
+        if shard is None:  # another one may be writing it
+            _remove_temporary(store)
+        yield Running(sweep, store, trials, options, made)
 
 
 def check(sweep: Sweep) -> None:
@@ -111,7 +116,8 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
     missing = {
         key: trial
         for key, trial in trials.items()
-        if store.get(key) is None and (options.retry_failed or store.failure(key) is None)
+        if store.get(key, trial) is None
+        and (options.retry_failed or store.failure(key, trial) is None)
     }
     _say_rejected(store)
     waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
@@ -150,9 +156,9 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
         try:
             store.put(key, outcome.record, outcome.seconds)
             return None
-        except ValueError:  # JSON has no NaN
-            reason = "its record holds a number that is not finite"
-    store.put_failure(key, trial.canonical(), reason)
+        except ValueError as error:
+            reason = f"its record cannot be kept: {error}"
+    store.put_failure(key, trial, reason)
     return reason
 
 
@@ -164,19 +170,20 @@ def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping
 
 
 def _say_rejected(store: Store) -> None:
-    for name, why in store.rejected.items():
-        print(f"deqmcl: {store.out / name} {why}; it is run again.", file=sys.stderr)
+    again = {n: why for n, why in store.rejected.items() if not n.startswith("timings/")}
+    _say([f"deqmcl: {store.out / name} {why}; it is run again." for name, why in again.items()])
     store.rejected.clear()
 
 
-def _say_strays(store: Store, keys: Mapping[str, Trial], *, remove: bool) -> None:
-    for name, what in store.strays(keys.keys()).items():
-        temporary = name.endswith(".tmp")
-        if temporary and remove:
-            (store.out / name).unlink(missing_ok=True)
-        if not temporary or remove:  # another shard may be writing it
-            does = "removed" if temporary else "left out"
-            print(f"deqmcl: {store.out / name} {what}; it is {does}.", file=sys.stderr)
+def _remove_temporary(store: Store) -> None:
+    for path in store.temporary():
+        path.unlink(missing_ok=True)
+        _say([f"deqmcl: {path} is what an interrupted write has left; it is removed."])
+
+
+def _say(lines: Sequence[str]) -> None:
+    for line in lines:
+        print(line, file=sys.stderr)
 
 
 def shard_of(text: str) -> tuple[int, int]:

@@ -2,20 +2,52 @@
 
 import hashlib
 import json
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from benchmarks.files import writable_folder, write_text
+from benchmarks.files import (
+    UnreadableError,
+    content_of,
+    is_temporary,
+    json_of,
+    misfit,
+    writable_folder,
+    write_text,
+)
+from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
 
-SCHEMA = 3
+SCHEMA = 4
+
+FOLDERS = ("trials", "timings", "failed")
+_NUMBER = (float, type(None))
+_SHAPES = {
+    "trials": {
+        "trial": dict,
+        "unit": str,
+        "thresholds": {str: float},
+        "scores": [{"offset": int} | dict.fromkeys(SCORE_NAMES, _NUMBER)],
+        "curves": {str: {"first_state": int, "error": [float]}},
+        "quality": ([_NUMBER], type(None)),
+        "profile": {str: float},
+        "steps_done": int,
+        "scans_used": int,
+        "events": {str: int},
+    },
+    "timings": {"seconds": float},
+    "failed": {"trial": dict, "reason": str},
+}
 
 
 class Store:
     """Trials in a folder, by key; timings apart, as they alone depend on the machine.
 
     A file carries its schema, its key and a checksum of its content. One that is torn, edited or
-    of something else counts as missing.
+    of something else counts as missing. The checksum finds accidents: who changes a file on purpose
+    can make it anew.
 
     Attributes:
         out: the folder.
@@ -31,105 +63,141 @@ class Store:
         self.out = out if reading else writable_folder(out)
         self.rejected: dict[str, str] = {}
 
-    def get(self, key: str) -> dict[str, Any] | None:
-        """Return a finished trial's record, with its timing; None if missing or rejected."""
-        record = self._read("trials", key)
+    def get(self, key: str, trial: Trial) -> dict[str, Any] | None:
+        """Return a finished trial's record, with its key and timing; None if missing or rejected.
+
+        The timing is None if it is not known.
+        """
+        record = self._read("trials", key, trial)
         if record is None:
             return None
         timing = self._read("timings", key) or {}
-        return record | {"seconds": timing.get("seconds")}
+        return record | {"key": key, "seconds": timing.get("seconds")}
 
     def put(self, key: str, record: dict[str, Any], seconds: float) -> None:
-        """Keep a finished trial. The timing goes first: a trial that is there is complete."""
+        """Keep a finished trial. The timing goes first: a trial that is there is complete.
+
+        Raises:
+            ValueError: it is no record, or holds a number that is not finite.
+        """
         self._write("timings", key, {"seconds": seconds})
         self._write("trials", key, record)
         self._path("failed", key).unlink(missing_ok=True)
 
-    def failure(self, key: str) -> dict[str, Any] | None:
-        """Return the ``trial`` that failed and the ``reason`` why; None if it did not."""
-        return self._read("failed", key)
+    def failure(self, key: str, trial: Trial) -> str | None:
+        """Return the reason why a trial failed; None if it did not."""
+        content = self._read("failed", key, trial)
+        return None if content is None else str(content["reason"])
 
-    def put_failure(self, key: str, trial: dict[str, Any], reason: str) -> None:
+    def put_failure(self, key: str, trial: Trial, reason: str) -> None:
         """Keep the reason why a trial failed."""
-        self._write("failed", key, {"trial": trial, "reason": reason})
+        self._write("failed", key, {"trial": trial.canonical(), "reason": reason})
 
-    def strays(self, keys: Collection[str]) -> dict[str, str]:
-        """Return the files that belong to none of these keys, and what they are.
+    def refuse_obstacles(self, keys: Collection[str]) -> None:
+        """Refuse a folder where something that is no file is in the way of one of ours.
 
-        A temporary file, anywhere, is what an interrupted write leaves.
+        Raises:
+            InputError: naming it.
         """
-        left = "is what an interrupted write has left"
-        found = {
-            path.relative_to(self.out).as_posix(): left
-            for folder in (self.out, self.out / "timings", self.out / "images")
-            for path in sorted(folder.glob(".*.tmp"))
-        }
-        for folder in ("trials", "failed"):
-            for path in sorted((self.out / folder).glob("*")):
-                if path.name.endswith(".tmp"):
-                    found[f"{folder}/{path.name}"] = left
-                elif path.suffix != ".json" or path.stem not in keys:
-                    found[f"{folder}/{path.name}"] = "is no trial of this sweep"
-        return found
+        for name in FOLDERS:
+            folder = self.out / name
+            if os.path.lexists(folder) and (folder.is_symlink() or not folder.is_dir()):
+                raise InputError(f"{folder} is in the way of a folder of that name: move it away.")
+            for path in folder.glob("*.json"):
+                if path.stem in keys and (path.is_symlink() or not path.is_file()):
+                    raise InputError(f"{path} is in the way of a file of that name: move it away.")
 
-    def keys(self, folder: str) -> list[str]:
-        """Return the names of the files in "trials" or "failed", whatever has made them."""
-        return sorted(path.stem for path in (self.out / folder).glob("*.json"))
+    def temporary(self) -> list[Path]:
+        """Return what interrupted writes have left in the folders of trials, and beside them."""
+        folders = [self.out, *(self.out / name for name in FOLDERS)]
+        return sorted(p for folder in folders for p in folder.glob(".*") if is_temporary(p))
+
+    def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
+        """Yield the files that belong to none of these keys, and why.
+
+        Args:
+            keys: of the trials asked for.
+            asked: the same trials as ``named``.
+        """
+        for name in ("trials", "failed"):
+            for path in sorted((self.out / name).glob("*")):
+                if is_temporary(path) or (path.stem in keys and path.suffix == ".json"):
+                    continue
+                why = "is no file of a trial"
+                if path.suffix == ".json":
+                    try:
+                        trial = _checked(path, name, path.stem)["trial"]
+                        same = named(trial) in asked
+                        why = f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
+                    except (UnreadableError, FileNotFoundError) as error:
+                        why = str(error)
+                yield f"{name}/{path.name}", why
 
     def _path(self, folder: str, key: str) -> Path:
         return self.out / folder / f"{key}.json"
 
     def _write(self, folder: str, key: str, content: dict[str, Any]) -> None:
+        if why := _unlike(content, folder):
+            raise ValueError(why)
         signed = {"schema": SCHEMA, "key": key} | content
         write_text(self._path(folder, key), _json(signed | {"checksum": _checksum(signed)}))
 
-    def _read(self, folder: str, key: str) -> dict[str, Any] | None:
+    def _read(self, folder: str, key: str, trial: Trial | None = None) -> dict[str, Any] | None:
         path = self._path(folder, key)
         try:
-            text = path.read_text(encoding="utf-8")
+            content = _checked(path, folder, key)
+            if trial is not None and content["trial"] != trial.canonical():
+                raise UnreadableError("is of another trial")
         except FileNotFoundError:
             return None
-        except (OSError, UnicodeDecodeError) as error:
-            self.rejected[f"{folder}/{path.name}"] = f"cannot be read ({error})"
-            return None
-        try:
-            return _checked(text, key)
-        except _RejectedError as error:
+        except UnreadableError as error:
             self.rejected[f"{folder}/{path.name}"] = str(error)
             return None
+        return content
 
 
-class _RejectedError(ValueError):
-    """Why a file is not what it should be."""
+NOT_ASKED = "a trial that this sweep does not have"
 
 
-def _checked(text: str, key: str) -> dict[str, Any]:
+def named(canonical: dict[str, Any]) -> str:
+    """Return a canonical trial as a text that is the same for the same one."""
+    return json.dumps(canonical, sort_keys=True)
+
+
+def _checked(path: Path, folder: str, key: str) -> dict[str, Any]:
     """Return the content of a file if it is whole, ours, and as it was written."""
-    try:
-        content = json.loads(text, parse_constant=_refuse_constant)
-    except _RejectedError:
-        raise
-    except ValueError:
-        raise _RejectedError("is torn, or no JSON") from None
-    if not isinstance(content, dict):
-        raise _RejectedError("is no JSON object")
-    if content.get("schema") != SCHEMA:
-        raise _RejectedError(f"has schema {content.get('schema')}, not {SCHEMA}")
+    content = json_of(content_of(path))
+    if (schema := content.get("schema")) != SCHEMA:
+        raise UnreadableError(f"has schema {str(schema)[:20]}, not {SCHEMA}")
     if content.get("key") != key:
-        raise _RejectedError("is of another trial")
+        raise UnreadableError("is of another trial")
     given = content.pop("checksum", None)
     try:
         expected = _checksum(content)
     except ValueError:  # 1e999 is valid JSON
-        raise _RejectedError("holds a number that is infinite") from None
+        raise UnreadableError("holds a number that is infinite") from None
     if given != expected:
-        raise _RejectedError("was changed after it was written: its checksum does not fit")
+        raise UnreadableError("was changed after it was written: its checksum does not fit")
     del content["schema"], content["key"]
+    if why := _unlike(content, folder):
+        raise UnreadableError(f"{why}, as no trial has")
     return content
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise _RejectedError(f"holds {name}, which is no number")
+def _unlike(content: dict[str, Any], folder: str) -> str | None:
+    """Say where the content of a file differs from what is kept in its folder."""
+    why = misfit(content, _SHAPES[folder])
+    if why or folder != "trials":
+        return why
+    steps, quality = content["steps_done"], content["quality"]
+    lengths = [len(curve["error"]) for curve in content["curves"].values()]
+    if {str(row["offset"]) for row in content["scores"]} != content["curves"].keys() or not lengths:
+        return "has scores and curves of other offsets"
+    if not all(0 < length <= steps + 1 for length in lengths) or len(quality or ()) > steps:
+        return f"has a curve or qualities of another length than its {str(steps)[:20]} steps"
+    if not all(key.removeprefix("-").isdecimal() for key in content["profile"]):
+        return "has a profile of no offsets"
+    return None
 
 
 def _checksum(content: dict[str, Any]) -> str:

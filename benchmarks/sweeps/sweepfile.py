@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import takes
+from benchmarks.files import utf8
 from benchmarks.setup import documents
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.design import Sweep, Takes
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.trials.spec import Params, frozen, tuples
@@ -52,13 +53,19 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
     """
     given = documents.read(path, "sweep")
     with documents.errors_name(path):
-        sweep = with_localizers(sweep_of(given, title=path.stem), added)
+        title = utf8(path.stem).decode()
+        sweep = with_localizers(sweep_of(given, title=title), added)
         _refuse_idle(sweep)
         return sweep
 
 
-def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
-    """Return the sweep that a TOML document says.
+def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> Sweep:
+    """Return the sweep that a TOML document says, or the manifest of a folder.
+
+    Args:
+        given: the document.
+        title: unless it has one.
+        takes: see ``Sweep``.
 
     Raises:
         InputError: unknown key, wrong type or bad value.
@@ -75,13 +82,14 @@ def sweep_of(given: Mapping[str, Any], *, title: str) -> Sweep:
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
         limit=_limit(given["limit"]) if "limit" in given else None,
+        takes=takes,
         **plain,
     )
 
 
 def _refuse_idle(sweep: Sweep) -> None:
     """Refuse a shared parameter that no localizer has a use for: it is a misspelt one."""
-    known = [takes(method.name) for method in sweep.localizers]
+    known = [sweep.takes(method.name) for method in sweep.localizers]
     if None in known:
         return
     varied = [name for axis in sweep.vary for name in axis.values]

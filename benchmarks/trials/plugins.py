@@ -5,7 +5,7 @@ from functools import cache
 
 import localizers
 from benchmarks.setup.names import scenario, scenario_digest
-from benchmarks.trials.provenance import provenance
+from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers.naming.plugins import is_reference
@@ -20,11 +20,20 @@ def key_of(trial: Trial) -> str:
 
 def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
     """Return trials by the names under which their results are kept."""
+    listed = list(trials)
+    made = provenance_of(listed)
+    return {made.key(trial): trial for trial in listed}
+
+
+def provenance_of(trials: Iterable[Trial]) -> Provenance:
+    """Return what the numbers of these trials depend on, as it is now."""
     localizer, setup = cache(source_digest), cache(scenario_digest)  # a file is read once
-    return {
-        trial.key(provenance() + localizer(trial.localizer) + setup(trial.scenario)): trial
-        for trial in trials
-    }
+    digests: dict[str, str] = {}
+    for trial in trials:
+        digests[trial.localizer] = localizer(trial.localizer)
+        digests[trial.scenario] = setup(trial.scenario)
+    plug_ins = {name: digest for name, digest in digests.items() if digest}
+    return Provenance(code_digest(), versions(), plug_ins)
 
 
 def guest_of(trial: Trial) -> str:

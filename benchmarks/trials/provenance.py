@@ -3,10 +3,14 @@
 import hashlib
 import platform
 import sys
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+
+from benchmarks.trials.spec import Trial
 
 # Libraries whose arithmetic or random numbers reach the results.
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
@@ -15,10 +19,29 @@ _OURS = ("setup", "scenarios", "agents", "trials")
 PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
 
 
-@cache
-def provenance() -> str:
-    """Return a digest of everything but the configuration that a trial's numbers depend on."""
-    return hashlib.sha256(f"{code_digest()} {sorted(versions().items())}".encode()).hexdigest()
+@dataclass(frozen=True)
+class Provenance:
+    """Everything but the configuration that a trial's numbers depend on; read, or of what runs.
+
+    Attributes:
+        code: see ``code_digest``.
+        libraries: versions by name.
+        plug_ins: digests by name of localizers and scenarios that are not ours.
+    """
+
+    code: str
+    libraries: Mapping[str, str]
+    plug_ins: Mapping[str, str]
+
+    def key(self, trial: Trial) -> str:
+        """Return the name under which a trial's result is kept."""
+        used = [self.plug_ins.get(name, "") for name in (trial.localizer, trial.scenario)]
+        return trial.key("".join([self._shared, *used]))
+
+    @cached_property
+    def _shared(self) -> str:
+        words = f"{self.code} {sorted(self.libraries.items())}"
+        return hashlib.sha256(words.encode()).hexdigest()
 
 
 @cache

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import kernels, laid_kernels
 from deqmcl_gym.maps.casting import caster_of
@@ -127,7 +127,9 @@ class PolygonMap:
         """
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
-        laid_kernels.collisions(_moved(poses, self.datum), path, self._walls32, size, self._clearance, hits)
+        laid_kernels.collisions(
+            _moved(poses, self.datum), path, self._walls32, size, self._clearance, hits
+        )
         return hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:

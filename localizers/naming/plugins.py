@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from deqmcl_gym.validation import InputError
+from localizers.naming.digests import file_digest, module_digest
 from localizers.naming.isolation import is_ctrl_c
 
 GROUP = "deqmcl.localizers"
@@ -104,28 +105,9 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
 
 
 def reference_digest(reference: str) -> str | None:
-    """SHA-256 of the source that a reference leads to; it is read, not run.
-
-    A file's own text, or all Python files of the package that a module is in. None if there is
-    nothing to read.
-    """
+    """SHA-256 of what a reference leads to, see ``digests``; it is read, not run."""
     place = absolute_name(reference).rpartition(":")[0]
-    if _is_path(place):
-        return file_digest(place)
-    try:
-        found = importlib.util.find_spec(place.partition(".")[0])
-    except (ImportError, ValueError):
-        return None
-    folders = [] if found is None else found.submodule_search_locations or []
-    if not folders:
-        return None if found is None else file_digest(found.origin)
-    sources = ((path, root) for root in folders for path in sorted(Path(root).rglob("*.py")))
-    return _digest((path, path.relative_to(root)) for path, root in sources)
-
-
-def file_digest(path: str | None) -> str | None:
-    """SHA-256 of one file, whatever folder it is in; None if it cannot be read."""
-    return None if path is None else _digest([(Path(path), Path(path).name)])
+    return file_digest(place) if _is_path(place) else module_digest(place)
 
 
 def raised(error: BaseException, file: str | None = None) -> str:
@@ -146,18 +128,6 @@ def words_of(error: BaseException) -> str:
     except BaseException as another:
         words = f"it cannot be shown, which raised {type(another).__name__}"
     return f"{type(error).__name__}: {words}" if words else type(error).__name__
-
-
-def _digest(files: Iterable[tuple[Path, Path | str]]) -> str | None:
-    """Digest of files under the names they are to be known by."""
-    digest = hashlib.sha256()
-    try:
-        for path, known in files:
-            content = hashlib.sha256(path.read_bytes()).hexdigest()
-            digest.update(f"{Path(known).as_posix()}\0{content}\0".encode())
-    except OSError:
-        return None
-    return digest.hexdigest()
 
 
 def _source(path: Path, named: str) -> bytes:

@@ -20,6 +20,7 @@ from localizers.methods.mcl_plan import mcl_plan
 from localizers.methods.rejuvenated import deq_mcl_rejuvenated
 from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
 from localizers.naming import plugins
+from localizers.naming.digests import file_digest
 
 Factory = Callable[..., Localizer]
 
@@ -145,12 +146,11 @@ def parameters_of(factory: Factory) -> tuple[str, ...] | None:
 
 
 def source_digest(name: str) -> str | None:
-    """Digest of the source of a plug-in: another one whenever its file or package is edited.
+    """Digest of a plug-in: another one whenever its file, its package or its weights are edited.
 
-    Of ``file.py:NAME`` it covers that file; of all others every Python file of the package that
-    the factory is in. The source is read, not run, so a plug-in that cannot be imported has one
-    too. None for a built-in localizer, whose source is this package's, and where there is nothing
-    to read. Whoever keeps results keeps it with them.
+    ``localizers.naming.digests`` says what it covers. Files are read, not run, so a plug-in that
+    cannot be imported has one too. None for a built-in localizer, whose source is this package's,
+    and where there is nothing to read. Whoever keeps results keeps it with them.
 
     Raises:
         InputError: a plain name that nobody has.
@@ -165,7 +165,7 @@ def source_digest(name: str) -> str | None:
     home = getattr(factory, "__module__", None) or type(factory).__module__
     module = sys.modules.get(home)
     if getattr(module, "__spec__", None) is None:  # a script, a prompt, or a file of its own
-        return plugins.file_digest(getattr(module, "__file__", None))
+        return file_digest(getattr(module, "__file__", None))
     return plugins.reference_digest(f"{home}:{name}")
 
 

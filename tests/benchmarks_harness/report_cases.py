@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from benchmarks.report import story, write_report
+from benchmarks.report import animations, story, write_report
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.trials.scoring import SCORE_NAMES
 
@@ -48,6 +48,7 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
         "steps_done": STEPS,
         "scans_used": STEPS,
         "events": {},
+        "key": f"{localizer}-{number}-{setting.get('filter_seed', 0)}",
         "seconds": 0.06 * len(localizer),
         "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
         "unit": "px",
@@ -75,10 +76,10 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
 
 
 def written(out, given, laps=()):
-    """Write the report of results, with these animations; return its files."""
+    """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(story, "laps", lambda panel: [*laps])
-        patch.setattr(story, "drawn", copy.copy)  # they have their pictures
+        patch.setattr(animations, "drawn", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

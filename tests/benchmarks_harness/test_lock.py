@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.sweeps import lock
+from benchmarks.files import lock
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +31,7 @@ def windows(monkeypatch):
 @pytest.mark.parametrize("shard", [None, "1/2"])
 def test_no_lock_stays_where_open_files_cannot_be_removed(tmp_path, shard):
     with lock.locked(tmp_path, shard):
-        assert (tmp_path / ".lock").exists()
+        assert (tmp_path / ".deqmcl.lock").exists()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -39,5 +39,5 @@ def test_the_last_of_two_shards_removes_the_lock_that_they_share(tmp_path):
     with lock.locked(tmp_path, "1/2"):
         with lock.locked(tmp_path, "2/2"):
             pass
-        assert (tmp_path / ".lock").exists()
+        assert (tmp_path / ".deqmcl.lock").exists()
     assert list(tmp_path.iterdir()) == []

@@ -1,13 +1,16 @@
 """The page, the Markdown and the pictures of made-up results."""
 
+import os
 import re
+import subprocess
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 from report_cases import THREE, paired, results, trial_of, trials, written
 
-from benchmarks.report import writing
+from benchmarks.report import animations, story, writing
 from benchmarks.report.laps import Lap
 from benchmarks.report.laps import trial_of as trial_of_record
 from benchmarks.report.style import LOOKS
@@ -16,7 +19,13 @@ from benchmarks.sweeps.suites import paper_suite
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
 LAP = Lap(
-    name="lap", title="Best", caption="World 0.", trials=(), animation=b"RIFFwebp", still=b"\x89PNG"
+    name="lap",
+    title="Best",
+    caption="World 0.",
+    trials=(),
+    keys=("mcl-0-0",),
+    animation=b"RIFFwebp",
+    still=b"\x89PNG",
 )
 VOID = {"meta", "img", "source", "br"}
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
@@ -143,7 +152,8 @@ def test_the_markdown_shows_every_image_that_was_written_and_escapes(report):
     out, _ = report
     text = (out / "results.md").read_text(encoding="utf-8")
     shown = set(re.findall(r"\]\(images/([^)]+)\)", text))
-    assert shown == {path.name for path in (out / "images").iterdir()}
+    kept = {"laps.json", "lap.png"}  # for a report that is written anew
+    assert shown | kept == {path.name for path in (out / "images").iterdir()}
     assert "<script>" not in text
     assert "<b>" not in text.replace("\\<b\\>", "")
 
@@ -155,11 +165,51 @@ def test_the_same_results_give_the_same_bytes(report, given, tmp_path):
         assert path.read_bytes() == (tmp_path / path.relative_to(out)).read_bytes(), path.name
 
 
-def test_a_trial_that_can_not_be_run_again_costs_its_animation_only(tmp_path):
+def test_trials_of_other_code_are_not_run_again_which_costs_their_animation_only(tmp_path):
     writing.write_report(tmp_path, results(trials("gone.py:Gone", [1.0, 1.0])))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "could not be run again" in page
-    assert "gone.py:Gone" in page
+    assert "No animation: code, libraries or a plug-in were changed since" in page
+
+
+def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs_nothing(
+    given, tmp_path, monkeypatch
+):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    written(out, given, [LAP])
+    monkeypatch.setattr(story, "laps", lambda panel: [LAP])
+    monkeypatch.setattr(animations, "drawn", None)
+    files = writing.rewrite_report(out, elsewhere, given)
+    for path in files:
+        assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
+    for spoil, why in (
+        (lambda: (out / "images" / "lap.png").write_bytes(b"other"), "lap.png was changed"),
+        (lambda: (out / "images" / "laps.json").write_text("{}"), "the folder has none of these"),
+    ):
+        spoil()
+        writing.rewrite_report(out, elsewhere, given)
+        assert f"No animation: {why}" in (elsewhere / "report.html").read_text(encoding="utf-8")
+
+
+def test_files_that_are_left_out_are_named_on_the_page_with_the_reason(tmp_path):
+    left_out = {f"trials/{n}.json": "is torn <b>" for n in range(102)}
+    writing.write_report(tmp_path, replace(results([]), left_out=left_out))
+    for name in ("report.html", "results.md"):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert "Files left out" in text
+        assert "trials/99.json" in text
+        assert "… and 2 more" in text
+        assert "torn <b>" not in text
+
+
+def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
+    words = ["deqmcl", "d\udce9", "a b", "new\nline", "it's", "```"]
+    writing.write_report(tmp_path, replace(results([]), command=words))
+    expected = r"""deqmcl $'d\xe9' 'a b' $'new\x0aline' 'it'"'"'s' '```'"""
+    assert f"````\n{expected}\n````\n" in (tmp_path / "results.md").read_text(encoding="utf-8")
+    shown = subprocess.run(
+        ["bash", "-c", f"printf '%s\\0' {expected}"], capture_output=True, check=False
+    )
+    assert shown.stdout.split(b"\0")[:-1] == list(map(os.fsencode, words))
 
 
 def test_no_finished_trial_at_all_still_makes_a_report(tmp_path):

@@ -206,7 +206,7 @@ BAD_FILES = [
     ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
     ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
     ("agent = 3", ["agent", "3", "text"]),
-    ("words = 'x", ["no TOML"]),
+    ("words = 'x", ["not valid TOML"]),
 ]
 
 
@@ -222,7 +222,7 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
     ("find", "name", "named"),
     [
         (scenario, "papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
-        (scenario, "gone.toml", ["gone.toml", "No such file"]),
+        (scenario, "gone.toml", ["gone.toml", "is not there"]),
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
         (scenario, "math:pi", ["the scenario 'math:pi' is 3.14", "a Scenario"]),
         (partial(make_agent, robot=None), "open-lop", ["'open-loop'?", "file.py:NAME"]),

@@ -3,12 +3,16 @@
 import json
 
 import pytest
+from report_cases import finished
 
 from benchmarks.sweeps import store as store_module
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import SCHEMA, Store, _checksum, named
+from benchmarks.trials.spec import Trial
 
-RECORD = {"scores": [{"offset": 0, "error": 1.5, "entropy": None}], "steps_done": 3}
+TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
+RECORD = {k: v for k, v in finished("mcl", 0, 1.5).items() if k not in ("key", "seconds")}
 KEY = "0123abcd"
+FILES = [f"timings/{KEY}.json", f"trials/{KEY}.json"]
 
 
 def files(folder):
@@ -24,11 +28,11 @@ def stored(tmp_path):
 
 def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
     store, _ = stored(tmp_path / "new" / "folder")
-    found = store.get(KEY)
-    assert found == RECORD | {"seconds": 2.5}
-    assert files(store.out) == [f"timings/{KEY}.json", f"trials/{KEY}.json"]
-    assert Store(store.out).get(KEY) == found
-    assert store.get("another") is None
+    found = store.get(KEY, TRIAL)
+    assert found == RECORD | {"key": KEY, "seconds": 2.5}
+    assert files(store.out) == FILES
+    assert Store(store.out).get(KEY, TRIAL) == found
+    assert store.get("another", TRIAL) is None
 
 
 def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
@@ -38,10 +42,13 @@ def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_a_trial_without_its_time_is_still_finished(tmp_path):
+@pytest.mark.parametrize("content", [None, b"", b'{"seconds": 3}'])
+def test_a_trial_without_its_time_is_still_finished(tmp_path, content):
     store, _ = stored(tmp_path)
-    (tmp_path / "timings" / f"{KEY}.json").unlink()
-    assert store.get(KEY) == RECORD | {"seconds": None}
+    path = tmp_path / "timings" / f"{KEY}.json"
+    path.unlink() if content is None else path.write_bytes(content)
+    assert store.get(KEY, TRIAL) == RECORD | {"key": KEY, "seconds": None}
+    assert list(store.rejected) == ([] if content is None else [f"timings/{KEY}.json"])
 
 
 def damaged(good):
@@ -51,64 +58,86 @@ def damaged(good):
     def changed(**parts):
         return json.dumps(value | parts).encode()
 
+    def forged(**parts):
+        content = {name: part for name, part in (value | parts).items() if name != "checksum"}
+        return json.dumps(content | {"checksum": _checksum(content)}).encode()
+
     return {
         "empty": ("is torn", b""),
         "not text": ("cannot be read", b"\xff\xfe\x00" + good),
         "not JSON": ("is torn, or no JSON", b"error,entropy\n1,2\n"),
-        "of another schema": ("has schema 1, not 3", changed(schema=1)),
+        "nested": ("is nested too deeply", b"[" * 100_000),
+        "of another schema": (f"has schema 1, not {SCHEMA}", changed(schema=1)),
         "of another trial": ("of another trial", changed(key="ffff")),
         "edited by hand": ("checksum does not fit", good.replace(b"1.5", b"1.4")),
         "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
-    }
+        "forged without scores": ("has None at scores", forged(scores=None)),
+        "forged with words for numbers": ("has 'a' at curves.0.error.0", forged(
+            curves={"0": {"first_state": 0, "error": ["a"]}})),
+        "forged as another trial": ("of another trial", forged(trial={"trial": 7})),
+    }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", damaged(b'{"schema": 3, "key": "0123abcd"}'))
+@pytest.mark.parametrize("kind", damaged(b"{}"))
 def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
     store, path = stored(tmp_path)
     good = path.read_bytes()
     why, content = damaged(good)[kind]
     assert content != good
     path.write_bytes(content)
-    assert store.get(KEY) is None
+    assert store.get(KEY, TRIAL) is None
     assert list(store.rejected) == [f"trials/{KEY}.json"]
     assert why in store.rejected[f"trials/{KEY}.json"]
     store.put(KEY, RECORD, 2.5)
     assert path.read_bytes() == good
 
 
+@pytest.mark.parametrize(
+    "part", [{"scores": 3}, {"events": {"skipped_beams": True}}, {"steps_done": float("nan")}]
+)
+def test_what_would_not_be_believed_is_not_kept(tmp_path, part):
+    store = Store(tmp_path)
+    with pytest.raises(ValueError, match=next(iter(part))):
+        store.put(KEY, RECORD | part, 1.0)
+    assert not (tmp_path / "trials").exists()
+
+
 def test_the_order_of_keys_and_the_spaces_of_a_file_are_no_change(tmp_path):
     store, path = stored(tmp_path)
     value = json.loads(path.read_text())
     path.write_text(json.dumps(dict(reversed(value.items())), indent=4))
-    assert store.get(KEY) == RECORD | {"seconds": 2.5}
+    assert store.get(KEY, TRIAL) == RECORD | {"key": KEY, "seconds": 2.5}
 
 
 def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
     store = Store(tmp_path)
-    assert store.failure(KEY) is None
-    store.put_failure(KEY, {"trial": 0}, "it slept")
-    assert Store(tmp_path).failure(KEY) == {"trial": {"trial": 0}, "reason": "it slept"}
-    assert store.get(KEY) is None
+    assert store.failure(KEY, TRIAL) is None
+    store.put_failure(KEY, TRIAL, "it slept")
+    assert Store(tmp_path).failure(KEY, TRIAL) == "it slept"
+    assert store.get(KEY, TRIAL) is None
     store.put(KEY, RECORD, 1.0)
-    assert store.failure(KEY) is None
-    assert files(tmp_path) == [f"timings/{KEY}.json", f"trials/{KEY}.json"]
+    assert store.failure(KEY, TRIAL) is None
+    assert files(tmp_path) == FILES
 
 
-def test_strays_are_files_that_are_no_trial_of_the_sweep(tmp_path):
+def test_files_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path):
     store, path = stored(tmp_path)
-    (path.parent / f".{KEY}.json.x1.tmp").write_text("half")
+    other = Trial(scenario="paper", localizer="ekf", params=(), lag=20, seed=0, trial=0)
+    store.put_failure("0ld", TRIAL, "it slept")
+    store.put_failure("e1f", other, "it slept")
+    for name in (".deqmcl-0123abcd.tmp", "notes.txt"):
+        (path.parent / name).write_text("mine")
     (path.parent / "ffff.json").write_bytes(path.read_bytes())
-    (path.parent / "notes.txt").write_text("mine")
-    (tmp_path / "timings" / f".{KEY}.json.x2.tmp").write_text("half")
-    (tmp_path / ".results.csv.x3.tmp").write_text("half")
-    assert store.strays({KEY}) == {
-        ".results.csv.x3.tmp": "is what an interrupted write has left",
-        f"timings/.{KEY}.json.x2.tmp": "is what an interrupted write has left",
-        f"trials/.{KEY}.json.x1.tmp": "is what an interrupted write has left",
-        "trials/ffff.json": "is no trial of this sweep",
-        "trials/notes.txt": "is no trial of this sweep",
+    (path.parent / "folder.json").mkdir()
+    assert dict(store.left_out({KEY}, {named(TRIAL.canonical())})) == {
+        "trials/ffff.json": "is of another trial",
+        "trials/folder.json": "is a folder",
+        "trials/notes.txt": "is no file of a trial",
+        "failed/0ld.json": "is of other code, libraries or plug-ins",
+        "failed/e1f.json": "is of a trial that this sweep does not have",
     }
+    assert store.temporary() == [path.parent / ".deqmcl-0123abcd.tmp"]
 
 
 def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):

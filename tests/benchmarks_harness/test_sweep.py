@@ -21,15 +21,15 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 
 def run(trials, out):
-    """Run trials; return the store and their keys."""
+    """Run trials; return the store and the trials by key."""
     store, named = Store(out), keyed(trials)
     run_missing(named, store, Options(where=Where(jobs=1), progress=False))
-    return store, list(named)
+    return store, named
 
 
 def reasons(store, keys):
     """Why trials failed; None of those that did not."""
-    return [(store.failure(key) or {}).get("reason") for key in keys]
+    return [store.failure(key, trial) for key, trial in keys.items()]
 
 
 def results(out):
@@ -120,7 +120,7 @@ class Broken:
         (partial(Broken, "none"), "AttributeError"),
         (partial(Nowhere, 0, math.nan), "at offset 0 is not finite"),
         # its square, in the profile
-        (partial(Nowhere, 2, 1e300), "its record holds a number that is not finite"),
+        (partial(Nowhere, 2, 1e300), "its record cannot be kept: Out of range float"),
     ],
 )
 def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(

@@ -36,6 +36,14 @@ def sweep(file, out, *more):
         return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
 
 
+def report(out, *more):
+    """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(writing, "no_report", lambda: "it is left out")
+        patched.setattr("benchmarks.report.require_report", lambda: None)
+        return exit_code("report", out, *more)
+
+
 def tables(out):
     """What may depend on nothing but the sweep."""
     return {name: (out / name).read_bytes() for name in TABLES}

@@ -7,7 +7,7 @@ from sweep_command import broken, lines
 from localizers.naming import registry
 
 FEW = ("--particles", "20", "--lag", "5", "--seed", "3")
-WRITTEN = {"cycles.csv", "fields.csv", "phase.md", "phase.png"}
+WRITTEN = {"cycles.csv", "fields.csv", "phase.md", "phase.png", "written.json"}
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,8 @@ import pytest
 from deqmcl_command import METHODS, exit_code, files
 from sweep_command import lines, sweep, write_small
 
+from benchmarks.sweeps.store import SCHEMA
+
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 LOOK = """<script>addEventListener("load", () => {
@@ -49,7 +51,7 @@ def test_the_report_can_be_written_elsewhere_and_is_the_same(reported, tmp_path,
     assert exit_code("report", reported, "--out", tmp_path) == 0
     there, here = files(tmp_path), files(reported)
     assert TABLES | {"results.md", "report.html"} <= set(there)
-    assert all(there[name] == here[name] for name in there)
+    assert all(there[name] == here[name] for name in there if name != "written.json")
     assert capsys.readouterr().out.startswith("12 of 12 trials finished.\n")
 
 
@@ -92,11 +94,13 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     ("content", "why"),
     [
         (None, ""),
-        ("{", "cannot be read"),
-        ("[]", "cannot be read"),
-        ('{"identity": {"sweep": null}}', "does not say what was run"),
-        ('{"identity": {"sweep": {"title": "one", "localizers": ["mcl"]}}}', "does not say what"),
-        ('{"configuration": {"scenario": "paper"}}', "does not say what was run"),
+        ("{", "is torn, or no JSON"),
+        ("[]", "is no JSON object"),
+        ("[" * 100_000, "is nested too deeply"),
+        ('{"configuration": {"scenario": "paper"}}', "has no schema"),
+        ('{"schema": 3}', "an older version"),
+        (f'{{"schema": {SCHEMA + 1}}}', "a newer version"),
+        (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "has no parameters"),
     ],
 )
 def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path, capsys, content, why):
@@ -104,7 +108,7 @@ def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path, capsys, c
         (tmp_path / "manifest.json").write_text(content)
     assert exit_code("report", tmp_path) == 2
     said = capsys.readouterr().err
-    assert "manifest.json" in said
+    assert str(tmp_path) in said
     assert why in said
     assert said.count("\n") == 1
     assert set(files(tmp_path)) <= {"manifest.json"}

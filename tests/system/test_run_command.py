@@ -42,8 +42,9 @@ def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     done, out = lap
     assert (done.returncode, done.stderr) == (0, "")
     trace = {"trace.npz", "trajectory_truth.tum", "trajectory_t.tum"}
-    assert set(files(out)) == {"lap.webp", "error.png", "error.csv", *trace}
-    assert all(name in done.stdout for name in files(out))
+    named = {"lap.webp", "error.png", "error.csv", *trace}
+    assert set(files(out)) == {*named, "written.json"}
+    assert all(name in done.stdout for name in named)
 
 
 def test_curve_and_trajectories_hold_the_true_and_estimated_poses_of_every_offset(tmp_path):

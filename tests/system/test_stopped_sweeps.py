@@ -1,6 +1,8 @@
 """A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
 
 import os
+import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -94,6 +96,27 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
     assert not [name for name in files(out) if name.endswith(".tmp")]
 
 
+@pytest.mark.parametrize("cases", [2, pytest.param(25, marks=pytest.mark.slow)])
+def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_been(tmp_path, cases):
+    file, finished, out = write_small(tmp_path, trials=6), tmp_path / "finished", tmp_path / "out"
+    assert sweep(file, finished) == 0
+    dice = random.Random(cases)
+    for case in range(cases):
+        how = dice.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+        running = Running(file, out)
+        time.sleep(dice.uniform(0.0, 3.0))
+        running.process.send_signal(how)
+        code, _, said = running.ended()
+        assert code in (0, 128 + how, -how), (case, how, said)
+        assert "Traceback" not in said, (case, how)
+        if case % 3 == 2:
+            shutil.rmtree(out, ignore_errors=True)
+    assert sweep(file, out) == 0
+    assert tables(out) == tables(finished)
+    assert trial_files(out) == trial_files(finished)
+    assert not list(out.rglob(".deqmcl*"))
+
+
 @pytest.mark.parametrize(
     ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
 )
@@ -106,7 +129,7 @@ def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, 
         running.process.send_signal(how)
     assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
     assert len(trial_files(running.out)) == 2
-    assert not (running.out / ".lock").exists()
+    assert not (running.out / ".deqmcl.lock").exists()
 
 
 def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(sleepy, tmp_path):

@@ -61,13 +61,13 @@ def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
     assert "4 of 4 trials finished." in capsys.readouterr().out
     assert len(ran) == 4
     assert tables(out) == tables(finished)
-    assert not list(out.glob(".lock*"))
+    assert not list(out.glob(".deqmcl*"))
 
 
 @pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed", "guided", "study-plan"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = SUITES[name]
-    text = json.dumps(manifest.identity(sweep)["sweep"], allow_nan=False)
+    text = json.dumps(manifest.of_sweep(sweep, []).identity["sweep"], allow_nan=False)
     assert sweep_of(unworded(json.loads(text)), title="") == sweep
 
 

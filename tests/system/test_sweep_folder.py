@@ -1,15 +1,15 @@
 """The folder of a sweep: what is run again, what is refused, who may use it, what can be read."""
 
+import shutil
 import subprocess
 import sys
 
 import pytest
 from deqmcl_command import files
-from sweep_command import broken, sweep, tables, write_small
+from sweep_command import broken, report, sweep, tables, write_small
 
-from benchmarks.sweeps import manifest, store
+from benchmarks.files.lock import locked
 from benchmarks.sweeps.collecting import results_in
-from benchmarks.sweeps.lock import locked
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
@@ -40,15 +40,19 @@ def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_b
     assert all(str(path) in line and why in line for line in said)
 
 
-def test_stray_files_are_named_and_left_out(file, finished, copy, capsys):
+def test_stray_files_are_named_and_left_out_and_only_our_own_are_removed(
+    file, finished, copy, capsys
+):
     some = next((copy / "trials").glob("*.json"))
-    (copy / "trials" / ".x.json.abc.tmp").write_text("{")
+    (left := copy / "trials" / ".deqmcl-0a1b2c3_.tmp").write_text("{")
+    (mine := copy / "trials" / ".notes.tmp").write_text("{")
     (copy / "trials" / "ffff.json").write_bytes(some.read_bytes())
     assert sweep(file, copy) == 0
     said = capsys.readouterr().err
-    assert ".x.json.abc.tmp is what an interrupted write has left; it is removed." in said
-    assert "ffff.json is no trial of this sweep; it is left out." in said
-    assert not (copy / "trials" / ".x.json.abc.tmp").exists()
+    assert f"{left} is what an interrupted write has left; it is removed." in said
+    assert "ffff.json is of another trial; it is left out." in said
+    assert not left.exists()
+    assert mine.exists()
     assert tables(copy) == tables(finished)
 
 
@@ -60,7 +64,7 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
     for difference in (
         "trials was 2 and is 1",
         "particles was 15 and is 16",
-        "was null and is 0.5",
+        "was not set and is 0.5",
     ):
         assert difference in said
     assert "--out" in said
@@ -68,8 +72,8 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
 
 
 def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
-    monkeypatch.setattr(manifest, "code_digest", lambda: "other")
-    monkeypatch.setattr(manifest, "versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
+    monkeypatch.setattr(plugins, "versions", lambda: {"numpy": "0.1"})
     assert sweep(file, copy) == 2
     said = capsys.readouterr().err
     assert "code was" in said
@@ -80,13 +84,16 @@ def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("", "manifest.json cannot be read"),
-        ("[]", "manifest.json cannot be read"),
-        ('{"command": ["deqmcl", "speed"]}', "is not of a sweep"),
+        ("", "manifest.json is torn, or no JSON"),
+        ("[]", "manifest.json is no JSON object"),
+        ('{"command": ["deqmcl", "speed"]}', "it is not of a sweep"),
+        (None, "holds no manifest.json of a sweep"),
     ],
 )
 def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, capsys, content, words):
-    (copy / "manifest.json").write_text(content)
+    (copy / "manifest.json").unlink()
+    if content is not None:
+        (copy / "manifest.json").write_text(content)
     before = files(copy)
     assert sweep(file, copy) == 2
     assert words in capsys.readouterr().err
@@ -108,7 +115,7 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
-    monkeypatch.setattr(plugins, "provenance", lambda: "other")
+    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
     (copy := out / "trials" / "note.json").write_text("{}")
     found = results_in(out)
     assert copy.exists()
@@ -117,11 +124,30 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     assert betas == [None, None, "inf", 1.0]  # mcl and dead reckoning have none
 
 
-def test_a_folder_of_another_schema_is_refused_and_not_told_as_empty(finished, monkeypatch):
-    monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
-    words = rf"none of the 4 trials .* has schema {store.SCHEMA - 1}, not {store.SCHEMA}"
-    with pytest.raises(InputError, match=words):
-        results_in(finished)
+PLUG_IN = """
+from localizers.methods.dead_reckoning import dead_reckoning
+from pathlib import Path
+Path(__file__).with_name("ran").open("a").write("{}")
+def L(robot): return dead_reckoning(robot)
+"""
+
+
+def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none(tmp_path, capsys):
+    plug_in, (one, two) = tmp_path / "p.py", (tmp_path / "one", tmp_path / "two")
+    file = write_small(tmp_path)
+    for out, version in ((one, 1), (two, 2)):
+        plug_in.write_text(PLUG_IN.format(version))
+        assert sweep(file, out, "--with", f"{plug_in}:L") == 0
+    before = (tmp_path / "ran").read_text()
+    (one / "manifest.json").unlink()
+    shutil.copytree(two, one, dirs_exist_ok=True)  # the old trials beside the new ones
+    capsys.readouterr()
+    assert report(one) == 0
+    assert tables(one) == tables(two)
+    assert capsys.readouterr().err.count("is of other code, libraries or plug-ins") == 2
+    assert (tmp_path / "ran").read_text() == before
+    plug_in.unlink()
+    assert report(one) == 0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
@@ -137,18 +163,18 @@ def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_non
     assert f"another sweep (process {holder.pid}) is writing to {tmp_path}" in said
     with pytest.raises(InputError, match="another sweep"), locked(tmp_path, "1/2"):
         pass
-    assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+    assert [path.name for path in tmp_path.iterdir()] == [".deqmcl.lock"]
     holder.kill()
     holder.communicate()
-    assert (tmp_path / ".lock").exists()  # stale
+    assert (tmp_path / ".deqmcl.lock").exists()  # stale
     assert sweep(file, tmp_path) == 0
-    assert not (tmp_path / ".lock").exists()
+    assert not (tmp_path / ".deqmcl.lock").exists()
 
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmarks.sweeps.lock import locked
+from benchmarks.files.lock import locked
 with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)
@@ -159,7 +185,7 @@ with locked(Path(sys.argv[1])):
 def test_different_shards_share_a_folder_and_the_same_one_does_not(tmp_path):
     with locked(tmp_path, "1/2"):
         with locked(tmp_path, "2/2"):
-            assert (tmp_path / ".lock").exists()
+            assert (tmp_path / ".deqmcl.lock").exists()
         for shard in ("1/2", None):
             with pytest.raises(InputError, match="another sweep"), locked(tmp_path, shard):
                 pass

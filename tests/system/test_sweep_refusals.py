@@ -49,17 +49,27 @@ def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
     assert f"About {time} with {where[1]} jobs" in capsys.readouterr().out
 
 
-TEN_MILLION = "".join(
-    f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
-    for name, count in (("drive", 125), ("turn", 100), ("drift", 200))
-)
+def points(*counts):
+    """Axes with so many values each."""
+    return "".join(
+        f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
+        for name, count in zip(("drive", "turn", "drift"), counts, strict=False)
+    )
+
+
 BAD = [  # what is added to the file, arguments, and what the sentence must name
     ("\ntrails = 3", (), ["small.toml", "'trails'"]),
+    (f"\nx = {'[' * 10**5}", (), ["small.toml", "nested too deeply"]),
+    ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
+    ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
+    ("", ("--with", "a\nb.py:L"), [r"'a\nb.py:L'", "rename its file"]),
+    ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
     ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
     ("\n[world]\nlidar.beans = 3", (), ["'beans'", "did you mean 'beams'?"]),
     ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
     ("\n[[vary]]\nparams.particles = [1000000000]", (), ["particles", "1,000,000,000", "GiB"]),
-    (TEN_MILLION, (), ["10,000,000", "--yes"]),
+    (points(125, 100, 200), ("--yes",), ["10,000,000", "more than 1,000,000"]),
+    (points(125, 1000), (), ["500,000", "--yes"]),
     ("", ("--timeout", "nan"), ["--timeout", "nan"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
     ("", ("--shard", "half"), ["--shard", "'half'"]),

@@ -1,7 +1,8 @@
-"""One sweep at a time in a folder; the lock of a process that is gone counts for nothing."""
+"""One writer at a time in a folder; the lock of a process that is gone counts for nothing."""
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,23 @@ try:
     import fcntl
 except ImportError:  # no such locks on Windows: there, two sweeps are the user's to avoid
     fcntl = None  # type: ignore[assignment]
+
+_NAME = re.compile(r"\.deqmcl(-[a-z0-9-]+)?\.lock")
+
+
+def is_lock(path: Path) -> bool:
+    """Whether a file is a lock of ours."""
+    return _NAME.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Wait until nobody else writes tables and pictures into ``folder``, and keep others waiting.
+
+    Shards of a sweep run at the same time, but each writes its report alone.
+    """
+    with _held(folder, ".deqmcl-writing.lock", shared=False, wait=True):
+        yield
 
 
 @contextmanager
@@ -27,16 +45,17 @@ def locked(folder: Path, shard: str | None = None) -> Iterator[None]:
     """
     with contextlib.ExitStack() as held:
         if shard is None:
-            held.enter_context(_held(folder, ".lock", shared=False))
+            held.enter_context(_held(folder, ".deqmcl.lock", shared=False))
         else:
-            held.enter_context(_held(folder, ".lock", shared=True))
-            held.enter_context(_held(folder, f".lock-{shard.replace('/', '-of-')}", shared=False))
+            own = f".deqmcl-{shard.replace('/', '-of-')}.lock"
+            held.enter_context(_held(folder, ".deqmcl.lock", shared=True))
+            held.enter_context(_held(folder, own, shared=False))
         yield
 
 
 @contextmanager
-def _held(folder: Path, name: str, *, shared: bool) -> Iterator[None]:
-    file = _acquired(folder, name, shared=shared)
+def _held(folder: Path, name: str, *, shared: bool, wait: bool = False) -> Iterator[None]:
+    file = _acquired(folder, name, shared=shared, wait=wait)
     try:
         if not shared:
             file.truncate(0)
@@ -59,11 +78,13 @@ def _released(file: IO[str], path: Path) -> None:
     file.close()
 
 
-def _acquired(folder: Path, name: str, *, shared: bool) -> IO[str]:
+def _acquired(folder: Path, name: str, *, shared: bool, wait: bool) -> IO[str]:
     path = folder / name
+    if os.path.lexists(path) and not is_lock(path):
+        raise InputError(f"{path} is in the way of a lock of that name: move it away.")
     while True:
         file = path.open("a+")
-        if not _got(file, shared=shared):
+        if not _got(file, shared=shared, wait=wait):
             with file:
                 raise InputError(_taken(folder, file))
         with contextlib.suppress(FileNotFoundError):
@@ -72,11 +93,12 @@ def _acquired(folder: Path, name: str, *, shared: bool) -> IO[str]:
         file.close()  # its last holder removed it just now
 
 
-def _got(file: IO[str], *, shared: bool) -> bool:
+def _got(file: IO[str], *, shared: bool, wait: bool = False) -> bool:
     if fcntl is None:
         return True
+    kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
     try:
-        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        fcntl.flock(file, kind if wait else kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

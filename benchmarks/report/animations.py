@@ -1,0 +1,126 @@
+"""Where animations come from: drawn by running trials again, or kept in the folder.
+
+``deqmcl report`` takes only what the folder has: it runs nothing that somebody else's folder names.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from benchmarks.execution.engines import available_cpus
+from benchmarks.execution.processes import Processes
+from benchmarks.files import UnreadableError, content_of, json_of, misfit
+from benchmarks.report.laps import Lap, drawn
+from deqmcl_gym.validation import InputError
+
+IMAGES, INDEX = "images", "laps.json"
+_NONE = "the folder has none of these trials"
+_PATIENCE = 300.0  # seconds for one animation
+_SHAPE = {str: {"trials": [str], "webp": str, "png": str}}
+
+Promise = Callable[[], Lap]
+
+
+class Animator(Protocol):
+    """Gives laps their pictures."""
+
+    def lacking(self, keys: Collection[str]) -> str:
+        """Say what a report of these trials would lack; "" if nothing."""
+        ...
+
+    def working(self) -> Any:
+        """Return a context in which laps are promised: a function from ``Lap`` to ``Promise``."""
+        ...
+
+
+class Drawing:
+    """Runs the trials again, in workers: a plug-in that hangs or exits there does no harm."""
+
+    def lacking(self, keys: Collection[str]) -> str:
+        """All are drawn."""
+        del keys
+        return ""
+
+    @contextmanager
+    def working(self) -> Iterator[Callable[[Lap], Promise]]:
+        """Start the workers."""
+        with Processes(available_cpus(), timeout=_PATIENCE) as pool:
+            yield lambda lap: pool.submit(drawn, lap).result
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Takes the pictures that a sweep has drawn in its folder, if they are of the same trials."""
+
+    folder: Path
+
+    def lacking(self, keys: Collection[str]) -> str:
+        """Some may be gone, or drawn of other trials."""
+        shown = {key for entry in self._index.values() for key in entry["trials"]}
+        if not shown or not shown <= set(keys):
+            return f"{_NONE} ({sorted(shown - set(keys))})"
+        return ", ".join(filter(None, map(self._spoilt, self._index)))
+
+    @contextmanager
+    def working(self) -> Iterator[Callable[[Lap], Promise]]:
+        """Nothing is to be started."""
+        yield lambda lap: lambda: self._of(lap)
+
+    @cached_property
+    def _index(self) -> dict[str, Any]:
+        try:
+            index = json_of(content_of(self.folder / IMAGES / INDEX))
+        except (FileNotFoundError, UnreadableError):
+            return {}
+        return {} if misfit(index, _SHAPE) else index
+
+    def _of(self, lap: Lap) -> Lap:
+        entry = self._index.get(lap.name)
+        if entry is None or entry["trials"] != list(lap.keys):
+            raise InputError(f"{_NONE}; the sweep's own command draws them.")
+        if why := self._spoilt(lap.name):
+            raise InputError(f"{why}; the sweep's own command draws it again.")
+        return replace(
+            lap, animation=self._read(lap.name, "webp"), still=self._read(lap.name, "png")
+        )
+
+    def _spoilt(self, name: str) -> str | None:
+        """Say what is wrong with the pictures of a lap."""
+        for ending in ("webp", "png"):
+            try:
+                if _digest(self._read(name, ending)) != self._index[name][ending]:
+                    return f"{name}.{ending} was changed"
+            except FileNotFoundError:
+                return f"{name}.{ending} is gone"
+            except UnreadableError as error:
+                return f"{name}.{ending} {error}"
+        return None
+
+    def _read(self, name: str, ending: str) -> bytes:
+        return content_of(self.folder / IMAGES / f"{name}.{ending}")
+
+
+def lap_files(laps: Sequence[Lap]) -> dict[str, bytes]:
+    """Return the pictures of laps by file name, and the index that ``Kept`` reads."""
+    if not laps:
+        return {}
+    index = {
+        lap.name: {
+            "trials": list(lap.keys),
+            "webp": _digest(lap.animation),
+            "png": _digest(lap.still),
+        }
+        for lap in laps
+    }
+    pictures = {f"{lap.name}.webp": lap.animation for lap in laps}
+    pictures |= {f"{lap.name}.png": lap.still for lap in laps}
+    return pictures | {INDEX: (json.dumps(index, indent=2) + "\n").encode()}
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
