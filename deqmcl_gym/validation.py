@@ -23,6 +23,11 @@ class InputError(ValueError):
         super().__init__(" ".join(sentence.split()))
 
 
+def in_words(error: BaseException) -> str:
+    """Return what was raised on one line: "KeyError: 'offset'", or its kind if it says nothing."""
+    return ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
+
+
 def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one."""
     names = sorted(valid)

@@ -8,6 +8,7 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from deqmcl_gym.validation import in_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +41,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
         trace = trial_trace(trial)
         kept = record(trace, trial.lag, scenario_of(trial).thresholds)
     except Exception as error:
-        words = " ".join(str(error).split())
-        return Outcome(reason=f"{type(error).__name__}: {words}")
+        return Outcome(reason=in_words(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     if 0 not in trace.offsets:
