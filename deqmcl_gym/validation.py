@@ -28,6 +28,12 @@ def in_words(error: BaseException) -> str:
     return ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
 
 
+def digits(value: float) -> str:
+    """Return a number in as few digits as tell it from all others: 10, 0.1, 10.0000001."""
+    short = f"{value:g}"
+    return short if float(short) == value or math.isnan(value) else repr(float(value))
+
+
 def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one."""
     names = sorted(valid)
@@ -55,7 +61,7 @@ def number(
     given = float(value)
     inside = low < given if above else low <= given
     if not (inside and given <= high) or (finite and not math.isfinite(given)):
-        raise InputError(f"{what} is {given:g}, but must be a number {allowed}.")
+        raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
     return given
 
 
@@ -94,7 +100,7 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
             raise InputError(f"{what} is {given.tolist()}, but must be {_numbers(shape)}.")
         where = np.argwhere(~np.isfinite(given))[0].tolist()
         raise InputError(
-            f"{what} has {given[tuple(where)]:g} at {where}, but must be {_numbers(shape)}."
+            f"{what} has {digits(given[tuple(where)])} at {where}, but must be {_numbers(shape)}."
         )
     return given
 
@@ -104,8 +110,8 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
     x, y, heading = array(what, value, (3,)).tolist()
     if abs(heading) > 2 * math.pi:
         raise InputError(
-            f"{what} is ({x:g}, {y:g}, {heading:g}), but its heading must be in radians, "
-            f"from -2π to 2π: {heading:g}° would be {math.radians(heading):.4g}."
+            f"{what} is ({', '.join(map(digits, (x, y, heading)))}), but its heading must be in "
+            f"radians, from -2π to 2π: {heading:g}° would be {math.radians(heading):.4g}."
         )
     return x, y, heading
 
@@ -150,5 +156,5 @@ def _interval(low: float, high: float, above: bool, finite: bool) -> str:
     if math.isinf(low) and math.isinf(high):
         return "that is finite" if finite else "that is not NaN"
     if math.isinf(high):
-        return f"above {low:g}" if above else f"of {low:g} or more"
-    return f"{left} {low:g} to {high:g}"
+        return f"above {digits(low)}" if above else f"of {digits(low)} or more"
+    return f"{left} {digits(low)} to {digits(high)}"

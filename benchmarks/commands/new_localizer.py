@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 
 NAME = "new-localizer"
 HELP = "write a small working localizer to start from"
@@ -21,6 +22,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from deqmcl_gym.validation import InputError
 
     path: Path = options.file
+    if "," in str(path):
+        raise InputError(f"the new file is {path}, but --with takes names separated by commas.")
     if path.suffix != ".py":
         raise InputError(f"the new file is {path}, but must end in .py, as in my_localizer.py.")
     if path.exists() or path.is_symlink():
@@ -28,7 +31,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if not path.parent.is_dir():
         raise InputError(f"the new file {path} would be in a folder that is not there: make it.")
     write_text(path, template())
-    name = f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer"
+    name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
     return (
         f"Written: {path}, a working localizer. It can be checked and run at once:\n"
         f"  deqmcl check {name}\n"
@@ -43,4 +46,4 @@ def template() -> str:
     package = find_spec("localizers")
     assert package is not None, "the packages are installed together"
     assert package.origin is not None, "localizers is no namespace"
-    return Path(package.origin).with_name("template.py").read_text()
+    return Path(package.origin).with_name("template.py").read_text(encoding="utf-8")

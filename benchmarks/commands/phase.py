@@ -4,7 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, comma_separated, setting_words, sweep_of
+from benchmarks.commands.shared import add_setting, localizers_named, setting_words, sweep_of
+from benchmarks.console import doing
 
 NAME = "phase"
 HELP = "draw the queue as place fields over the theta phase"
@@ -31,6 +32,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.phase.command import METHODS, run_phase
 
     named = options.localizers
-    sweep = sweep_of(options, METHODS if named is None else comma_separated(named))
+    sweep = sweep_of(options, METHODS if named is None else localizers_named(named))
     title = f"The queue as theta phase: scenario {sweep.scenario}, {setting_words(sweep)}"
-    return run_phase(sweep.distinct(), options.fields, options.out, title, ["deqmcl", *given])
+    with doing("running and drawing a lap of each localizer"):
+        return run_phase(sweep.distinct(), options.fields, options.out, title, ["deqmcl", *given])

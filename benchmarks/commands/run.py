@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.commands.shared import add_setting, sweep_of
+from benchmarks.console import doing
 
 NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
@@ -25,6 +26,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
     from benchmarks.pictures.lap import run_lap
+    from localizers.naming.registry import complete
 
-    (trial,) = sweep_of(options, (options.localizer,)).distinct()
-    return run_lap(trial, options.out)
+    (trial,) = sweep_of(options, (complete(options.localizer),)).distinct()
+    with doing(f"running and drawing a lap of {trial.localizer}"):
+        return run_lap(trial, options.out)

@@ -4,7 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import comma_separated
+from benchmarks.commands.shared import localizers_named
+from benchmarks.console import doing
 
 NAME = "sweep"
 HELP = "run a suite of trials, or what a TOML file says; resumable, on one or many machines"
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     )
     from benchmarks.sweeps.sweepfile import sweeps_named
 
-    added = [name for listed in options.added for name in comma_separated(listed)]
+    added = [name for listed in options.added for name in localizers_named(listed)]
     sweeps = sweeps_named(options.suite, added)
     how = Options(
         where=Where(
@@ -70,9 +71,12 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     how.where.check()
     for sweep in sweeps.values():
         refuse_too_many(sweep, yes=options.yes)
-        check(sweep)
+    with doing("checking every world and localizer"):
+        for sweep in sweeps.values():
+            check(sweep)
     if options.dry_run:
-        return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
+        with doing("measuring trials"):
+            return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
     texts, failed = [], []
     for folder, sweep in sweeps.items():

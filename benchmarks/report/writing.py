@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from benchmarks.console import doing
 from benchmarks.files import writable_folder, write_bytes, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, results_csv, timings_csv, trials_csv
@@ -50,7 +51,8 @@ def write_report(out: Path, results: Results) -> list[Path]:
         InputError: ``out`` cannot be written to.
     """
     writable_folder(out)
-    return written(out / "written.json", _source(results), lambda: _write(out, results))
+    with doing(f"writing the report in {out}"):
+        return written(out / "written.json", _source(results), lambda: _write(out, results))
 
 
 def _source(results: Results) -> str:

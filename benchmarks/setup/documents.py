@@ -1,5 +1,7 @@
 """TOML documents: read, and taken apart; what is not as it should be is refused by name."""
 
+import codecs
+import io
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,6 +11,14 @@ from typing import Any
 
 from deqmcl_gym.validation import InputError, one_of
 
+# byte order marks, the longer ones first
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
+
 
 def read(path: Path, what: str) -> dict[str, Any]:
     """Return the document in the file of a ``what``.
@@ -17,13 +27,40 @@ def read(path: Path, what: str) -> dict[str, Any]:
         InputError: it cannot be read, or is no TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        content = path.read_bytes()
     except OSError as error:
         raise InputError(
-            f"the {what} file {path} cannot be read ({error.strerror}): give one that is there."
+            f"the {what} file {path} cannot be read ({error.strerror}): give an existing file."
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"the {what} file {path} is no TOML: {error}.") from None
+    named = f"the {what} file {path}"
+    try:
+        return tomllib.loads(_decoded(content, named))
+    except RecursionError:
+        raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
+    except InputError:
+        raise
+    except ValueError as error:  # an error of TOML, or a number of thousands of digits
+        raise InputError(f"{named} is not valid TOML: {error}.") from None
+
+
+def _decoded(content: bytes, named: str) -> str:
+    """Return UTF-8 text, with or without a byte order mark, whatever ends its lines.
+
+    Raises:
+        InputError: it is in another encoding.
+    """
+    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
+    if encoding is not None:
+        raise InputError(f"{named} is {encoding}, but must be UTF-8: save it as UTF-8.")
+    try:
+        content.decode()
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{content[error.start]:02x} in line {line}"
+        raise InputError(f"{named} is not UTF-8 ({found}): save it as UTF-8.") from None
+    if 0 in content:
+        raise InputError(f"{named} holds zero bytes, as UTF-16 does: save it as UTF-8.")
+    return io.TextIOWrapper(io.BytesIO(content), "utf-8-sig").read()
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
 
 import json
+import os
 import platform
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,6 +16,9 @@ from benchmarks.trials.provenance import code_digest, environment, versions
 from deqmcl_gym.validation import InputError
 
 NAME = "manifest.json"
+
+_ABSENT = object()
+_SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
 
 def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
@@ -119,15 +123,28 @@ def cpu_model() -> str:
 
 
 def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
-    """Say where two JSON values differ."""
+    """Say where two JSON values differ; lists of one length are compared item by item."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for key in dict.fromkeys([*theirs, *ours]):
             inner = f"{at}.{key}" if at else key
-            yield from _differences(theirs.get(key), ours.get(key), inner)
+            yield from _differences(theirs.get(key, _ABSENT), ours.get(key, _ABSENT), inner)
+    elif isinstance(theirs, list) and isinstance(ours, list) and len(theirs) == len(ours):
+        for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
+            yield from _differences(*pair, f"{at}[{number}]")
     elif theirs != ours:
-        yield f"{at.removeprefix('sweep.')} was {_short(theirs)} and is {_short(ours)}"
+        was, now = _shown(theirs, ours)
+        yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
 
 
-def _short(value: Any) -> str:
-    words = json.dumps(value, ensure_ascii=False)
-    return words if len(words) <= 60 else f"{words[:57]}…"
+def _shown(*values: Any) -> list[str]:
+    """Return unequal JSON values as texts; long ones from shortly before they first differ."""
+    texts = [
+        "not set" if value is _ABSENT else json.dumps(value, ensure_ascii=False) for value in values
+    ]
+    first = max(0, len(os.path.commonprefix(texts)) - _BEFORE)
+    return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
+
+
+def _cut(text: str, first: int) -> str:
+    last = first + _SHOWN
+    return f"{'…' * (first > 0)}{text[first:last]}{'…' * (last < len(text))}"

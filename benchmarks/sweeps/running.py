@@ -7,14 +7,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tqdm import tqdm
-
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import collected, of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.lock import locked
+from benchmarks.sweeps.progress import counted
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
@@ -61,7 +60,8 @@ class Running:
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then."""
-        run_missing(_part(self.trials, self.options.shard), self.store, self.options)
+        part = _part(self.trials, self.options.shard)
+        run_missing(part, self.store, self.options)
         found = collected(self.sweep.title, self.trials, self.store, self.command)
         return of_sweep(self.sweep, found)
 
@@ -119,17 +119,12 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
         return
     with (
         options.where.engine(len(waiting)) as engine,
-        tqdm(
-            total=len(trials),
-            initial=len(trials) - len(waiting),
-            unit="trial",
-            disable=None if options.progress else True,
-        ) as bar,
+        counted(store.out, len(trials), len(trials) - len(waiting), shown=options.progress) as count,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
         for key, outcome in finished:
             reason = _keep(store, key, missing[key], outcome)
-            bar.update()
+            count(reason is not None)
             if options.fail_fast and reason is not None:
                 return
 

@@ -1,4 +1,4 @@
-"""Localizers out of other people's code: entry points, ``package.module:NAME``, ``file.py:NAME``.
+"""Localizers out of other people's code: ``package.module:NAME``, ``file.py:NAME``.
 
 Loading runs that code, so it happens only when a plug-in is used. Whatever goes wrong with it is
 said in one sentence as an ``InputError``.
@@ -12,14 +12,11 @@ import pkgutil
 import sys
 import traceback
 from collections.abc import Iterable
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from deqmcl_gym.validation import InputError
-
-GROUP = "deqmcl.localizers"
 
 
 def is_reference(name: str) -> bool:
@@ -37,17 +34,6 @@ def absolute_name(name: str) -> str:
     if not _is_path(place):
         return name
     return f"{Path(place).expanduser().absolute()}{colon}{attribute}"
-
-
-def installed() -> dict[str, str]:
-    """References by name of the entry points of group ``deqmcl.localizers``; none is loaded.
-
-    A name that several packages offer differently has all their references, joined by " and ".
-    """
-    found: dict[str, set[str]] = {}
-    for entry in entry_points(group=GROUP):
-        found.setdefault(entry.name, set()).add(entry.value.partition("[")[0].strip())
-    return {name: " and ".join(sorted(references)) for name, references in sorted(found.items())}
 
 
 def load(reference: str, name: str, kind: str = "localizer") -> Any:

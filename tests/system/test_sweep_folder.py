@@ -60,7 +60,7 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
     for difference in (
         "trials was 2 and is 1",
         "particles was 15 and is 16",
-        "was null and is 0.5",
+        "was not set and is 0.5",
     ):
         assert difference in said
     assert "--out" in said
