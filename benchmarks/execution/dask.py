@@ -23,7 +23,7 @@ def check(scheduler: str | None) -> None:
         InputError: it is not.
     """
     require()
-    from distributed.comm import resolve_address
+    from distributed.comm.addressing import resolve_address
 
     if scheduler is not None:
         with _reaching(scheduler):

@@ -1,7 +1,7 @@
 """manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
 
+import itertools
 import json
-import os
 import platform
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -141,7 +141,8 @@ def _shown(*values: Any) -> list[str]:
     texts = [
         "not set" if value is _ABSENT else json.dumps(value, ensure_ascii=False) for value in values
     ]
-    first = max(0, len(os.path.commonprefix(texts)) - _BEFORE)
+    same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    first = max(0, sum(1 for _ in same) - _BEFORE)
     return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
 
 

@@ -11,14 +11,14 @@ from benchmarks.console import doing
 
 @contextmanager
 def counted(
-    out: Path, total: int, done: int, *, shown: bool = True
+    out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
     """Show a bar on a terminal, elsewhere a line; give what is called after each trial.
 
     Args:
         out: folder of the sweep, by whose name it is called.
         total: trials of the sweep.
-        done: those of earlier runs.
+        waiting: those that are still to be run.
         shown: or show nothing.
 
     Yields:
@@ -27,7 +27,11 @@ def counted(
     name = out.resolve().name
     failed = 0
     with tqdm(
-        desc=name, total=total, initial=done, unit="trial", disable=None if shown else True
+        desc=name,
+        total=total,
+        initial=total - waiting,
+        unit="trial",
+        disable=None if shown else True,
     ) as bar:
 
         def count(failure: bool) -> None:
@@ -37,7 +41,7 @@ def counted(
             bar.update()
 
         if bar.disable and shown:
-            with doing(f"{name}: running {total - done:,} trials"):
+            with doing(f"{name}: running {waiting:,} trials"):
                 yield count
         else:
             bar.set_postfix_str("starting; kernels are compiled at first use")

@@ -119,7 +119,7 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
         return
     with (
         options.where.engine(len(waiting)) as engine,
-        counted(store.out, len(trials), len(trials) - len(waiting), shown=options.progress) as count,
+        counted(store.out, len(trials), len(waiting), shown=options.progress) as count,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
         for key, outcome in finished:

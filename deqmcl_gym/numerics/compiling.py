@@ -38,8 +38,8 @@ def compiled(function: F) -> F:
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
     """
     function.__qualname__ += f"_{_SHARED}"
-    kernel = numba.njit(nogil=True, error_model="numpy", fastmath=False)(function)
-    if not numba.config.DISABLE_JIT:
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False)(function)
+    if not cast(Any, numba.config).DISABLE_JIT:
         with contextlib.suppress(RuntimeError):  # no folder can be written to
             kernel._cache = _Cache(function)
     return cast(F, kernel)
@@ -56,7 +56,7 @@ class _PrivateFolder(UserProvidedCacheLocator):  # type: ignore[misc]
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         # past the parent, which asks for NUMBA_CACHE_DIR
-        own = super(UserProvidedCacheLocator, cls)
+        own: Any = super(UserProvidedCacheLocator, cls)
         return own.from_function(py_func, py_file) if private_folder() else None
 
 

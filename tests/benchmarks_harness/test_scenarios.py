@@ -206,7 +206,7 @@ BAD_FILES = [
     ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
     ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
     ("agent = 3", ["agent", "3", "text"]),
-    ("words = 'x", ["no TOML"]),
+    ("words = 'x", ["not valid TOML"]),
 ]
 
 
