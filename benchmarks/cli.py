@@ -59,6 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = _run(given, output)
         except SystemExit as end:  # argparse leaves so
             code = int(end.code or 0)
+        except OSError as error:
+            if error is not output.error:
+                raise
         output.end()
         return code if output.error is None else _not_written(output.error)
 
@@ -78,9 +81,7 @@ def _run(given: Sequence[str], output: console.Stream) -> int:
         )
         return FAILED
     except Exception as error:
-        if error is output.error:
-            return FAILED
-        if options.debug:
+        if options.debug or error is output.error:
             raise
         return _explain(error)
     return 0
