@@ -130,7 +130,7 @@ def _explain(error: Exception) -> int:
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="deqmcl",
-        description="Benchmark of robot self-localization that knows its plan.",
+        description="Benchmark of self-localization for robots with a known plan.",
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")

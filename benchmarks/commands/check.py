@@ -57,5 +57,5 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     skipped = sum(verdict.status == "skipped" for verdict in tried)
     return (
         f"time per step: {milliseconds_per_step(subject):.3g} ms, the median of a short drive\n"
-        f"{name} keeps all laws" + (f" but {skipped} that do not concern it." if skipped else ".")
+        f"{name} keeps all laws" + (f" ({skipped} skipped)." if skipped else ".")
     )

@@ -7,7 +7,7 @@ from benchmarks.console import doing
 
 NAME = "list"
 HELP = "list suites, localizers, scenarios and agents"
-DESCRIPTION = "List the suites, the localizers, the scenarios and the agents there are."
+DESCRIPTION = "List suites, localizers, scenarios and agents."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -27,13 +27,15 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if path.suffix != ".py":
         raise InputError(f"the new file is {path}, but must end in .py, as in my_localizer.py.")
     if path.exists() or path.is_symlink():
-        raise InputError(f"the new file {path} is there already: choose another name.")
+        raise InputError(f"the new file {path} already exists: choose another name.")
     if not path.parent.is_dir():
-        raise InputError(f"the new file {path} would be in a folder that is not there: make it.")
+        raise InputError(
+            f"the new file {path} would be in a folder that does not exist: create it."
+        )
     write_text(path, template())
     name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
     return (
-        f"Written: {path}, a working localizer. It can be checked and run at once:\n"
+        f"Written: {path}, a working localizer. Check it and run it:\n"
         f"  deqmcl check {name}\n"
         f"  deqmcl sweep quick --with {name} --out results/mine"
     )

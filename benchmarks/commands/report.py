@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 NAME = "report"
-HELP = "write the report of a folder of results anew"
+HELP = "rewrite the report of a folder of results"
 DESCRIPTION = (
     "Write report.html, results.md with its images, and the tables results.csv, trials.csv and "
     "timings.csv, from the finished trials in a folder."

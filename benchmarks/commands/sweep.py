@@ -8,9 +8,9 @@ from benchmarks.commands.shared import localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
-HELP = "run a suite of trials, or what a TOML file says; resumable, on one or many machines"
+HELP = "run a suite or a sweep file; resumable, on one or many machines"
 DESCRIPTION = (
-    "Run a suite (deqmcl list names them) or the sweep that a TOML file says, and report it. "
+    "Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report. "
     "What the output folder already holds is not run again."
 )
 
@@ -18,7 +18,7 @@ DESCRIPTION = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of them, or a sweep file")
+    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of suites or a sweep file")
     add("--out", type=Path, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
@@ -30,13 +30,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--jobs", type=int, metavar="J", help="trials at a time (one per processor)")
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
-    add("--scheduler", metavar="ADDRESS", help="of Dask (a cluster on this machine)")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
     add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
     add("--timeout", type=float, metavar="S", help="seconds that a trial may take (no limit)")
     add("--retry-failed", action="store_true", help="run trials again that failed before")
     add("--fail-fast", action="store_true", help="stop at the first trial that fails")
-    add("--dry-run", action="store_true", help="show the cells and about how long they take")
-    add("--yes", action="store_true", help="run more than 100,000 trials without being asked")
+    add("--dry-run", action="store_true", help="show the cells and estimate how long they take")
+    add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -74,12 +74,12 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
             raise _no_module(named, missing) from None
         raise InputError(
-            f"{named} cannot be imported, its own code raised {raised(error, str(path))}."
+            f"{named} cannot be imported: its own code raised {raised(error, str(path))}."
         ) from error
     own = _offered(module)
     raise InputError(
-        f"{named} is not there: {place} has no {attribute!r}"
-        f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
+        f"{named} does not exist: {place} has no {attribute!r}"
+        f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
     )
 
 
@@ -164,7 +164,7 @@ def _no_module(named: str, missing: str) -> InputError:
     folders = getattr(sys.modules.get(parent), "__path__", None) if parent else None
     beside = [found.name for found in pkgutil.iter_modules(folders)]
     return InputError(
-        f"{named} is not there: no module is named {missing!r}"
+        f"{named} does not exist: no module is named {missing!r}"
         f"{_nearest(last, beside)}; install it, put its folder on PYTHONPATH, or give the path of "
         "its file as path/to/file.py:NAME."
     )

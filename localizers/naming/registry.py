@@ -173,7 +173,7 @@ def complete(name: str) -> str:
         return name
     found = localizers_in(name)
     if len(found) != 1:
-        several = f"holds {', '.join(found)}" if found else "holds no class with reset and update"
+        several = f"has {', '.join(found)}" if found else "has no class with reset and update"
         raise InputError(
             f"the file {name} {several}: say which one is the localizer, as in "
             f"{name}:{found[0] if found else 'NAME'}."
