@@ -89,7 +89,7 @@ def test_an_existing_file_is_not_overwritten(new, capsys):
     ("name", "words"),
     [
         ("my_localizer", "must end in .py"),
-        ("no/such/folder/mine.py", "a folder that does not exist"),
+        ("no/such/folder/mine.py", "the folder of the new file"),
         ("folder.py", "already exists"),
         ("link.py", "already exists"),
     ],
