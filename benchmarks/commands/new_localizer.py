@@ -29,9 +29,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if path.exists() or path.is_symlink():
         raise InputError(f"the new file {path} already exists: choose another name.")
     if not path.parent.is_dir():
-        raise InputError(
-            f"the new file {path} would be in a folder that does not exist: create it."
-        )
+        raise InputError(f"the folder of the new file {path} does not exist: create it.")
     write_text(path, template())
     name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
     return (

@@ -86,7 +86,7 @@ def results_in(folder: Path) -> Results:
         name, why = next(iter(store.rejected.items()))
         raise InputError(
             f"none of the {len(store.rejected)} trials in {folder} can be read ({name} {why}): "
-            "run them anew, into a new --out."
+            "run them again into a new --out."
         )
     planned = {_name(own): own for own in (trial.canonical() for trial in sweep.distinct())}
     results = _found(planned, finished.get, failed.get, sweep.title, command, environment)

@@ -35,12 +35,12 @@ def begin(folder: Path, sweep: Sweep, command: Sequence[str]) -> None:
     if path.exists():
         theirs = read(folder).get("identity")
         if theirs is None:
-            raise InputError(f"{path} is not of a sweep: give a new --out.")
+            raise InputError(f"{path} does not belong to a sweep: give a new --out.")
         if theirs == ours:
             return
         if differences := list(_differences(_less(theirs, ours), ours, "")):
             raise InputError(
-                f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
+                f"{folder} holds results of another run ({'; '.join(differences)}): give a new "
                 "--out, or restore what was changed."
             )
     content = {

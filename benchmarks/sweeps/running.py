@@ -170,7 +170,7 @@ def _say_strays(store: Store, keys: Mapping[str, Trial], *, remove: bool) -> Non
         if temporary and remove:
             (store.out / name).unlink(missing_ok=True)
         if not temporary or remove:  # another shard may be writing it
-            does = "removed" if temporary else "left out"
+            does = "removed" if temporary else "ignored"
             print(f"deqmcl: {store.out / name} {what}; it is {does}.", file=sys.stderr)
 
 

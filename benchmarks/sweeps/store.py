@@ -58,7 +58,7 @@ class Store:
 
         A temporary file, anywhere, is what an interrupted write leaves.
         """
-        left = "is what an interrupted write has left"
+        left = "was left by an interrupted write"
         found = {
             path.relative_to(self.out).as_posix(): left
             for folder in (self.out, self.out / "timings", self.out / "images")
@@ -69,7 +69,7 @@ class Store:
                 if path.name.endswith(".tmp"):
                     found[f"{folder}/{path.name}"] = left
                 elif path.suffix != ".json" or path.stem not in keys:
-                    found[f"{folder}/{path.name}"] = "is no trial of this sweep"
+                    found[f"{folder}/{path.name}"] = "is not a trial of this sweep"
         return found
 
     def keys(self, folder: str) -> list[str]:
@@ -110,26 +110,26 @@ def _checked(text: str, key: str) -> dict[str, Any]:
     except _RejectedError:
         raise
     except ValueError:
-        raise _RejectedError("is torn, or no JSON") from None
+        raise _RejectedError("is torn or not JSON") from None
     if not isinstance(content, dict):
-        raise _RejectedError("is no JSON object")
+        raise _RejectedError("is not a JSON object")
     if content.get("schema") != SCHEMA:
         raise _RejectedError(f"has schema {content.get('schema')}, not {SCHEMA}")
     if content.get("key") != key:
-        raise _RejectedError("is of another trial")
+        raise _RejectedError("belongs to another trial")
     given = content.pop("checksum", None)
     try:
         expected = _checksum(content)
     except ValueError:  # 1e999 is valid JSON
         raise _RejectedError("holds a number that is infinite") from None
     if given != expected:
-        raise _RejectedError("was changed after it was written: its checksum does not fit")
+        raise _RejectedError("was changed after it was written: its checksum does not match")
     del content["schema"], content["key"]
     return content
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise _RejectedError(f"holds {name}, which is no number")
+    raise _RejectedError(f"holds {name}, which is not a number")
 
 
 def _checksum(content: dict[str, Any]) -> str:

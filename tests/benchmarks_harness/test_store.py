@@ -54,10 +54,10 @@ def damaged(good):
     return {
         "empty": ("is torn", b""),
         "not text": ("cannot be read", b"\xff\xfe\x00" + good),
-        "not JSON": ("is torn, or no JSON", b"error,entropy\n1,2\n"),
+        "not JSON": ("is torn or not JSON", b"error,entropy\n1,2\n"),
         "of another schema": ("has schema 1, not 3", changed(schema=1)),
-        "of another trial": ("of another trial", changed(key="ffff")),
-        "edited by hand": ("checksum does not fit", good.replace(b"1.5", b"1.4")),
+        "of another trial": ("belongs to another trial", changed(key="ffff")),
+        "edited by hand": ("checksum does not match", good.replace(b"1.5", b"1.4")),
         "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
     }
@@ -103,11 +103,11 @@ def test_strays_are_files_that_are_no_trial_of_the_sweep(tmp_path):
     (tmp_path / "timings" / f".{KEY}.json.x2.tmp").write_text("half")
     (tmp_path / ".results.csv.x3.tmp").write_text("half")
     assert store.strays({KEY}) == {
-        ".results.csv.x3.tmp": "is what an interrupted write has left",
-        f"timings/.{KEY}.json.x2.tmp": "is what an interrupted write has left",
-        f"trials/.{KEY}.json.x1.tmp": "is what an interrupted write has left",
-        "trials/ffff.json": "is no trial of this sweep",
-        "trials/notes.txt": "is no trial of this sweep",
+        ".results.csv.x3.tmp": "was left by an interrupted write",
+        f"timings/.{KEY}.json.x2.tmp": "was left by an interrupted write",
+        f"trials/.{KEY}.json.x1.tmp": "was left by an interrupted write",
+        "trials/ffff.json": "is not a trial of this sweep",
+        "trials/notes.txt": "is not a trial of this sweep",
     }
 
 

@@ -46,8 +46,8 @@ def test_stray_files_are_named_and_left_out(file, finished, copy, capsys):
     (copy / "trials" / "ffff.json").write_bytes(some.read_bytes())
     assert sweep(file, copy) == 0
     said = capsys.readouterr().err
-    assert ".x.json.abc.tmp is what an interrupted write has left; it is removed." in said
-    assert "ffff.json is no trial of this sweep; it is left out." in said
+    assert ".x.json.abc.tmp was left by an interrupted write; it is removed." in said
+    assert "ffff.json is not a trial of this sweep; it is ignored." in said
     assert not (copy / "trials" / ".x.json.abc.tmp").exists()
     assert tables(copy) == tables(finished)
 
@@ -82,7 +82,7 @@ def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
     [
         ("", "manifest.json cannot be read"),
         ("[]", "manifest.json cannot be read"),
-        ('{"command": ["deqmcl", "speed"]}', "is not of a sweep"),
+        ('{"command": ["deqmcl", "speed"]}', "does not belong to a sweep"),
     ],
 )
 def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, capsys, content, words):
