@@ -76,7 +76,7 @@ def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
     except TimedOutError as error:
         return Outcome(reason=str(error))
     except BrokenExecutor as error:
-        words = in_words(error)
+        words = str(error) or in_words(error)
         raise RuntimeError(f"the executor broke ({words}); finished trials are kept.") from error
     except (Exception, SystemExit) as error:  # of the engine: a trial's own errors are outcomes
         if tries < TRIES:

@@ -1,4 +1,4 @@
-"""Trouble, one wrapper each: kidnapping, beam drop-out, a change of plan."""
+"""Disturbances, one wrapper each: kidnapping, beam drop-out, a change of plan."""
 
 from collections.abc import Iterator
 from typing import Any, SupportsFloat
