@@ -87,9 +87,9 @@ def test_part_takes_itself_nothing_or_changes_to_the_default():
     assert part("part", Part, None, default) is default
     assert part("part", Part, Part(2), default) == Part(2)
     assert part("part", Part, {"colour": "blue"}, default) == Part(7, "blue")
-    for given, text in (({"color": 1}, "did you mean 'colour'"), (5, "size, colour")):
+    for value, text in (({"color": 1}, "did you mean 'colour'"), (5, "size, colour")):
         with pytest.raises(InputError, match=text):
-            part("part", Part, given, default)
+            part("part", Part, value, default)
 
 
 @given(
