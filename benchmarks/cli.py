@@ -10,13 +10,24 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import NoReturn
 
+from benchmarks import console
 from benchmarks.commands import COMMANDS
 
-BAD_INPUT, FAILED, INTERRUPTED, TERMINATED = 2, 3, 130, 143
+BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM came: end as for Ctrl-C."""
+
+
+class _Version(argparse.Action):
+    """Print the version; it is known to a package that takes its time to load."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from deqmcl_gym import __version__
+
+        print(f"deqmcl {__version__}")
+        parser.exit()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -35,10 +46,27 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code: 0 done, 2 bad input, 3 failed, 130 or 143 stopped."""
+    """Run the command; return its exit code.
+
+    0: done. 2: bad input. 3: failed. 130, 143: stopped by SIGINT or SIGTERM. 141: whoever read the
+    output stopped reading, as after ``| head``.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    with console.standard_streams() as output:
+        try:
+            code = _run(given, output)
+        except SystemExit as end:  # argparse leaves so
+            code = int(end.code or 0)
+        except OSError as error:
+            if error is not output.error:
+                raise
+        output.end()
+        return code if output.error is None else _not_written(output.error)
+
+
+def _run(given: Sequence[str], output: console.Stream) -> int:
     options = _parse(given)
     try:
         with _terminable():
@@ -53,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return FAILED
     except Exception as error:
-        if options.debug:
+        if options.debug or error is output.error:
             raise
         return _explain(error)
     return 0
@@ -76,8 +104,16 @@ def _terminable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def _not_written(error: OSError) -> int:
+    """Say that the output is lost, unless nobody wants to read it."""
+    if isinstance(error, BrokenPipeError):
+        return NOT_READ
+    print(f"deqmcl: the output cannot be written to stdout ({error.strerror}).", file=sys.stderr)
+    return FAILED
+
+
 def _explain(error: Exception) -> int:
-    from deqmcl_gym.validation import InputError
+    from deqmcl_gym.validation import InputError, in_words
 
     if isinstance(error, InputError):
         print(f"deqmcl: {error}", file=sys.stderr)
@@ -86,18 +122,18 @@ def _explain(error: Exception) -> int:
         words = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
         print(f"deqmcl: {words}.", file=sys.stderr)
         return FAILED
-    kind = "" if isinstance(error, RuntimeError) else f"{type(error).__name__}: "
-    words = " ".join(str(error).split())  # on one line, whatever raised it
-    print(f"deqmcl: {kind}{words} (--debug shows where)", file=sys.stderr)
+    words = " ".join(str(error).split()) if isinstance(error, RuntimeError) else ""
+    print(f"deqmcl: {words or in_words(error)} (--debug shows where)", file=sys.stderr)
     return FAILED
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="deqmcl",
-        description="Benchmark of robot self-localization that knows its plan.",
+        description="Benchmark of self-localization for robots with a known plan.",
         allow_abbrev=False,
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parsers: dict[str, _Parser] = {}
     for command in COMMANDS:

@@ -36,8 +36,17 @@ def shown(value: object) -> str:
     return text if len(text) <= _SHOWN else f"{text[:half]} … {text[-half:]}"
 
 
-def plain(value: float) -> str:
-    """Return a number in few digits if they tell it exactly, else in all."""
+def in_words(error: BaseException) -> str:
+    """Return what was raised on one line: "KeyError: 'offset'", or its kind if it says nothing."""
+    try:
+        words = " ".join(str(error).split())
+    except BaseException as another:
+        words = f"it cannot be shown, which raised {type(another).__name__}"
+    return ": ".join(filter(None, [type(error).__name__, words]))
+
+
+def digits(value: float) -> str:
+    """Return a number in as few digits as tell it from all others: 10, 0.1, 10.0000001."""
     short = f"{value:g}"
     return short if math.isnan(value) or float(short) == value else repr(float(value))
 
@@ -78,7 +87,7 @@ def number(
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     inside = low < given if above else low <= given
     if not (inside and given <= high):
-        raise InputError(f"{what} is {plain(given)}, but must be a number {allowed}.")
+        raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
     return given
 
 
@@ -121,7 +130,8 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
         if given.size <= 12:
             raise InputError(f"{what} is {given.tolist()}, but must be {allowed}.")
         where = np.argwhere(~(np.abs(given) <= LARGEST))[0].tolist()
-        raise InputError(f"{what} has {given[tuple(where)]:g} at {where}, but must be {allowed}.")
+        named = digits(given[tuple(where)])
+        raise InputError(f"{what} has {named} at {where}, but must be {allowed}.")
     return given
 
 
@@ -130,8 +140,8 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
     x, y, heading = array(what, value, (3,)).tolist()
     if abs(heading) > 2 * math.pi:
         raise InputError(
-            f"{what} is ({x:g}, {y:g}, {heading:g}), but its heading must be in radians, "
-            f"from -2π to 2π: {heading:g}° would be {math.radians(heading):.4g}."
+            f"{what} is ({', '.join(map(digits, (x, y, heading)))}), but its heading must be in "
+            f"radians, from -2π to 2π: {heading:g}° would be {math.radians(heading):.4g}."
         )
     return x, y, heading
 
@@ -177,5 +187,5 @@ def _interval(low: float, high: float, above: bool, finite: bool) -> str:
     if math.isinf(low) and math.isinf(high):
         return "that is finite" if finite else "that is not NaN"
     if math.isinf(high):
-        return f"above {low:g}" if above else f"of {low:g} or more"
-    return f"{left} {low:g} to {high:g}"
+        return f"above {digits(low)}" if above else f"of {digits(low)} or more"
+    return f"{left} {digits(low)} to {digits(high)}"

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, array
+from deqmcl_gym.validation import InputError, array, digits
 from localizers.api import Points
 
 
@@ -31,8 +31,8 @@ class PointsBelief:
         total = float(shares.sum())
         if shares.min() < 0 or not 0 < total < np.inf:
             raise InputError(
-                f"the belief's weights go from {shares.min():g} to {shares.max():g}, but must be 0 "
-                "or more, not all 0, and of finite sum."
+                f"the belief's weights go from {digits(shares.min())} to {digits(shares.max())}, "
+                "but must be 0 or more, not all 0, and of finite sum."
             )
         self._weights = shares / total
 

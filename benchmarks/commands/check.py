@@ -3,6 +3,8 @@
 import argparse
 from collections.abc import Sequence
 
+from benchmarks.console import doing
+
 NAME = "check"
 HELP = "check that a localizer keeps the laws the benchmarks rely on"
 DESCRIPTION = (
@@ -20,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name",
         metavar="NAME",
-        help="a known name, package.module:NAME or path/to/file.py:NAME",
+        help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
     )
     parser.add_argument(
         "--timeout",
@@ -36,15 +38,20 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     del given
     from contextlib import closing
 
+    from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
+    from localizers.naming.registry import complete
 
-    with closing(examined(options.name, timeout=options.timeout)) as examination:
-        tried, failed = [], []
-        for verdict in examination.verdicts():
-            print(verdict, flush=True)
-            tried.append(verdict)
-            if verdict.status == "FAILED":
-                failed.append(verdict)
+    name = complete(options.name)
+    with doing(f"loading {name}"):
+        examination = examined(name, timeout=options.timeout)
+    with closing(examination):
+        tried = []
+        for law in LAWS:
+            with doing(f"trying the law {law.name!r}"):
+                tried.append(examination.verdict(law))
+            print(tried[-1], flush=True)
+        failed = [verdict for verdict in tried if verdict.status == "FAILED"]
         if failed:
             words = f"{len(failed)} of {len(tried)} laws failed"
             named = ", ".join(repr(verdict.law) for verdict in failed)
@@ -53,6 +60,5 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     skipped = sum(verdict.status == "skipped" for verdict in tried)
     return (
         f"time per step: {milliseconds:.3g} ms, the median of a short drive\n"
-        f"{options.name} keeps all laws"
-        + (f" but {skipped} that do not concern it." if skipped else ".")
+        f"{name} keeps all laws" + (f" ({skipped} skipped)." if skipped else ".")
     )

@@ -3,9 +3,11 @@
 import argparse
 from collections.abc import Iterable, Sequence
 
+from benchmarks.console import doing
+
 NAME = "list"
 HELP = "list suites, localizers, scenarios and agents"
-DESCRIPTION = "List the suites, the localizers, the scenarios and the agents there are."
+DESCRIPTION = "List suites, localizers, scenarios and agents."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,9 +22,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.sweeps.suites import FAMILIES, SUITES
     from localizers import names
 
+    with doing("loading the localizers"):
+        localizers = [(name, _parameters(name)) for name in names()]
     suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]
     suites += [(name, f"all of {', '.join(members)}") for name, members in FAMILIES.items()]
-    localizers = ((name, _parameters(name)) for name in names())
     return "\n\n".join(
         (
             f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 
 NAME = "new-localizer"
 HELP = "write a small working localizer to start from"
@@ -21,16 +22,18 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from deqmcl_gym.validation import InputError
 
     path: Path = options.file
+    if "," in str(path):
+        raise InputError(f"the new file is {path}, but --with takes names separated by commas.")
     if path.suffix != ".py":
         raise InputError(f"the new file is {path}, but must end in .py, as in my_localizer.py.")
     if path.exists() or path.is_symlink():
-        raise InputError(f"the new file {path} is there already: choose another name.")
+        raise InputError(f"the new file {path} already exists: choose another name.")
     if not path.parent.is_dir():
-        raise InputError(f"the new file {path} would be in a folder that is not there: make it.")
+        raise InputError(f"the folder of the new file {path} does not exist: create it.")
     write_text(path, template())
-    name = f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer"
+    name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
     return (
-        f"Written: {path}, a working localizer. It can be checked and run at once:\n"
+        f"Written: {path}, a working localizer. Check it and run it:\n"
         f"  deqmcl check {name}\n"
         f"  deqmcl sweep quick --with {name} --out results/mine"
     )
@@ -43,4 +46,4 @@ def template() -> str:
     package = find_spec("localizers")
     assert package is not None, "the packages are installed together"
     assert package.origin is not None, "localizers is no namespace"
-    return Path(package.origin).with_name("template.py").read_text()
+    return Path(package.origin).with_name("template.py").read_text(encoding="utf-8")

@@ -5,7 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.commands.shared import add_setting, comma_separated, folder, setting_words, sweep_of
+from benchmarks.commands.shared import (
+    add_setting,
+    folder,
+    localizers_named,
+    setting_words,
+    sweep_of,
+)
 
 if TYPE_CHECKING:
     from benchmarks.sweeps.design import Sweep
@@ -53,7 +59,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
     out, named = options.out, options.localizers
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
-    localizers = PAPER_METHODS if named is None else comma_separated(named)
+    localizers = PAPER_METHODS if named is None else localizers_named(named)
     sweep = sweep_of(options, localizers, options.trials)
     if not (out / "report.html").exists():
         load()  # while the workers load theirs

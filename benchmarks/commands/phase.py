@@ -3,7 +3,14 @@
 import argparse
 from collections.abc import Sequence
 
-from benchmarks.commands.shared import add_setting, comma_separated, folder, setting_words, sweep_of
+from benchmarks.commands.shared import (
+    add_setting,
+    folder,
+    localizers_named,
+    setting_words,
+    sweep_of,
+)
+from benchmarks.console import doing
 
 NAME = "phase"
 HELP = "draw the queue as place fields over the theta phase"
@@ -31,7 +38,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.phase.command import METHODS, run_phase
 
     named = options.localizers
-    sweep = sweep_of(options, METHODS if named is None else comma_separated(named))
+    sweep = sweep_of(options, METHODS if named is None else localizers_named(named))
     title = f"The queue as theta phase: scenario {sweep.scenario}, {setting_words(sweep)}"
     trials, out, command = sweep.distinct(), options.out.absolute(), ["deqmcl", *given]
-    return where_safe(trials, run_phase, trials, options.fields, out, title, command)
+    with doing("running and drawing a lap of each localizer"):
+        return where_safe(trials, run_phase, trials, options.fields, out, title, command)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from benchmarks.commands.shared import folder
 
 NAME = "report"
-HELP = "write the report of a folder of results anew"
+HELP = "rewrite the report of a folder of results"
 DESCRIPTION = (
     "Write report.html, results.md with its images, and the tables results.csv, trials.csv and "
     "timings.csv, from the finished trials in a folder. Nothing that the folder names is run: "

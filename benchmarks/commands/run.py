@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.commands.shared import add_setting, folder, sweep_of
+from benchmarks.console import doing
 
 NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
@@ -32,7 +33,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     del given
     from benchmarks.execution.apart import where_safe
     from benchmarks.pictures.lap import run_lap
+    from localizers.naming.registry import complete
 
-    trials = sweep_of(options, (options.localizer,)).distinct()
+    trials = sweep_of(options, (complete(options.localizer),)).distinct()
     log = None if options.log is None else options.log.absolute()
-    return where_safe(trials, run_lap, *trials, options.out.absolute(), log)
+    with doing(f"running and drawing a lap of {trials[0].localizer}"):
+        return where_safe(trials, run_lap, *trials, options.out.absolute(), log)

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.console import doing
+
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
 
@@ -55,7 +57,8 @@ def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int
         lag=integer("--lag", options.lag),
         particles=integer("--particles", options.particles, low=1),
     )
-    check(sweep)
+    with doing("checking every world and localizer"):
+        check(sweep)
     return sweep
 
 
@@ -64,6 +67,12 @@ def setting_words(sweep: "Sweep") -> str:
     return f"N = {dict(sweep.params)['particles']}, L = {sweep.lag}, seed {sweep.seed}"
 
 
-def comma_separated(listed: str) -> tuple[str, ...]:
-    """Return the names in ``a,b,c``, without blanks."""
-    return tuple(name for part in listed.split(",") if (name := part.strip()))
+def localizers_named(listed: str) -> tuple[str, ...]:
+    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer.
+
+    Raises:
+        InputError: a file holds none or several, or cannot be read.
+    """
+    from localizers.naming.registry import complete
+
+    return tuple(complete(name) for part in listed.split(",") if (name := part.strip()))

@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("--quick", action="store_true", help="less exact, in under a minute")
     parser.add_argument(
-        "--peers", action="store_true", help="also other packages, as far as installed"
+        "--peers", action="store_true", help="also compare with other packages, if installed"
     )
     parser.add_argument(
         "--out", type=folder, default=Path("results/speed"), metavar="DIR", help="(results/speed)"

@@ -4,12 +4,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import comma_separated, folder
+from benchmarks.commands.shared import folder, localizers_named
+from benchmarks.console import doing
 
 NAME = "sweep"
-HELP = "run a suite of trials, or what a TOML file says; resumable, on one or many machines"
+HELP = "run a suite or a sweep file; resumable, on one or many machines"
 DESCRIPTION = (
-    "Run a suite (deqmcl list names them) or the sweep that a TOML file says, and report it. "
+    "Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report. "
     "What the output folder already holds is not run again."
 )
 
@@ -17,7 +18,7 @@ DESCRIPTION = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of them, or a sweep file")
+    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of suites or a sweep file")
     add("--out", type=folder, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
@@ -29,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--jobs", type=int, metavar="J", help="trials at a time (one per processor)")
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
-    add("--scheduler", metavar="ADDRESS", help="of Dask (a cluster on this machine)")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
     add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
     add(
         "--timeout",
@@ -39,8 +40,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--retry-failed", action="store_true", help="run trials again that failed before")
     add("--fail-fast", action="store_true", help="stop at the first trial that fails")
-    add("--dry-run", action="store_true", help="show the cells and about how long they take")
-    add("--yes", action="store_true", help="run more than 100,000 trials without being asked")
+    add("--dry-run", action="store_true", help="show the cells and estimate how long they take")
+    add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     )
     from benchmarks.sweeps.sweepfile import sweeps_named
 
-    added = [name for listed in options.added for name in comma_separated(listed)]
+    added = [name for listed in options.added for name in localizers_named(listed)]
     how = Options(
         where=Where(
             jobs=options.jobs,
@@ -74,13 +75,14 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
-    with answered_within(options.timeout):
+    with doing("checking every world and localizer"), answered_within(options.timeout):
         sweeps = sweeps_named(options.suite, added)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)
             check(sweep)
     if options.dry_run:
-        return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
+        with doing("measuring trials"):
+            return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
     command, texts, failed = ["deqmcl", *given], [], []
     for part, sweep in sweeps.items():

@@ -10,10 +10,24 @@ from contextlib import contextmanager
 from typing import Any
 
 from benchmarks.execution.processes import ONE_THREAD
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
+
+
+def check(scheduler: str | None) -> None:
+    """See whether Dask is installed and an address is one, before a client tries it.
+
+    Raises:
+        InputError: it is not.
+    """
+    require()
+    from distributed.comm.addressing import resolve_address
+
+    if scheduler is not None:
+        with _reaching(scheduler):
+            resolve_address(scheduler)
 
 
 def require() -> Any:
@@ -75,16 +89,27 @@ def _local(workers: int) -> Iterator[Any]:
 
 @contextmanager
 def _client(address: Any) -> Iterator[Any]:
+    made = require().Client
+    client = made.__new__(made)
     try:
-        client = require().Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError) as error:
-        words = " ".join(str(error).split())
-        raise InputError(
-            f"the Dask scheduler {address!r} cannot be reached ({words}): give an address like "
-            "tcp://host:8786."
-        ) from None
+        with _reaching(address):
+            client.__init__(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except InputError:
+        client.status = "closed"  # or it tries to close what was never open, and prints that
+        raise
     try:
         yield client
     finally:
         with contextlib.suppress(TimeoutError):
             client.close(timeout=_CLOSE_SECONDS)
+
+
+@contextmanager
+def _reaching(address: Any) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:  # each transport has its own
+        raise InputError(
+            f"the Dask scheduler {address!r} cannot be reached ({in_words(error)}): give an "
+            "address like tcp://host:8786."
+        ) from None

@@ -9,6 +9,7 @@ from benchmarks.execution.engines import Engine
 from benchmarks.execution.processes import TimedOutError
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import in_words
 
 TRIES = 3  # of a trial whose worker dies
 
@@ -75,9 +76,9 @@ def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
     except TimedOutError as error:
         return Outcome(reason=str(error))
     except BrokenExecutor as error:
-        raise RuntimeError(f"the executor broke ({error}); finished trials are kept.") from error
+        words = str(error) or in_words(error)
+        raise RuntimeError(f"the executor broke ({words}); finished trials are kept.") from error
     except (Exception, SystemExit) as error:  # of the engine: a trial's own errors are outcomes
         if tries < TRIES:
             return None
-        words = " ".join(f"{type(error).__name__}: {error}".split())
-        return Outcome(reason=f"lost {tries} times by its worker; last: {words}")
+        return Outcome(reason=f"lost {tries} times by its worker; last: {in_words(error)}")

@@ -12,7 +12,7 @@ from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, in_words, integer, number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +65,10 @@ class Where:
         """See whether the engine can be had, before anything is written.
 
         Raises:
-            InputError: it is not installed, or there is none of this name.
+            InputError: it is not installed, or there is none of this name or address.
         """
         if self.executor == "dask":
-            dask.require()
+            dask.check(self.scheduler)
         elif self.executor != "process":
             _factory(self.executor)
 
@@ -143,21 +143,29 @@ def _factory(name: str) -> Callable[[], Executor]:
         factory = getattr(importlib.import_module(module), attribute)
     except Exception as error:
         raise InputError(
-            f"the executor {name!r} cannot be loaded ({type(error).__name__}: {error}): give "
-            "module:factory, a function without arguments that returns a "
-            "concurrent.futures.Executor."
+            f"the executor {name!r} cannot be loaded ({in_words(error)}): give module:factory, a "
+            "function without arguments that returns a concurrent.futures.Executor."
         ) from None
     if not callable(factory):
-        raise InputError(f"the executor {name!r} is {factory!r}, but must be a function.")
+        kind = type(factory).__name__
+        raise InputError(f"the executor {name!r} is of type {kind}, but must be a function.")
     return factory  # type: ignore[no-any-return]
 
 
 @contextmanager
 def _made_by(name: str) -> Iterator[Executor]:
-    executor = _factory(name)()
-    if not isinstance(executor, Executor):
+    factory = _factory(name)
+    try:
+        executor = factory()
+    except Exception as error:
         raise InputError(
-            f"{name} returned {executor!r}, but must return a concurrent.futures.Executor."
+            f"the executor {name!r} cannot be made ({in_words(error)}): give a function without "
+            "arguments that returns a concurrent.futures.Executor."
+        ) from error
+    if not isinstance(executor, Executor) or type(executor).submit is Executor.submit:
+        raise InputError(
+            f"the executor {name!r} returned an object of type {type(executor).__name__}, but "
+            "must return a concurrent.futures.Executor that runs what is submitted."
         )
     try:
         yield executor

@@ -7,9 +7,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.isolation import enter
-from localizers.naming.plugins import words_of
 
 
 def work(line: Connection) -> None:
@@ -48,4 +47,4 @@ def _portable(error: BaseException) -> Exception:
         with contextlib.suppress(Exception):
             ForkingPickler.dumps(error)
             return error  # type: ignore[return-value]
-    return RuntimeError(words_of(error))
+    return RuntimeError(in_words(error))

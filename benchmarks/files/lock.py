@@ -108,4 +108,4 @@ def _taken(folder: Path, file: IO[str]) -> str:
     file.seek(0)
     holder = file.read().strip()
     who = f"another sweep (process {holder})" if holder else "another sweep"
-    return f"{who} is writing to {folder}: wait for its end, or give another --out."
+    return f"{who} is writing to {folder}: wait until it ends, or give another --out."

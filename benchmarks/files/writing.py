@@ -25,7 +25,7 @@ def writable_folder(path: Path) -> Path:
             pass
     except (FileExistsError, NotADirectoryError):
         raise InputError(
-            f"the output folder {path} is a file, or lies below one: give a folder."
+            f"the output folder {path} is a file, or is inside one: give a folder."
         ) from None
     except OSError as error:
         raise InputError(

@@ -44,7 +44,7 @@ DIFFERENCE = Quantity(
     title="Difference to the baseline",
     axis="error e of x[t] - the baseline's",
     caption="Below 0: better than the baseline on the same worlds. Bars: 95 % bootstrap intervals "
-    "over worlds. Dead reckoning is left out, as its scale hides the others.",
+    "over worlds. Dead reckoning is not shown: its scale would hide the others.",
     of=lambda row: row.diff,
     left_out="dead-reckoning",
 )

@@ -37,7 +37,7 @@ def html(story: Story) -> str:
         overview=words.overview(results, story.panels),
         progress=words.progress(results),
         failed=tables.Table(
-            "Trials that raised an error; they are in no mean.",
+            "Trials that raised an error; no mean includes them.",
             ["trial", "reason"],
             [[describe(failure.trial), failure.reason] for failure in results.failures],
         ),

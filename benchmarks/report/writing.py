@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, utf8, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, results_csv, timings_csv, trials_csv
@@ -61,7 +62,8 @@ def write_report(out: Path, results: Results) -> list[Path]:
     """
     from benchmarks.report.animations import Drawing
 
-    return _written(out, "report", results, Drawing())
+    with doing(f"writing the report in {out}"):
+        return _written(out, "report", results, Drawing())
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:

@@ -3,6 +3,6 @@
 from benchmarks.setup.scenario import Scenario
 
 SCENARIO = Scenario(
-    words="one weak beam; the filters assume ten times the motion noise there is, and more",
+    words="one weak beam; the filters assume ten times the true motion noise or more",
     env={"preset": "paper"},
 )

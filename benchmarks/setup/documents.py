@@ -1,4 +1,4 @@
-"""TOML documents: read, and taken apart; what is not as it should be is refused by name."""
+"""TOML documents: read, and taken apart; bad values are refused by name."""
 
 import codecs
 import io

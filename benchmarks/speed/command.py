@@ -61,7 +61,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     if find_spec("matplotlib"):
         files["scaling.png"] = scaling_plot(seen)
     else:
-        reasons += ["No picture: pip install 'deqmcl-gym[plots]' brings what it needs."]
+        reasons += ["No picture: run pip install 'deqmcl-gym[plots]'."]
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
     write_part(out, "speed", files)
     written = f"Written to {out}: {', '.join(files)}."
@@ -73,7 +73,7 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
     rows = [measured(figure, effort) for figure in _progress(FIGURES, len(FIGURES), "figures")]
     if not peers:
         names = ", ".join(figure.name for figure in PEERS)
-        return rows, [f"No row: {names}: peers are measured with --peers only."]
+        return rows, [f"No row: {names}: peers are measured only with --peers."]
     reasons = []
     for figure in _progress(PEERS, len(PEERS), "peers"):
         try:

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tqdm import tqdm
-
 from benchmarks.execution.apart import check_methods
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
@@ -17,6 +15,7 @@ from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.progress import counted
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
@@ -125,17 +124,12 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
         return
     with (
         options.where.engine(missing.values()) as engine,
-        tqdm(
-            total=len(trials),
-            initial=len(trials) - len(waiting),
-            unit="trial",
-            disable=None if options.progress else True,
-        ) as bar,
+        counted(store.out, len(trials), len(waiting), shown=options.progress) as count,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
         for key, outcome in finished:
             reason = _keep(store, key, missing[key], outcome)
-            bar.update()
+            count(reason is not None)
             if options.fail_fast and reason is not None:
                 return
 

@@ -177,7 +177,7 @@ def _checked(path: Path, folder: str, key: str) -> dict[str, Any]:
     except ValueError:  # 1e999 is valid JSON
         raise UnreadableError("holds a number that is infinite") from None
     if given != expected:
-        raise UnreadableError("was changed after it was written: its checksum does not fit")
+        raise UnreadableError("was changed after it was written: its checksum does not match")
     del content["schema"], content["key"]
     if why := _unlike(content, folder):
         raise UnreadableError(f"{why}, as no trial has")

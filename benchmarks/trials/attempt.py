@@ -10,8 +10,8 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from deqmcl_gym.validation import in_words
 from localizers.naming.isolation import is_ctrl_c
-from localizers.naming.plugins import words_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=words_of(error))
+        return Outcome(reason=in_words(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     if 0 not in trace.offsets:

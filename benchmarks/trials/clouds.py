@@ -11,7 +11,7 @@ from benchmarks.trials import kernels
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats, Ints, Reals
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, digits
 
 _SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
@@ -182,6 +182,6 @@ def _unsound(cloud: Cloud) -> InputError:
             "headings from -1e9 to 1e9 rad."
         )
     return InputError(
-        f"{what} has weights of sum {total:g}, the smallest {low:g}, but they must be 0 or more "
-        "and add up to 1: divide them by their sum."
+        f"{what} has weights of sum {digits(total)}, the smallest {digits(low)}, but they "
+        "must be 0 or more and add up to 1: divide them by their sum."
     )

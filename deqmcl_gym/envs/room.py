@@ -199,7 +199,7 @@ def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
 def _replaceable(plan: Plan) -> FixedPlan:
     if not isinstance(plan, FixedPlan):
         raise InputError(
-            "the plan is a driver's, who makes it anew at every step, so it cannot be replaced: "
+            "a driver makes the plan at every step, so it cannot be replaced: "
             "choose a world without a driver."
         )
     return plan

@@ -221,7 +221,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         chosen = np.asarray(mask)
         if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
             raise InputError(
-                f"reset_mask is {mask!r}, but must be {self.num_envs} truth values, at least one "
+                f"reset_mask is {mask!r}, but must be {self.num_envs} Boolean values, at least one "
                 "of them True."
             )
         return chosen.copy()

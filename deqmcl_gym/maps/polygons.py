@@ -8,7 +8,7 @@ import numpy as np
 from deqmcl_gym.maps import polygon_kernels
 from deqmcl_gym.maps.map import Box
 from deqmcl_gym.numerics.types import Floats, Indices
-from deqmcl_gym.validation import InputError, array, plain, shown
+from deqmcl_gym.validation import InputError, array, digits, shown
 
 Polygon = Sequence[tuple[float, float]]
 
@@ -153,4 +153,4 @@ def _edges(corners: Floats) -> Floats:
 
 def _point(corner: Floats) -> str:
     x, y = corner[:2].tolist()
-    return f"({plain(x)}, {plain(y)})"
+    return f"({digits(x)}, {digits(y)})"

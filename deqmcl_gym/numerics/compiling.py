@@ -1,15 +1,18 @@
 """Compile a numerical kernel with numba, cached on disk where that is possible."""
 
+import contextlib
 import hashlib
 import os
+import pickle
 import stat
 import tempfile
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,26 +38,70 @@ def compiled(function: F) -> F:
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
     """
     function.__qualname__ += f"_{_SHARED}"
-    jit = partial(numba.njit, nogil=True, error_model="numpy", fastmath=False)
-    try:
-        return cast(F, jit(cache=True)(function))
-    except RuntimeError:  # none of numba's own places can be written to
-        return cast(F, _kept_apart(jit, function))
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False)(function)
+    if not cast(Any, numba.config).DISABLE_JIT:
+        with contextlib.suppress(RuntimeError):  # no folder can be written to
+            kernel._cache = _Cache(function)
+    return cast(F, kernel)
 
 
-def _kept_apart(jit: Callable[..., Any], function: Callable[..., Any]) -> Any:
-    """Compile with a cache in our private folder; without one, in every process anew."""
-    folder = private_folder()
-    if folder is None:
-        return jit()(function)
-    config: Any = numba.config
-    before, config.CACHE_DIR = config.CACHE_DIR, folder
-    try:
-        return jit(cache=True)(function)
-    except RuntimeError:
-        return jit()(function)
-    finally:
-        config.CACHE_DIR = before  # other people's kernels are theirs to place
+class _PrivateFolder(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Keeps machine code in our private folder."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        subfolder = self.get_suitable_cache_subpath(py_file)
+        self._cache_path = os.path.join(private_folder() or "", subfolder)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        # past the parent, which asks for NUMBA_CACHE_DIR
+        own: Any = super(UserProvidedCacheLocator, cls)
+        return own.from_function(py_func, py_file) if private_folder() else None
+
+
+class _Signed(CompileResultCacheImpl):  # type: ignore[misc]
+    """Machine code with a checksum: numba would run whatever a damaged file holds."""
+
+    _locator_classes = [*CompileResultCacheImpl._locator_classes, _PrivateFolder]
+
+    def reduce(self, cres: Any) -> Any:
+        content = pickle.dumps(super().reduce(cres))
+        return hashlib.sha256(content).digest(), content
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        checksum, content = payload
+        if hashlib.sha256(content).digest() != checksum:
+            raise ValueError("the file is damaged")
+        return super().rebuild(target_context, pickle.loads(content))
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """numba's cache, for which a file that cannot be used is one that is not there."""
+
+    _impl_class = _Signed
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception:  # what a damaged file raises when it is unpickled can be anything
+            return None
+        if found is not None and tuple(found.signature.args) != tuple(sig):
+            self._forget()  # the index is damaged: it names another signature's code
+            return None
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except Exception:  # the index is damaged, or the disk full
+            self._forget()
+            with contextlib.suppress(Exception):
+                super().save_overload(sig, data)
+
+    def _forget(self) -> None:
+        with contextlib.suppress(OSError):
+            self.flush()
 
 
 @cache

@@ -211,8 +211,8 @@ def _driver(given: Any, default: Driver) -> Driver | None:
         if given == "none":
             return None
         raise InputError(
-            f'driver is {given!r}, but must be a Driver, a mapping of changes to it, or "none" to '
-            "take it away."
+            f'driver is {given!r}, but must be a Driver, a mapping of changes to it, or "none" for '
+            "no driver."
         )
     changed: Driver = part("driver", Driver, given, default)
     return changed

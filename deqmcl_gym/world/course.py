@@ -11,7 +11,7 @@ from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.elementary import atan2_64
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, plain
+from deqmcl_gym.validation import InputError, digits
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Path, Pose, wrapped
 
@@ -50,7 +50,7 @@ class Course:
         x, y, _ = path.at(arc)
         if world.floor_plan.collides([start], [(x, y)], world.body)[0]:
             raise InputError(
-                f"the straight way from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
+                f"the straight line from start.pose ({start[0]:g}, {start[1]:g}) to the lap at "
                 f"({x:g}, {y:g}) touches a wall: give a start in sight of the lap, or other "
                 "lap.waypoints."
             )
@@ -115,8 +115,8 @@ def mid_corridor(floor_plan: PolygonMap) -> Floats:
     if (lost := ~np.isfinite(gaps)).any():
         x, y = hull[lost.argmax()]
         raise InputError(
-            f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap goes "
-            "around it: give lap.waypoints."
+            f"the obstacle corner ({x:g}, {y:g}) lies on or outside the outer wall, so no lap can "
+            "go around it: give lap.waypoints."
         )
     steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
     lap: Floats = np.round((hull + steps) / px, 2) * px
@@ -138,7 +138,8 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     ):
         if step > most:
             raise InputError(
-                f"{name} is {plain(step)}, but the robot can do at most {most:g} in a step."
+                f"{name} is {digits(step)}, but must be at most {digits(most)}, which the robot "
+                "can do in a step."
             )
     legs = list(_legs(path.corners_from(arc), start, 1e-6 * world.pixel))
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)

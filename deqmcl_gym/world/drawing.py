@@ -46,7 +46,7 @@ class View:
         if max(width, height) > MAX_SIDE:
             raise InputError(
                 f"a picture of the floor plan would have {width} x {height} pixels, but may have "
-                f"at most {MAX_SIDE:,} to a side: give a smaller floor plan, or a smaller scale."
+                f"at most {MAX_SIDE:,} per side: give a smaller floor plan, or a smaller scale."
             )
 
     @property

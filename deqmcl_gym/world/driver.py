@@ -84,7 +84,8 @@ def _check_drivable(plan: GuidedPlan, world: World) -> None:
     wish = "give another driver.look_ahead, or other lap.waypoints."
     if len(actions) == plan.limit:
         raise InputError(
-            f"the driver does not come round in {plan.limit:,} steps, even without noise: {wish}"
+            f"the driver does not complete the lap in {plan.limit:,} steps, even without noise: "
+            f"{wish}"
         )
     points = _points(plan.course.start, actions)
     blocked = world.floor_plan.collides(points[:-1], points[1:], world.body)

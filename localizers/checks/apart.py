@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
-from deqmcl_gym.validation import InputError, number
+from deqmcl_gym.validation import InputError, in_words, number
 from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Law
 from localizers.checks.spawned import Spawned
 from localizers.checks.subject import LawBrokenError
 from localizers.checks.trying import Here, Verdict, subject_of
 from localizers.naming.isolation import enter
-from localizers.naming.plugins import words_of
 
 
 class Apart:
@@ -93,7 +92,7 @@ def _try_laws(
     try:
         here = Here(subject_of(name, robot, timeout=timeout, **params))
     except BaseException as error:
-        line.send(str(error) if isinstance(error, InputError) else words_of(error))
+        line.send(str(error) if isinstance(error, InputError) else in_words(error))
         os._exit(0)
     line.send(None)
     try:

@@ -71,7 +71,7 @@ def inputs_not_kept(subject: Subject) -> None:
     require_same(
         run,
         subject.history(),
-        "it reads an array that it was given before, and the caller has written into since",
+        "it still reads an array that it was given earlier and that the caller has changed since",
     )
 
 
@@ -95,7 +95,7 @@ def outputs_are_fresh(subject: Subject) -> None:
         run.append(snapshot(belief, t))
         _scribble(belief)
         require_same([snapshot(belief, t)], run[-1:], "points returns its own array, not a copy")
-    require_same(run, subject.history(), "points returns an array that the localizer goes on with")
+    require_same(run, subject.history(), "points returns an array that the localizer still uses")
 
 
 def beliefs_stay(subject: Subject) -> None:
@@ -107,7 +107,7 @@ def beliefs_stay(subject: Subject) -> None:
     for _ in beliefs(localizer, subject.drive, seed=1):
         pass
     again = [snapshot(belief, t) for t, belief in enumerate(kept)]
-    require_same(again, run, "a belief changed when the localizer went on")
+    require_same(again, run, "an earlier belief changed with a later update")
 
 
 def _scribble(belief: Belief) -> None:

@@ -94,8 +94,8 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
             pose: Floats = poses[room_ahead.argmax()]
             return pose
     raise InputError(
-        f"the robot's radius is {robot.radius:g} px, but nothing that wide fits into its floor "
-        "plan: give a smaller radius or another floor plan."
+        f"the robot's radius is {robot.radius:g} px, but a disc that wide does not fit into its "
+        "floor plan: give a smaller radius or another floor plan."
     )
 
 

@@ -34,7 +34,7 @@ def answers_in_time(subject: Subject) -> None:
     try:
         task = _task(subject)
     except LawBrokenError as reason:
-        raise LawSkippedError("it cannot be sent to a process of its own") from reason
+        raise LawSkippedError("it cannot be sent to a separate process") from reason
     _asked(task, subject.timeout)
 
 
@@ -44,7 +44,9 @@ def reset_starts_anew(subject: Subject) -> None:
     for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
         pass
     require_same(
-        subject.history(used), subject.history(), "a reset localizer remembers its run before"
+        subject.history(used),
+        subject.history(),
+        "after reset the localizer remembers its previous run",
     )
 
 
@@ -57,7 +59,7 @@ def picklable(subject: Subject) -> None:
     run = [snapshot(belief, t) for t, belief in enumerate(first)]
     rest = continued(_copy(localizer), subject.drive, _HALF)
     run.extend(snapshot(belief, t) for t, belief in enumerate(rest, start=_HALF + 1))
-    require_same(run, expected, "a copy pickled half way differs")
+    require_same(run, expected, "a copy pickled halfway differs")
 
 
 def runs_in_a_worker(subject: Subject) -> None:
@@ -65,7 +67,7 @@ def runs_in_a_worker(subject: Subject) -> None:
     answer = _asked(_task(subject), subject.timeout)
     if isinstance(answer, str):
         raise LawBrokenError(f"in a spawned process: {answer}")
-    require_same(answer, subject.history(), "a spawned process computes something else")
+    require_same(answer, subject.history(), "a spawned process gives different results")
 
 
 def _copy(localizer: Any) -> Any:

@@ -27,7 +27,7 @@ def other_rng_other_result(subject: Subject) -> str | None:
     subject.history(seed=rng)
     if _state(rng) != before:
         raise LawBrokenError(
-            "it draws from rng, yet another rng changes nothing: where is its randomness from?"
+            "it draws from rng, yet another rng changes nothing: use only the rng given to reset"
         )
     return "deterministic, it draws nothing"
 

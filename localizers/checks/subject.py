@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import digits
 from localizers.api import Belief, Localizer, Prior, RobotModel
 from localizers.checks.drive import STEPS, Drive
 from localizers.naming.registry import Factory, made_by
@@ -161,7 +162,7 @@ def require_normalized(run: list[Snapshot]) -> None:
             total = float(weights.sum(dtype=np.float64))
             if not abs(total - 1) <= weights.size * np.finfo(weights.dtype).eps:
                 raise LawBrokenError(
-                    f"the weights of points({offset}) at step {t} add up to {total:.9g}, not 1"
+                    f"the weights of points({offset}) at step {t} add up to {digits(total)}, not 1"
                 )
 
 

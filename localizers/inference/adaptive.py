@@ -7,7 +7,7 @@ import numpy as np
 
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, digits, integer, number
 from localizers.inference import adaptive_kernels
 
 
@@ -69,8 +69,8 @@ class Recovery:
         number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
         if self.alpha_fast < self.alpha_slow:
             raise InputError(
-                f"recovery_alpha_fast is {self.alpha_fast:g}, but must be at least "
-                f"recovery_alpha_slow, {self.alpha_slow:g}."
+                f"recovery_alpha_fast is {digits(self.alpha_fast)}, but must be at least "
+                f"recovery_alpha_slow, {digits(self.alpha_slow)}."
             )
 
     @property

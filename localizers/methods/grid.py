@@ -155,7 +155,7 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
         mass[:] = 0.0
         if prior.mean is None:
             raise InputError(
-                f"the prior {prior!r} has no mean and no mass at the cells: give another prior, "
+                f"the prior {prior!r} has neither a mean nor mass in any cell: give another prior, "
                 "or smaller cells."
             )
         at = grid.cell_of(prior.mean)

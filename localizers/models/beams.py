@@ -11,7 +11,7 @@ import numpy as np
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, number, one_of, part
+from deqmcl_gym.validation import InputError, digits, number, one_of, part
 from localizers.models import beam_kernels
 from localizers.models.normal import normal_cdf, normal_pdf
 
@@ -176,7 +176,7 @@ class BeamModel:
         number("scan.decay", self.decay, low=0, above=True)
         if abs(sum(shares.values()) - 1) > 1e-9:
             raise InputError(
-                f"the shares of the beam model add up to {sum(shares.values()):g} "
+                f"the shares of the beam model add up to {digits(sum(shares.values()))} "
                 f"({shares}), but must add up to 1."
             )
 

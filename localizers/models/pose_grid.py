@@ -37,8 +37,8 @@ class PoseGrid:
             gibibytes = cells * self.bytes_per_cell / 2**30
             raise InputError(
                 f"cell is {self.cell:g} px and headings is {self.headings}: {cells:,} cells, which "
-                f"would take {gibibytes:,.1f} GiB; allowed is {MAX_BYTES / 2**30:g} GiB: give "
-                "larger cells or fewer headings."
+                f"would take {gibibytes:,.1f} GiB; at most {MAX_BYTES / 2**30:g} GiB are allowed: "
+                "give larger cells or fewer headings."
             )
 
     @cached_property

@@ -68,8 +68,8 @@ class UniformPrior:
         number("prior.radius", self.radius, low=0)
         if self._share == 0:
             raise InputError(
-                f"prior.radius is {self.radius:g}, but nothing that wide fits into the floor "
-                "plan: give a smaller radius."
+                f"prior.radius is {self.radius:g}, but a disc that wide does not fit into the "
+                "floor plan: give a smaller radius."
             )
 
     @property

@@ -1,4 +1,4 @@
-"""Localizers out of other people's code: entry points, ``package.module:NAME``, ``file.py:NAME``.
+"""Localizers out of other people's code: ``package.module:NAME``, ``file.py:NAME``.
 
 Loading runs that code, so it happens only when a plug-in is used. Whatever goes wrong with it is
 said in one sentence as an ``InputError``.
@@ -14,16 +14,13 @@ import pkgutil
 import sys
 import traceback
 from collections.abc import Iterable
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.digests import file_digest, module_digest
 from localizers.naming.isolation import is_ctrl_c
-
-GROUP = "deqmcl.localizers"
 
 
 def is_reference(name: str) -> bool:
@@ -41,17 +38,6 @@ def absolute_name(name: str) -> str:
     if not _is_path(place):
         return name
     return f"{Path(place).expanduser().absolute()}{colon}{attribute}"
-
-
-def installed() -> dict[str, str]:
-    """References by name of the entry points of group ``deqmcl.localizers``; none is loaded.
-
-    A name that several packages offer differently has all their references, joined by " and ".
-    """
-    found: dict[str, set[str]] = {}
-    for entry in entry_points(group=GROUP):
-        found.setdefault(entry.name, set()).add(entry.value.partition("[")[0].strip())
-    return {name: " and ".join(sorted(references)) for name, references in sorted(found.items())}
 
 
 def load(reference: str, name: str, kind: str = "localizer") -> Any:
@@ -95,12 +81,12 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
             raise _no_module(named, missing) from None
         raise InputError(
-            f"{named} cannot be imported, its own code raised {raised(error, str(path))}."
+            f"{named} cannot be imported: its own code raised {raised(error, str(path))}."
         ) from error
     own = _offered(module)
     raise InputError(
-        f"{named} is not there: {place} has no {attribute!r}"
-        f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'none'}."
+        f"{named} does not exist: {place} has no {attribute!r}"
+        f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
     )
 
 
@@ -117,17 +103,8 @@ def raised(error: BaseException, file: str | None = None) -> str:
     """
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == file] or frames
-    said = words_of(error).rstrip(".")
+    said = in_words(error).rstrip(".")
     return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
-
-
-def words_of(error: BaseException) -> str:
-    """Return "ValueError: words" on one line, whatever the error does when it is asked."""
-    try:
-        words = " ".join(str(error).split())
-    except BaseException as another:
-        words = f"it cannot be shown, which raised {type(another).__name__}"
-    return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
 
 def _source(path: Path, named: str) -> bytes:
@@ -162,7 +139,7 @@ def _no_module(named: str, missing: str) -> InputError:
     folders = getattr(sys.modules.get(parent), "__path__", None) if parent else None
     beside = [found.name for found in pkgutil.iter_modules(folders)]
     return InputError(
-        f"{named} is not there: no module is named {missing!r}"
+        f"{named} does not exist: no module is named {missing!r}"
         f"{_nearest(last, beside)}; install it, put its folder on PYTHONPATH, or give the path of "
         "its file as path/to/file.py:NAME."
     )

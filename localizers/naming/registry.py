@@ -21,6 +21,8 @@ from localizers.methods.rejuvenated import deq_mcl_rejuvenated
 from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
+from localizers.naming.installed import installed, unreadable
+from localizers.naming.written import is_file, localizers_in
 
 Factory = Callable[..., Localizer]
 
@@ -44,7 +46,7 @@ _BUILT_IN = frozenset(_FACTORIES)
 
 def names() -> tuple[str, ...]:
     """Names that ``make`` knows: the built-in ones, the registered, the installed (not loaded)."""
-    return tuple(dict.fromkeys((*_FACTORIES, *plugins.installed())))
+    return tuple(dict.fromkeys((*_FACTORIES, *installed())))
 
 
 def register(name: str, factory: Factory) -> None:
@@ -169,17 +171,41 @@ def source_digest(name: str) -> str | None:
     return plugins.reference_digest(f"{home}:{name}")
 
 
+def complete(name: str) -> str:
+    """Return ``file.py:NAME`` for a ``file.py`` that holds one localizer, any other name as it is.
+
+    Raises:
+        InputError: the file holds none or several, or cannot be read.
+    """
+    if not is_file(name):
+        return name
+    found = localizers_in(name)
+    if len(found) != 1:
+        several = f"has {', '.join(found)}" if found else "has no class with reset and update"
+        raise InputError(
+            f"the file {name} {several}: say which one is the localizer, as in "
+            f"{name}:{found[0] if found else 'NAME'}."
+        )
+    return f"{name}:{found[0]}"
+
+
 def _reference(name: str) -> str:
     """Where the code of a name is that is neither built in nor registered."""
     if isinstance(name, str) and plugins.is_reference(name):
         return plugins.absolute_name(name)
-    installed = plugins.installed()
-    try:
-        reference = installed[one_of("localizer", name, {*_FACTORIES, *installed})]
-    except InputError as error:
+    if isinstance(name, str) and is_file(name):
         raise InputError(
-            f"{str(error).rstrip('.')}, or a plug-in as package.module:NAME or "
-            "path/to/file.py:NAME."
+            f"the localizer {name!r} is a file: add the name of a class or function in it, as in "
+            f"{complete(name)}."
+        )
+    known = installed()
+    try:
+        reference = known[one_of("localizer", name, {*_FACTORIES, *known})]
+    except InputError as error:
+        silent = unreadable()
+        raise InputError(
+            f"{str(error).rstrip('.')}, or a plug-in as package.module:NAME or path/to/file.py:NAME"
+            + (f" (the entry points of {', '.join(silent)} cannot be read)." if silent else ".")
         ) from None
     if " and " in reference:
         raise InputError(

@@ -69,7 +69,7 @@ def damaged(good):
         "nested": ("is nested too deeply", b"[" * 100_000),
         "of another schema": (f"has schema 1, not {SCHEMA}", changed(schema=1)),
         "of another trial": ("of another trial", changed(key="ffff")),
-        "edited by hand": ("checksum does not fit", good.replace(b"1.5", b"1.4")),
+        "edited by hand": ("checksum does not match", good.replace(b"1.5", b"1.4")),
         "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
         "forged without scores": ("has None at scores", forged(scores=None)),

@@ -142,9 +142,44 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         read_sweep(tmp_path / "gone.toml")
     with pytest.raises(InputError, match="is a folder"):
         read_sweep(tmp_path)
-    (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
-    with pytest.raises(InputError, match="not UTF-8"):
-        read_sweep(tmp_path / "latin.toml")
+
+
+TEXT = 'title = "θ"\nlocalizers = ["mcl"]\ntrials = 3\n'
+REFUSED = {
+    "utf-16": "is UTF-16",
+    "utf-32": "is UTF-32",
+    "utf-16-le": "is not UTF-8 (byte 0xb8 in line 1)",
+    "iso-8859-7": "is not UTF-8 (byte 0xe8 in line 1)",
+}
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", *REFUSED])
+def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
+    tmp_path, encoding, ending
+):
+    path = tmp_path / "own.toml"
+    path.write_bytes(TEXT.replace("\n", ending).encode(encoding))
+    if encoding not in REFUSED:
+        assert read_sweep(path) == read(tmp_path, TEXT)
+        return
+    with pytest.raises(InputError, match=re.escape(REFUSED[encoding])):
+        read_sweep(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"a = " + b"[" * 10**5, "nested too deeply"),
+        (b"a = " + b"1" * 5000, r"valid TOML: Exceeds the limit \(4300 digits\)"),
+        (b"a = 1\0", "zero bytes"),
+    ],
+)
+def test_what_only_a_machine_would_write_is_refused(tmp_path, content, words):
+    path = tmp_path / "own.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"own\.toml.* {words}"):
+        read_sweep(path)
 
 
 def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tmp_path):

@@ -87,7 +87,7 @@ def test_a_missed_target_is_marked_in_what_is_printed_and_in_the_page(monkeypatc
 
 
 def test_peers_have_a_reason_instead_of_a_row(few, tmp_path, capsys):
-    for flags, reason in (([], "--peers only"), (["--peers"], "No module named 'theirs'")):
+    for flags, reason in (([], "only with --peers"), (["--peers"], "No module named 'theirs'")):
         assert main(["speed", "--quick", *flags, "--out", str(tmp_path)]) == 0
         assert [row["figure"] for row in rows_of(tmp_path / "speed.csv")] == ["first"]
         for text in (capsys.readouterr().out, (tmp_path / "speed.md").read_text()):

@@ -161,7 +161,9 @@ def test_a_kidnapped_driver_goes_on_from_where_it_stands_and_finishes():
 
 
 def test_the_plan_of_a_driver_is_not_replaced():
-    with pytest.raises(InputError, match=r"driver's, .* cannot be replaced: choose a world"):
+    with pytest.raises(
+        InputError, match=r"a driver makes the plan .* cannot be replaced: choose a world"
+    ):
         PlanChange(guided(), step=3, actions=[(1.0, 0.0)])
     env, other = guided(), guided()
     for one in (env, other):
@@ -206,9 +208,12 @@ def test_any_world_can_have_a_driver_and_lose_it_and_its_keys_change_alone():
     [
         ({"speed": 3}, "key in driver"),
         (5, "driver is 5, but must be a Driver"),
-        ("nobody", r'driver is \'nobody\', but must be .* or "none" to take it away'),
+        ("nobody", r'driver is \'nobody\', but must be .* or "none" for no driver'),
         ({"look_ahead": 300}, r"meets a wall near .*: give another driver\.look_ahead"),
-        ({"look_ahead": 0.3}, "does not come round in 408 steps"),  # it overshoots, to and fro
+        (
+            {"look_ahead": 0.3},
+            "does not complete the lap in 408 steps",
+        ),  # it overshoots, to and fro
     ],
 )
 def test_a_driver_that_cannot_be_is_refused_in_one_sentence(driver, said):

@@ -114,7 +114,7 @@ def test_render_shows_each_room_as_a_single_env_does():
         ("reset", {"seed": "a"}, "seed is 'a'"),
         ("reset", {"options": {"mask": 1}}, "did you mean 'reset_mask'"),
         ("reset", {"options": 3}, "options is 3"),
-        ("reset", {"options": {"reset_mask": [1, 0, 1]}}, "3 truth values"),
+        ("reset", {"options": {"reset_mask": [1, 0, 1]}}, "3 Boolean values"),
         ("reset", {"options": {"reset_mask": np.zeros(3, bool)}}, "at least one"),
     ],
 )  # fmt: skip

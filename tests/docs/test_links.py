@@ -1,5 +1,6 @@
-"""Every link within the documents leads somewhere."""
+"""Every link within the documents leads somewhere, and every name of code is there."""
 
+import pkgutil
 import re
 from pathlib import Path
 from urllib.parse import unquote
@@ -16,6 +17,8 @@ DOCUMENTS = sorted(
     if path.is_file()
 )
 DECISIONS = ROOT / "docs" / "decisions"
+# what describes the code as it is, not as it was
+CURRENT = [path for path in DOCUMENTS if DECISIONS not in path.parents and path.stem != "CHANGELOG"]
 
 FENCE = re.compile(r"^(```|~~~).*?^\1[ \t]*$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(`+)(?!`).*?(?<!`)\1(?!`)", re.DOTALL)
@@ -24,6 +27,11 @@ TARGETS = re.compile(
     r"""|^\s{0,3}\[[^\]]+\]:\s*<?(\S+?)>?(?:\s|$)"""  # [words]: target
     r"""|<(?:a|img|source|video)\b[^>]*?\b(?:href|src|srcset)\s*=\s*["']([^"']+)["']""",
     re.MULTILINE,
+)
+# `NAME` linked to a file, or said to be in or of a linked one
+NAMES = re.compile(
+    r"(?:`(?P<near>\w+)` (?:in|of) )?\[`(?P<linked>[^`]+)`\]\((?P<file>[^)#\s]+\.py)\)"
+    r"|`(?P<dotted>(?:benchmarks|deqmcl_gym|localizers)(?:\.\w+)+)(?:\([^`]*\))?`"
 )
 ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)  # http:, https:, mailto:
 
@@ -78,6 +86,45 @@ def test_a_broken_link_is_noticed(tmp_path, monkeypatch):
     )
     found = [line.partition(":")[0] for line in broken(document)]
     assert found == ["#there", "b.md", "c.png", "../..", "d.svg", "g.md"]
+
+
+def gone(document):
+    """Names of code in a document that are not where it says."""
+    for found in NAMES.finditer(FENCE.sub("", document.read_text())):
+        if dotted := found["dotted"]:
+            if not there(dotted):
+                yield dotted
+            continue
+        if not (source := document.parent / found["file"]).is_file():
+            continue  # a broken link
+        names = [] if found["linked"].endswith(".py") else re.findall(r"\w+", found["linked"])
+        known = set(re.findall(r"\w+", source.read_text()))
+        yield from (name for name in [*names, found["near"]] if name and name not in known)
+
+
+def there(dotted):
+    """Whether a dotted name is a module, or an attribute of one."""
+    try:
+        pkgutil.resolve_name(dotted)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize("document", CURRENT, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_name_of_code_is_where_the_document_says(document):
+    assert list(gone(document)) == []
+
+
+def test_a_name_that_is_gone_is_noticed(tmp_path):
+    (tmp_path / "code.py").write_text("class Kept:\n    def held(self): ...\n")
+    document = tmp_path / "a.md"
+    document.write_text(
+        "[`Kept.held`](code.py) [`Kept.lost`](code.py) `lost_2` of [`Kept`](code.py) "
+        "`held` in [`code.py`](code.py) `LOST` in [`code.py`](code.py) `np.sum` `localizers.make` "
+        "`localizers.naming.plugins.load(name)` `localizers.mend(x)`\n```\n[`No`](code.py)\n```\n"
+    )
+    assert list(gone(document)) == ["lost", "lost_2", "LOST", "localizers.mend"]
 
 
 def test_decisions_are_numbered_without_a_gap_and_all_listed():

@@ -9,6 +9,7 @@ import sys
 import sysconfig
 from pathlib import Path
 
+from benchmarks.cli import main
 from localizers import template
 from localizers.checks import LAWS, check_localizer
 
@@ -46,20 +47,19 @@ def test_the_code_shown_is_the_file_that_new_localizer_writes():
     assert Path(template.__file__).read_text() in blocks("python")
 
 
-def test_the_pytest_shown_runs_and_fails_for_what_is_kept_after_all(tmp_path):
-    (tmp_path / "my_localizer.py").write_text(Path(template.__file__).read_text())
+def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(tmp_path):
+    assert main(["new-localizer", str(tmp_path / "my_localizer.py")]) == 0
     (shown,) = blocks("python notest")
     (tmp_path / "test_mine.py").write_text(shown)
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-rf", "-p", "no:cacheprovider", "."],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=False,
     )
-    (failed,) = [line for line in done.stdout.splitlines() if line.startswith("FAILED")]
-    assert failed.startswith("FAILED test_mine.py::test_my_localizer_keeps[picklable] - [XPASS(st")
-    assert f"1 failed, {len(LAWS) - 1} passed" in done.stdout
+    assert done.returncode == 0, done.stdout
+    assert f"{len(LAWS)} passed" in done.stdout
 
 
 def test_the_table_names_all_laws_in_their_order():

@@ -75,14 +75,14 @@ def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():
 
 def test_a_localizer_that_hangs_is_given_up_and_nothing_else_is_tried():
     first, *others = check_localizer(example("answers in time"), timeout=5.0).verdicts
-    assert (first.status, first.note) == ("FAILED", "a process of its own gave no answer in 5 s")
+    assert (first.status, first.note) == ("FAILED", "a separate process gave no answer within 5 s")
     assert {verdict.note for verdict in others} == {"it fails 'answers in time'"}
 
 
 def test_a_localizer_that_ends_the_process_ends_only_its_own():
     first = check_localizer(f"{BROKEN}:EndsTheProcess").verdicts[0]
     assert first.status == "FAILED"
-    assert first.note == "a process of its own ended without an answer, with exit code 7"
+    assert first.note == "a separate process ended without an answer, with exit code 7"
 
 
 @pytest.mark.parametrize("seed", range(4))

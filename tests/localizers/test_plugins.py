@@ -11,6 +11,7 @@ import pytest
 import localizers
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
+from localizers.naming.installed import unreadable
 
 WORKING = """
 class Mine:
@@ -87,7 +88,7 @@ def refusal(name):
     text = str(caught.value)
     assert "\n" not in text
     assert text.endswith(".")
-    assert repr(name) in text  # whose fault it is
+    assert name in text  # whose fault it is
     return text
 
 
@@ -136,6 +137,51 @@ def test_an_entry_point_of_two_packages_is_refused_unless_they_agree(module, ins
     localizers.resolve("same")
 
 
+MALFORMED = (  # what importlib.metadata makes of them differs with the version of Python
+    b"[deqmcl.localizers]\nno equals sign\n",
+    b"[deqmcl.localizers]\nmine = pack.good:Mine\nno equals sign\n",
+    b"[deqmcl.localizers]\n = pack.good:Mine\n",
+    b"[deqmcl.localizers\nmine = pack.good:Mine\n",
+    b"no section\n",
+    b"[console_scripts]\nrun\n",
+    b"\xff\xfe\0",
+)
+
+
+@pytest.mark.parametrize("text", MALFORMED)
+def test_malformed_entry_points_of_one_package_hide_no_other_and_are_named(
+    module, install, tmp_path, text
+):
+    install("theirs = pack.good:Mine")
+    install("", "malformed")
+    (tmp_path / "site-malformed" / "malformed-1.0.dist-info" / "entry_points.txt").write_bytes(text)
+    assert localizers.names()[-1] == "theirs"
+    localizers.resolve("theirs")
+    said = refusal("dec-mcl")
+    named = "(the entry points of malformed cannot be read)" in said
+    assert named == (unreadable() == ["malformed"])
+
+
+def test_a_package_without_a_name_hides_no_other(module, install, tmp_path):
+    install("theirs = pack.good:Mine")
+    for metadata in (None, b"\xff\xfe\0", b""):
+        info = tmp_path / "site-other" / f"x{metadata!r:.3}.dist-info"
+        info.mkdir()
+        if metadata is not None:
+            (info / "METADATA").write_bytes(metadata)
+    assert localizers.names()[-1] == "theirs"
+
+
+@pytest.mark.parametrize("text", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
+def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tmp_path, text):
+    file = tmp_path / "one.py"
+    one = "class One:\n    def reset(self, p, a, r): ...\n    def update(self, r, a, p): ...\n"
+    file.write_text(f"{text}{one}\nraise SystemExit(1)\n")
+    assert registry.complete(str(file)) == f"{file}:One"
+    for name in ("mcl", "pack.good:Mine", f"{file}:One", "never-heard-of"):
+        assert registry.complete(name) == name
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -153,7 +199,10 @@ def test_an_entry_point_of_two_packages_is_refused_unless_they_agree(module, ins
         ("pack/goood.py:Mine", ["No such file", "(did you mean 'good.py'?)"]),
         ("far/good.py:Mine", ["No such file"]),
         ("./:Mine", ["Is a directory"]),
-        ("pack/good.py", ["path/to/file.py:NAME"]),
+        ("pack/good.py", ["has Mine, OnlyRobot, NoRobot", "as in pack/good.py:Mine"]),
+        ("pack/raises.py", ["has no class with reset and update", "as in pack/raises.py:NAME"]),
+        ("pack/torn.py", ["cannot be parsed as Python: invalid syntax (torn.py, line 2)"]),
+        ("pack/gone.py", ["No such file"]),
     ],
 )
 def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
@@ -175,7 +224,7 @@ def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
             "from deqmcl_gym.validation import InputError as E\nraise E('mine.')",
             "InputError: mine (",
         ),
-        ("", "has no 'Mine'; it defines none."),
+        ("", "has no 'Mine'; it defines nothing."),
         ("from localizers import PoseBelief\ndef mines(robot): ...", "defines mines."),
     ],
 )

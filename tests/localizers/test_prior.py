@@ -72,7 +72,7 @@ def test_the_density_of_a_uniform_prior_is_one_over_free_space_and_turns(room):
 
 def test_a_uniform_prior_for_a_robot_too_wide_is_refused():
     narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
-    with pytest.raises(InputError, match=r"prior\.radius is 8, but nothing that wide fits"):
+    with pytest.raises(InputError, match=r"prior\.radius is 8, but a disc that wide does not fit"):
         UniformPrior(floor_plan=narrow, radius=8)
 
 

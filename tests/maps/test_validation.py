@@ -2,11 +2,14 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from deqmcl_gym.validation import InputError, array, integer, number, one_of, part, pose
+from deqmcl_gym.validation import InputError, array, digits, integer, number, one_of, part, pose
 
 NAN, INF = float("nan"), float("inf")
 
@@ -88,6 +91,33 @@ def test_part_takes_itself_nothing_or_changes_to_the_default():
     assert part("part", Part, None, default) is default
     assert part("part", Part, Part(2), default) == Part(2)
     assert part("part", Part, {"colour": "blue"}, default) == Part(7, "blue")
-    for given, text in (({"color": 1}, "did you mean 'colour'"), (5, "size, colour")):
+    for value, text in (({"color": 1}, "did you mean 'colour'"), (5, "size, colour")):
         with pytest.raises(InputError, match=text):
-            part("part", Part, given, default)
+            part("part", Part, value, default)
+
+
+@given(
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.booleans(),
+)
+def test_a_refused_number_is_told_with_its_bounds_to_the_last_bit(value, bound, above):
+    high = max(bound, 1e300)
+    try:
+        number("it", value, low=bound, high=high, above=above)
+    except InputError as refused:
+        told = re.fullmatch(r"it is (\S+), but .*(?:from|above) (\S+) to (\S+)\.", str(refused))
+        assert tuple(map(float, told.groups())) == (value, bound, high)
+    else:
+        assert bound <= value <= high
+
+
+def test_numbers_beside_a_bound_are_told_with_the_digits_that_differ():
+    assert [digits(x) for x in (10.0, 0.1, 10.0000001, 1e308)] == [
+        "10",
+        "0.1",
+        "10.0000001",
+        "1e+308",
+    ]
+    with pytest.raises(InputError, match=r"it is 10\.0000001, but must be .* from 0 to 10\."):
+        number("it", 10.0000001, low=0, high=10)

@@ -57,6 +57,57 @@ def test_without_any_folder_the_kernel_is_compiled_in_each_process(nowhere, temp
     assert list(temporary.iterdir()) == []
 
 
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """A kernel's files, index first, and what they hold; afterwards nothing is known of it."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    double = kernel()
+    assert (double(np.float64(21)), double(np.int64(21))) == (42.0, 42)
+    files = sorted(tmp_path.rglob("*.nb?"), key=lambda path: path.suffix != ".nbi")
+    assert [path.suffix for path in files] == [".nbi", ".nbc", ".nbc"]
+    return {path: path.read_bytes() for path in files}
+
+
+def made_anew():
+    """Call the kernel as another process would; how many of its two forms were compiled."""
+    double = kernel()
+    assert (double(np.float64(1.25)), double(np.int64(21))) == (2.5, 42)
+    return sum(double.stats.cache_misses.values())
+
+
+def damages(content, other, rng):
+    """Contents that a crash, a full disk or a bad one leaves of a file."""
+    yield from (b"", b"\0" * len(content), rng.bytes(len(content)), other)
+    for _ in range(20):
+        yield content[: rng.integers(len(content))]
+        flipped = bytearray(content)
+        flipped[rng.integers(len(content))] ^= 1 << rng.integers(8)
+        yield bytes(flipped)
+
+
+def test_damaged_machine_code_is_compiled_again_and_replaced(kept):
+    assert made_anew() == 0
+    rng = np.random.default_rng(0)
+    contents = list(kept.values())
+    noticed = 0
+    for number, (path, content) in enumerate(kept.items()):
+        for damaged in damages(content, contents[number - 1], rng):
+            for file, whole in kept.items():
+                file.write_bytes(whole)
+            path.write_bytes(damaged)
+            noticed += made_anew() > 0
+            made_anew()
+            assert made_anew() == 0, (path.name, damaged[:80])
+    assert noticed > 100  # of 132: some bits of an index and of a pickle's frame mean nothing
+
+
+def test_a_folder_in_place_of_a_file_is_no_reason_to_fail(kept):
+    for path in kept:
+        path.unlink()
+        path.mkdir()
+        made_anew()
+
+
 def test_nothing_is_kept_in_the_working_folder(temporary, monkeypatch):
     monkeypatch.chdir(temporary)
     assert compiling.private_folder() is None

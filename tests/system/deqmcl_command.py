@@ -1,5 +1,6 @@
 """Run the ``deqmcl`` command, as a process or in this one."""
 
+import re
 import subprocess
 import sys
 import sysconfig
@@ -20,9 +21,11 @@ METHODS = (
 
 
 def process(*command, **how):
-    """Run a command to its end; its output as text."""
+    """Run a command to its end; its output as text, without what it says of long waits."""
     words = [str(word) for word in command]
-    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, **how)
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, **how)
+    done.stderr = re.sub(r"^deqmcl: .* …\n", "", done.stderr, flags=re.MULTILINE)
+    return done
 
 
 def python(code, *arguments, **how):

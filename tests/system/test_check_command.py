@@ -20,7 +20,7 @@ def test_a_good_localizer_gets_one_line_per_law_its_time_per_step_and_exit_code_
     assert {line.split()[0] for line in laws} == {"ok", "skipped"}
     assert "skipped  one particle: it has no parameter particles" in laws
     assert re.fullmatch(r"time per step: [\d.]+ ms, the median of a short drive", time)
-    assert last == "dead-reckoning keeps all laws but 1 that do not concern it."
+    assert last == "dead-reckoning keeps all laws (1 skipped)."
     assert printed.err == ""
 
 
@@ -81,7 +81,7 @@ def test_an_existing_file_is_not_overwritten(new, capsys):
     path, _ = new
     path.write_text("precious")
     assert exit_code("new-localizer", path.name) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert path.read_text() == "precious"
 
 
@@ -89,9 +89,9 @@ def test_an_existing_file_is_not_overwritten(new, capsys):
     ("name", "words"),
     [
         ("my_localizer", "must end in .py"),
-        ("no/such/folder/mine.py", "a folder that is not there"),
-        ("folder.py", "is there already"),
-        ("link.py", "is there already"),
+        ("no/such/folder/mine.py", "the folder of the new file"),
+        ("folder.py", "already exists"),
+        ("link.py", "already exists"),
     ],
 )
 def test_a_name_that_cannot_be_written_is_refused(tmp_path, monkeypatch, capsys, name, words):

@@ -54,6 +54,8 @@ def test_deqmcl_and_python_m_benchmarks_refuse_as_the_main_function_does(tmp_pat
     [
         (RuntimeError("it went wrong"), 3, "deqmcl: it went wrong (--debug shows where)\n"),
         (RuntimeError("on two\n  lines"), 3, "deqmcl: on two lines (--debug shows where)\n"),
+        (NotImplementedError(), 3, "deqmcl: NotImplementedError (--debug shows where)\n"),
+        (RuntimeError(), 3, "deqmcl: RuntimeError (--debug shows where)\n"),
         (KeyError("offset"), 3, "deqmcl: KeyError: 'offset' (--debug shows where)\n"),
         (OSError(28, "No space left", "a/b"), 3, "deqmcl: No space left: a/b.\n"),
         (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),

@@ -1,0 +1,119 @@
+"""The terminal that a command runs in: its standard streams, and what it says while it works."""
+
+import contextlib
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO, cast
+
+PATIENCE = 1.0  # s before a user is told what takes so long
+
+
+@contextmanager
+def doing(what: str) -> Iterator[None]:
+    """Tell on stderr what is being done, if it takes longer than ``PATIENCE``.
+
+    A terminal gets a line that counts the seconds and disappears at the end, a file or a pipe one
+    line.
+    """
+    done = threading.Event()
+    teller = threading.Thread(target=_tell, args=(what, done), daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
+
+
+@contextmanager
+def standard_streams() -> Iterator["Stream"]:
+    """Give stdout as a stream that knows whether all has been written.
+
+    A standard stream that is closed leads to the null device. Otherwise the next file that is
+    opened gets its number, and with it what libraries print. What stderr does not take is dropped:
+    there is nobody left to tell.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number: this one
+    before = sys.stdout, sys.stderr
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        out = Stream(sys.stdout or nowhere, raises=True)
+        err = Stream(sys.stderr or nowhere, raises=False)
+        sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
+        try:
+            yield out
+        finally:
+            out.end()
+            err.end()
+            sys.stdout, sys.stderr = before
+
+
+class Stream:
+    """A stream of text that remembers its first error.
+
+    Attributes:
+        error: why something could not be written; None if all was.
+    """
+
+    def __init__(self, stream: TextIO, *, raises: bool) -> None:
+        """Wrap a stream; without ``raises`` what it does not take is dropped."""
+        self.error: OSError | None = None
+        self._stream = stream
+        self._raises = raises
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        with self._noticing():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is waiting."""
+        with self._noticing():
+            self._stream.flush()
+
+    def end(self) -> None:
+        """Flush; after an error let the null device take the rest.
+
+        Python flushes again when it ends, and would exit with code 120.
+        """
+        with contextlib.suppress(OSError):
+            self.flush()
+        if self.error is not None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _noticing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.error = self.error or error
+            if self._raises:
+                raise
+
+
+def _tell(what: str, done: threading.Event) -> None:
+    began = time.monotonic()
+    if done.wait(PATIENCE):
+        return
+    if not sys.stderr.isatty():
+        print(f"deqmcl: {what} …", file=sys.stderr, flush=True)
+        return
+    waiting = True
+    while waiting:
+        line = f"{what} … {time.monotonic() - began:.0f} s"
+        print(f"\r{line}", end="", file=sys.stderr, flush=True)
+        waiting = not done.wait(1.0)
+    print(f"\r{' ' * len(line)}\r", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,41 @@
+"""The localizers that a Python file holds, read from its text: no code of it is run."""
+
+import ast
+from collections.abc import Mapping
+from pathlib import Path
+
+from deqmcl_gym.validation import InputError
+
+
+def is_file(name: str) -> bool:
+    """Whether a name is that of a Python file, without the name of anything in it."""
+    return name.endswith(".py")
+
+
+def localizers_in(file: str) -> list[str]:
+    """Return the names of the public classes in a file that have ``reset`` and ``update``.
+
+    Raises:
+        InputError: the file cannot be read, or is no Python.
+    """
+    try:
+        tree = ast.parse(Path(file).expanduser().read_bytes(), file)
+    except OSError as error:
+        raise InputError(f"the file {file} cannot be read: {error.strerror}.") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # ValueError: a NUL
+        raise InputError(f"the file {file} cannot be parsed as Python: {error}.") from None
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    return [
+        name
+        for name in classes
+        if not name.startswith("_") and {"reset", "update"} <= _methods(name, classes)
+    ]
+
+
+def _methods(name: str, classes: Mapping[str, ast.ClassDef]) -> set[str]:
+    """Names of the methods of a class, also of those that it inherits from others in the file."""
+    if name not in classes:
+        return set()
+    own, others = classes[name], {key: value for key, value in classes.items() if key != name}
+    found = {node.name for node in own.body if isinstance(node, ast.FunctionDef)}
+    return found.union(*(_methods(ast.unparse(base), others) for base in own.bases))
