@@ -115,6 +115,8 @@ def spoil(folder, other, dice):
         try:
             if kind in FAULTS:
                 FAULTS[kind](path, dice)
+                for own, words in mine.items():  # a fault of the test's own
+                    own.write_text(words)
             elif kind in ADDED:
                 path = folder / ADDED[kind]
                 path.parent.mkdir(exist_ok=True)
