@@ -67,12 +67,22 @@ def test_an_episode_runs_and_many_rooms_say_what_one_says(world, seed):
         low, high = env.action_space.low, env.action_space.high
         action = agent.uniform(low, high).astype(np.float32) if step % 4 == 3 else None
         action = info["planned_actions"][0] if action is None else action
+        before = info["truth"][:2] - env.floor_plan.datum
         scan, reward, ended, _, info = env.step(action)
         assert is_sound(env, scan, reward, info)
         if rooms is not None:
             seen, rewards, ends, _, infos = rooms.step(action[None])
+            if infos["collided"][0] != info["collided"]:
+                # Decision 22: rounding decides for a robot that grazes a wall already.
+                gap = env.floor_plan.local.distance([before])[0] - env.world.body
+                assert abs(gap) <= 2 * env.world.skin
+                event("grazing")
+                break
             np.testing.assert_allclose(infos["truth"][0], info["truth"], rtol=0, atol=1e-6 * size)
-            np.testing.assert_allclose(rewards[0], reward, rtol=0, atol=1e-6 * size)
+            # whole laps apart where the robot is as far before as behind where it should be
+            length = env.course.path.length
+            apart = (rewards[0] - reward + length / 2) % length - length / 2
+            np.testing.assert_allclose(apart, 0.0, rtol=0, atol=1e-6 * size)
             assert (ends[0], infos["collided"][0]) == (ended, info["collided"])
             assert np.isfinite(seen).all()
             np.testing.assert_array_equal(infos["planned_actions"][0], info["planned_actions"])
