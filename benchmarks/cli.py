@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], output: console.Stream) -> int:
     options = _parse(given)
     try:
-        with _terminable():
+        with _terminable(leaving=arguments is None):
             print(options.run(options, given))
     except KeyboardInterrupt as how:
         print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
@@ -88,20 +88,34 @@ def _run(given: Sequence[str], output: console.Stream) -> int:
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM unwind the stack, so that what was started is ended, too."""
+def _terminable(*, leaving: bool) -> Iterator[None]:
+    """Let the first Ctrl-C or SIGTERM unwind the stack, so that what was started is ended, too.
+
+    Others that come meanwhile are ignored, which if ``leaving`` holds until the process is gone.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    if before[signal.SIGINT] is not signal.default_int_handler:  # as for nohup
+        del before[signal.SIGINT]
+    ended = False
 
-    def end(*_: object) -> NoReturn:
-        raise Terminated
+    def end(number: int, _: object) -> NoReturn:
+        nonlocal ended
+        ended = True
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)
+        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, end)
+    for number in before:
+        signal.signal(number, end)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if not (ended and leaving):
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def _not_written(error: OSError) -> int:

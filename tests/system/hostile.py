@@ -1,0 +1,89 @@
+"""A localizer that does WHAT it is told, WHEN it is told: a test writes these lines anew."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+
+from localizers.template import MyLocalizer
+
+WHAT, WHEN, STARTED = "nothing", "never", ""
+
+
+def recurse():
+    recurse()
+
+
+def start(*command, **how):
+    process = subprocess.Popen(command, **how)
+    with open(STARTED, "a") as file:
+        print(process.pid, file=file)
+
+
+def spoil_state():
+    np.seterr(all="ignore")
+    np.random.seed(0)  # noqa: NPY002
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    os.environ.clear()
+    sys.stdout = sys.stderr = None
+
+
+def interrupt():
+    raise KeyboardInterrupt
+
+
+def close():
+    raise GeneratorExit
+
+
+DEEDS = {
+    "nothing": lambda: None,
+    "hang": lambda: time.sleep(3600),
+    "exit": lambda: sys.exit(0),
+    "end": lambda: os._exit(0),
+    "interrupt": interrupt,
+    "close": close,
+    "recurse": recurse,
+    "allocate": lambda: np.ones(10**13),
+    "leave": lambda: os.chdir("/"),
+    "spoil": spoil_state,
+    "thread": lambda: threading.Thread(target=time.sleep, args=(3600,)).start(),
+    "child": lambda: start("sleep", "3600"),
+    "daemon": lambda: start("sleep", "3600", start_new_session=True),
+}
+
+
+def at(moment):
+    if moment == WHEN:
+        DEEDS[WHAT]()
+
+
+class Believed:
+    def __init__(self, belief):
+        self.belief = belief
+
+    def points(self, offset=0):
+        at("points")
+        return self.belief.points(offset)
+
+
+class Hostile(MyLocalizer):
+    def __init__(self, robot):
+        at("make")
+        super().__init__(robot, particles=20)
+
+    def reset(self, prior, plan, rng):
+        at("reset")
+        return super().reset(prior, plan, rng)
+
+    def update(self, ranges, action, plan):
+        at("update")
+        return Believed(super().update(ranges, action, plan))
+
+
+at("import")

@@ -1,0 +1,96 @@
+"""Whatever a plug-in does to its process: a command ends, says so, keeps what others did."""
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from deqmcl_command import exit_code
+from sweep_command import lines, sweep, write_small
+
+HOSTILE = Path(__file__).with_name("hostile.py").read_text()
+NAME = "./hostile.py:Hostile"
+FATAL = ("hang", "exit", "end", "interrupt", "close", "recurse", "allocate")
+HARMLESS = ("leave", "spoil", "thread", "child", "daemon")
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, in which the plug-in lies."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write_hostile(folder, what, when):
+    told = f"WHAT, WHEN, STARTED = {what!r}, {when!r}, {str(folder / 'started')!r}"
+    first = 'WHAT, WHEN, STARTED = "nothing", "never", ""'
+    assert first in HOSTILE
+    (folder / "hostile.py").write_text(HOSTILE.replace(first, told))
+
+
+def small_sweep(folder, what, out):
+    return sweep(write_small(folder, trials=1), out, "--with", NAME, "--timeout", "2")
+
+
+def gone(number):
+    return (
+        not Path(f"/proc/{number}/cmdline").exists()
+        or not Path(f"/proc/{number}/cmdline").read_bytes()
+    )
+
+
+@pytest.mark.parametrize("what", FATAL)
+def test_a_plug_in_that_would_end_or_hang_the_command_fails_its_own_trials(folder, capfd, what):
+    when = ("import", "make", "reset", "update", "points")[FATAL.index(what) % 5]
+    write_hostile(folder, what, when)
+    assert small_sweep(folder, what, Path("out")) == 3
+    said = capfd.readouterr().err
+    assert said.startswith("deqmcl: 1 of 3 trials failed, the rest is kept; first: ./hostile.py:")
+    assert "Traceback" not in said
+    assert {line["method"] for line in lines(folder / "out")} == {"mcl", "dead-reckoning"}
+
+
+@pytest.fixture
+def unspoilt(folder):
+    """The trials table of the same localizer when it does nothing."""
+    write_hostile(folder, "nothing", "never")
+    assert small_sweep(folder, "nothing", Path("unspoilt")) == 0
+    return (folder / "unspoilt" / "trials.csv").read_bytes()
+
+
+@pytest.mark.parametrize("what", HARMLESS)
+def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
+    folder, unspoilt, what
+):
+    write_hostile(folder, what, "make")
+    assert small_sweep(folder, what, Path("out")) == 0
+    assert (folder / "out" / "trials.csv").read_bytes() == unspoilt
+    started = folder / "started"
+    numbers = started.read_text().split() if started.exists() else []
+    assert bool(numbers) == (what in ("child", "daemon"))
+    until = time.monotonic() + 5
+    while not all(map(gone, numbers)) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert all(map(gone, numbers))
+
+
+@pytest.mark.parametrize("command", ["run", "phase", "check", "sweep"])
+def test_no_command_ends_with_exit_code_0_because_a_plug_in_does(folder, capfd, command):
+    write_hostile(folder, "end", "update")
+    given = {
+        "run": ("--localizer", NAME, "--out", "out"),
+        "phase": ("--localizers", NAME, "--out", "out"),
+        "check": (NAME,),
+        "sweep": (write_small(folder, trials=1), "--with", NAME, "--dry-run", "--out", "out"),
+    }
+    code = exit_code(command, *given[command])
+    said = capfd.readouterr()
+    if command == "sweep":
+        assert "failed" in said.out  # the cell of this one
+    else:
+        assert code == 3
+        assert said.err.startswith("deqmcl: ")
+    assert "Traceback" not in said.err
+    assert not list((folder / "out").glob("*.csv"))
