@@ -46,6 +46,21 @@ def test_the_statistics_are_those_of_the_differences():
     assert row.error == (np.mean(own), *stats.paired_bootstrap(np.array(own)))
 
 
+def test_a_difference_is_significant_if_its_interval_excludes_0_and_the_test_confirms_it():
+    base = np.zeros(20)
+    apart = {
+        "both": np.arange(1.0, 21),
+        "interval": np.array([1.0, 2, 3, 4]),
+        "test": np.append(-1.0 - np.arange(19) / 100, 40.0),  # one world outweighs nineteen
+        "neither": np.arange(20) - 9.4,
+    }
+    records = trials("mcl", base)
+    for name, errors in apart.items():
+        rows = by_name(records + trials(name, errors))
+        assert rows[name, 0].significant == (name == "both")
+    assert rows["mcl", 0].significant is False
+
+
 def test_the_baseline_is_not_compared_with_itself_but_its_past_is():
     rows = by_name(trials("mcl", [{0: 4.0, -20: 1.0}, {0: 5.0, -20: 2.0}]))
     assert rows["mcl", 0].is_baseline

@@ -52,6 +52,13 @@ def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_othe
     ]
 
 
+def test_where_only_one_value_was_run_there_is_no_chart():
+    records = trials("mcl", [1.0], scenario="sharp", lag=5)
+    for lag in (5, 20):
+        records += trials("mcl", [1.0], scenario="matched", lag=lag)
+    assert [chart.title for chart in curves(records)] == ["Error over lag L: matched"]
+
+
 def test_what_changes_together_is_one_curve():
     records = []
     for noise in (0.1, 0.2):

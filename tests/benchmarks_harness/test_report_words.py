@@ -114,7 +114,7 @@ def test_at_a_glance_every_error_has_the_mark_of_its_finding():
 def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_world():
     both = (0, -20)
     records = trials("mcl", [5.0, 6.0, 7.0]) + trials("mcl-map", [4.0, 5.0, 6.0])
-    records += [finished("deq-mcl", w, 3.0 + w, offsets=both) for w in (1, 2, 3)]
+    records += [finished("deq-mcl", w, {0: 3.0 + w, -20: 13.0 + w}) for w in (1, 2, 3)]
     records += trials("mcl-pilots", [1.0, 2.0, 3.0], offsets=both)
     now, past = rival_tables(panel_of(records))
     assert now.header[2:] == [f"difference to {n}" for n in ("mcl", "mcl-map", "deq-mcl")]
@@ -122,6 +122,7 @@ def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_
     mine = {line[0]: line for line in now.lines}["mcl-pilots"]
     assert mine[2:] == [f"−{d}.00 (−{d}.00 to −{d}.00)" for d in (4, 3, 2)]
     assert [line[0] for line in past.lines] == ["deq-mcl", "mcl-pilots"]
+    assert past.lines[1][2] == "−12.00 (−12.00 to −12.00)"
 
 
 def test_the_gap_table_has_the_limit_first():

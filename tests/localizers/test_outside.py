@@ -13,6 +13,12 @@ from localizers.models.scan import LidarScan, ScanTable
 SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
 
 
+def sizes(*usual: float):
+    """The sizes given, and any between the smallest and the largest."""
+    exponents = st.floats(np.log10(usual[0]), np.log10(usual[-1]))
+    return st.sampled_from(usual) | exponents.map(lambda exponent: 10.0**exponent)
+
+
 @st.composite
 def maps(draw) -> PolygonMap:
     """A room of any proportions, with a solid rectangle in it or none."""
@@ -25,9 +31,9 @@ def maps(draw) -> PolygonMap:
 @st.composite
 def scan_models(draw) -> LidarScan | LikelihoodField:
     """Every model there is, at any noise, and any shares, none too."""
-    floor_plan, max_range = draw(maps()), 10 ** draw(st.floats(-3, 15))
+    floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, 1e15))
     lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
-    sigma, share = 10 ** draw(st.floats(-30, 30)), draw(SHARES)
+    sigma, share = draw(sizes(1e-30, 1.0, 100.0, 1e30)), draw(SHARES)
     kind = draw(st.sampled_from(["gaussian", "censored", "beam", "field"]))
     if kind == "field":
         farthest = draw(st.sampled_from([np.inf, 10 * sigma]))
