@@ -13,6 +13,8 @@ from localizers import PoseBelief, make, names, parameters
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
 RNG = np.random.default_rng(0)
+# Where the belief drives, every method has a path of its own.
+BLINDLY_DRIVEN = [name for name in scenario_names() if scenario(name).agent != "on-estimate"]
 
 
 class Liar(gym.Wrapper):
@@ -70,7 +72,7 @@ def test_garbage_in_place_of_the_truth_changes_no_belief_even_where_the_plan_cha
         assert deceived == honest
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", BLINDLY_DRIVEN)
 def test_all_methods_of_a_trial_see_the_same_world(name):
     worlds = {
         trial.localizer: [
@@ -106,7 +108,7 @@ def test_deq_mcl_starts_from_the_same_draws_resampled():
     assert weights.sum() == pytest.approx(1, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", BLINDLY_DRIVEN)
 def test_an_episode_runs_every_planned_step_once(name):
     (trial,) = trials(["dead-reckoning"], name)
     steps = [moment.step for moment in trial_moments(trial)]
@@ -163,3 +165,20 @@ def test_in_open_loop_the_plan_of_the_env_is_carried_out_and_told():
     list(moments(room, agent, localizer, ours.prior_in(room), RNG, seed=SEED))
     for step, plan in enumerate(localizer.plans):
         assert np.array_equal(plan, room.plan[step:])
+
+
+def test_an_author_who_shows_plans_of_its_own_does_so_from_the_start():
+    (trial,) = trials(["mcl-plan"], "guided-stale")
+    seen = [moment.belief.plan_reading.shown for moment in trial_moments(trial)]
+    room = room_of("guided")
+    info = room.reset(seed=trial.world_seed)[1]
+    planned = info["planned_actions"][: info["planned_count"]]
+    other = np.roll(planned, -(len(planned) // 8), axis=0)
+    assert all(np.array_equal(seen[t], other[t:]) for t in range(len(seen)))
+
+
+def test_driven_on_the_estimate_the_plan_starts_from_there_and_none_is_known_before():
+    (trial,) = trials(["mcl-plan"], "guided-estimate")
+    first, second, *_ = trial_moments(trial)
+    assert len(first.belief.plan_reading.shown) == 0
+    assert len(second.belief.plan_reading.shown) > LAG
