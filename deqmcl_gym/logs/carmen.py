@@ -9,7 +9,6 @@ the reference. ``PARAM`` lines say how the scanner of FLASER is mounted and how 
 our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
 """
 
-import gzip
 import math
 import re
 from dataclasses import dataclass, field
@@ -167,8 +166,7 @@ def write_carmen(log: Log, path: Path) -> None:
             f"ROBOTLASER1 {head} {len(ranges)} {scan} 0 {_words(*mount)} {odometry} 0 0 0 0 0 "
             f"{stamp}"
         )
-    text = ("\n".join(lines) + "\n").encode()
-    write_bytes(path, gzip.compress(text, mtime=0) if path.suffix == ".gz" else text)
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
 def _kind(path: Path, messages: _Messages, asked: str | None) -> str:

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats
 
-_DECIMALS = 12  # of actions: hides the rounding of sums, so that a recorded action comes back
-
 
 def actions_of(poses: Floats) -> tuple[Floats, Floats]:
     """Return the actions between consecutive poses (n, 3), and what they leave out.
@@ -30,7 +28,6 @@ def actions_of(poses: Floats) -> tuple[Floats, Floats]:
     drive, across = dx * cosine + dy * sine, dy * cosine - dx * sine
     found = np.column_stack([drive, arrays.wrapped(turn), across])
     found[~(known[1:] & known[:-1])] = np.nan
-    found = np.round(found, _DECIMALS) + 0.0  # no -0.0
     return found[:, :2], found[:, 2]
 
 

@@ -98,8 +98,8 @@ def read(
 def write(log: Log, path: str | PathLike[str]) -> None:
     """Write a log, whole or not at all; the ending of the name says the format.
 
-    ``.log``, ``.clf``, ``.carmen``, also with ``.gz``: CARMEN. ``.csv``, ``.npz``. ``.bag``: ROS 1,
-    ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3).
+    ``.log``, ``.clf``, ``.carmen``: CARMEN. ``.csv``. Both also with ``.gz``. ``.npz``. ``.bag``:
+    ROS 1, ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3).
 
     Raises:
         InputError: an unknown format, or one that cannot hold the log, or no place to write.
@@ -126,7 +126,7 @@ def check_writable(path: str | PathLike[str]) -> str:
 
 def _ending(path: Path) -> str:
     suffixes = [suffix.lower() for suffix in path.suffixes]
-    if suffixes[-1:] == [".gz"]:
+    if suffixes[-1:] == [".gz"] and suffixes[-2:-1] and suffixes[-2] in (*_TEXT, ".csv"):
         suffixes.pop()
     if path.is_dir():
         return ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found, in_order
+from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.logs.scanner import Scanner
@@ -153,7 +153,7 @@ class _Messages:
     def _place(self, odometry: Floats) -> None:
         """Fill in where the robot was at each scan; leave out scans that nobody knows it of."""
         odometry = odometry[np.isfinite(odometry).all(axis=1)]
-        odometry = odometry[in_order(odometry[:, 0], Counter())]
+        odometry = odometry[np.argsort(odometry[:, 0], kind="stable")]
         found, times = self.found, np.array(self.found.times)
         if not len(odometry):
             found.damage[NO_ODOMETRY] += times.size

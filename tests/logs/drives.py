@@ -11,7 +11,7 @@ from deqmcl_gym import logs
 from deqmcl_gym.envs.recording import RecordLog
 
 NAN = float("nan")
-ENDINGS = (".log", ".log.gz", ".csv", ".npz", ".bag", ".mcap", "")
+ENDINGS = (".log", ".log.gz", ".csv", ".csv.gz", ".npz", ".bag", ".mcap", "")
 SQUARE = {"outer": [[0, 0], [7, 0], [7, 6], [0, 6]], "unit": "m"}
 
 

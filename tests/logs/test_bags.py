@@ -172,3 +172,10 @@ def test_without_rosbags_one_sentence_names_the_command(tmp_path, monkeypatch):
     for call in (lambda: logs.read(tmp_path / "x.bag"), lambda: logs.check_writable("x.mcap")):
         with pytest.raises(InputError, match=r'pip install "deqmcl-gym\[ros\]"'):
             call()
+
+
+def test_a_scan_within_a_long_gap_of_the_odometry_is_counted(tmp_path):
+    late = ("/odom", ODOMETRY, odometry(9.0, 9.0))
+    log, warned = read_and_warned(bag(tmp_path / "x", late, *drive(times=(0.5, 5.0, 9.0))))
+    assert log.times.tolist() == [0.5, 9.0]  # the last one stands at a message
+    assert "1 without odometry" in warned

@@ -162,7 +162,12 @@ def test_a_carmen_log_without_a_choice_of_scans_is_refused(tmp_path, text, said)
 def test_what_cannot_be_a_log_is_refused(tmp_path):
     (tmp_path / "x.dat").write_text("1")
     (tmp_path / "x").write_text("1")
-    for name, said in (("x.dat", "unknown format"), ("x", "unknown format"), ("no.log", "exist")):
+    for name, said in (
+        ("x.npz.gz", "unknown format"),
+        ("x.dat", "unknown format"),
+        ("x", "unknown format"),
+        ("no.log", "exist"),
+    ):
         assert said in refused(tmp_path / name)
     for name in ("no.csv", "no.npz", "no.mcap", "no.bag", "no"):
         assert re.search("exist", refused(tmp_path / name))

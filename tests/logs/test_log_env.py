@@ -163,6 +163,16 @@ def test_an_action_turns_as_odometry_does_and_leaves_out_what_lies_across(steps)
                                atol=1e-9)  # fmt: skip
 
 
+sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
+
+
+@given(st.lists(st.tuples(sizes, st.floats(0.0, 3.0, width=32)), min_size=1, max_size=30))
+def test_actions_come_back_to_the_bit_zeros_included(steps):
+    actions = np.float32([(d, turn if turn > 2**-13 else 0.0) for d, turn in steps])
+    found = actions_of(dead_reckoned(actions))[0].astype(np.float32)
+    np.testing.assert_array_equal(found, actions)
+
+
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_records_are_played_as_far_apart_as_every_says(distance, angle):
     log = real(60)

@@ -14,6 +14,7 @@ from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import trial_trace
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
+from deqmcl_gym import logs
 
 FEW = ("--particles", "20", "--seed", "3")
 
@@ -120,3 +121,16 @@ def test_any_lag_works_even_one_longer_than_the_lap(tmp_path, capsys, lag):
     assert exit_code("run", *arguments, "--out", tmp_path) == 0
     assert set(curve(tmp_path)) == {0}
     assert capsys.readouterr().out.count("position RMSE") == 1
+
+
+def test_a_lap_can_be_kept_as_a_log(tmp_path, capsys):
+    out, log = tmp_path / "out", tmp_path / "lap.log"
+    arguments = ("run", "--localizer", "dead-reckoning", "--seed", "3", "--out", out)
+    assert exit_code(*arguments, "--log", tmp_path / "lap.txt.zip") == 2
+    assert "of a format that is not written" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert exit_code(*arguments, "--log", log) == 0
+    truth = np.loadtxt(out / "trajectory_truth.tum")
+    kept = logs.read(log)
+    assert kept.times.tolist() == truth[:, 0].tolist()
+    assert kept.reference[:, :2] == pytest.approx(truth[:, 1:3], rel=1e-8)
