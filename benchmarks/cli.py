@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
     with console.standard_streams() as output:
         try:
-            code = _run(given, output)
+            code = _run(given, output, leaving=arguments is None)
         except SystemExit as end:  # argparse leaves so
             code = int(end.code or 0)
         except OSError as error:
@@ -66,10 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code if output.error is None else _not_written(output.error)
 
 
-def _run(given: Sequence[str], output: console.Stream) -> int:
+def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     options = _parse(given)
     try:
-        with _terminable(leaving=arguments is None):
+        with _terminable(leaving=leaving):
             print(options.run(options, given))
     except KeyboardInterrupt as how:
         print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
