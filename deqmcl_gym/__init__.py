@@ -4,10 +4,20 @@
 >>> env = gym.make("deqmcl_gym/Room-v0")
 """
 
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.registration import ENV_ID, register
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
 
-__all__ = ["ENV_ID", "Driver", "Lap", "Lidar", "MotionNoise", "PolygonMap", "Robot", "Start"]
+__all__ = [
+    "ENV_ID",
+    "Driver",
+    "GridMap",
+    "Lap",
+    "Lidar",
+    "MotionNoise",
+    "PolygonMap",
+    "Robot",
+    "Start",
+]
 
 register()

@@ -4,13 +4,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from benchmarks.setup import documents
 from benchmarks.setup.scenario import Scenario
 from benchmarks.setup.thresholds import Thresholds
+from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import part
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
+_MAP_FILES = ("floor_plan", "floor_plan.file")
 
 
 def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenario:
@@ -30,7 +33,7 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
         prior = documents.dotted("prior", given.get("prior", {}))
         assumed = documents.dotted("assumed", given.get("assumed", {}))
         changed = base.changed(
-            world=documents.dotted("env", given.get("env", {})),
+            world=_beside(path, documents.dotted("env", given.get("env", {}))),
             assumed=assumed | {f"prior.{key}": value for key, value in prior.items()},
         )
         return replace(
@@ -38,5 +41,20 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
             words=documents.text("words", given.get("words", path.stem)),
             agent=documents.text("agent", given.get("agent", base.agent)),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
-            source=sha256(base.source.encode() + path.read_bytes()).hexdigest(),
+            source=_digest(base, path, changed),
         )
+
+
+def _beside(path: Path, world: dict[str, Any]) -> dict[str, Any]:
+    """Make the path of a map absolute, from the file's folder; ~ is the home folder."""
+    names = {name for name in _MAP_FILES if isinstance(world.get(name), str)}
+    files = {name: str(path.parent.absolute() / Path(world[name]).expanduser()) for name in names}
+    return world | files
+
+
+def _digest(base: Scenario, path: Path, scenario: Scenario) -> str:
+    """Return a digest of all files that a scenario is read from, a map's too."""
+    digest = sha256(base.source.encode() + path.read_bytes())
+    if isinstance(floor_plan := scenario.world.floor_plan, GridMap):
+        digest.update(floor_plan.digest.encode())
+    return digest.hexdigest()

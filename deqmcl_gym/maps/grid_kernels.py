@@ -11,18 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.maps.stride_kernels import Reach, cast_among, no_walls
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.elementary import cos32, sin32
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 
-Reach = NDArray[np.uint8]
 Runs = NDArray[np.int16]
 Scalar = Any  # a float32 or float64 inside a kernel
-FARTHEST = 255  # cells told apart by the reach
-
-_RAYS = 1024  # traced side by side: what they need fits the second cache
-_STRIDES = 4  # between two looks at which of them have arrived
-_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _TINY = np.float32(1e-12)
 _NAN = np.float32(np.nan)
 
@@ -41,30 +37,6 @@ class Frame(NamedTuple):
     cosine: float
     sine: float
     cell: float
-
-
-@compiled
-def fill_reach(solid: Bools, out: Reach) -> None:
-    """Fill in how many cells away the nearest solid one is, at most ``FARTHEST``.
-
-    The chessboard distance in two passes (Rosenfeld & Pfaltz 1968). ``solid`` has a solid ring.
-    """
-    rows, columns = solid.shape
-    for row in range(rows):
-        for column in range(columns):
-            out[row, column] = 0 if solid[row, column] else FARTHEST
-    for row in range(1, rows - 1):
-        for column in range(1, columns - 1):
-            if out[row, column]:
-                below = min(out[row - 1, column - 1], out[row - 1, column])
-                beside = min(out[row - 1, column + 1], out[row, column - 1])
-                out[row, column] = min(min(below, beside), FARTHEST - 1) + 1
-    for row in range(rows - 2, 0, -1):
-        for column in range(columns - 2, 0, -1):
-            above = min(out[row + 1, column + 1], out[row + 1, column])
-            beside = min(out[row + 1, column - 1], out[row, column + 1])
-            nearest = min(min(above, beside), FARTHEST - 1) + 1
-            out[row, column] = min(out[row, column], nearest)
 
 
 @compiled
@@ -128,110 +100,18 @@ def cast(
         yaw: of the map.
         out: (B, n).
     """
-    n, beams, cell = poses.shape[1], bearings.size, np.float32(frame[4])
-    u, v = np.empty(n, np.float32), np.empty(n, np.float32)
-    sine, cosine = np.empty(n, np.float32), np.empty(n, np.float32)
-    heading = np.empty(n, np.float32)
+    n = poses.shape[1]
+    u, v, headings = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
     locate(poses, frame, u, v)
     for i in range(n):
-        heading[i] = np.float32(poses[2, i] - yaw)
-        if not _on_map(u[i], v[i], reach):
-            u[i], v[i] = _HALF, _HALF
-    sincos32(heading, sine, cosine)
-    beam_sine, beam_cosine = np.empty(beams, np.float32), np.empty(beams, np.float32)
-    sincos32(bearings, beam_sine, beam_cosine)
-    x, y = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
-    dx, dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
-    found = np.empty(_RAYS, np.float32)
-    beam, pose = 0, 0  # of the next ray: all poses of a beam, then those of the next one
-    while beam < beams and n > 0:
-        first_beam, first_pose, lane = beam, pose, 0
-        while lane < _RAYS and beam < beams:
-            stretch = min(n - pose, _RAYS - lane)
-            bs, bc = beam_sine[beam], beam_cosine[beam]
-            for k in range(stretch):
-                x[lane + k], y[lane + k] = u[pose + k], v[pose + k]
-            for k in range(stretch):
-                dx[lane + k] = cosine[pose + k] * bc - sine[pose + k] * bs
-                dy[lane + k] = sine[pose + k] * bc + cosine[pose + k] * bs
-            lane, pose = lane + stretch, pose + stretch
-            if pose == n:
-                beam, pose = beam + 1, 0
-        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, found)
-        beam, pose = first_beam, first_pose
-        for k in range(lane):
-            t = found[k]
-            if t == _ZERO:
-                bs, bc, s, c = beam_sine[beam], beam_cosine[beam], sine[pose], cosine[pose]
-                t = _from_within(u[pose], v[pose], c * bc - s * bs, s * bc + c * bs, reach)
-            out[beam, pose] = t * cell
-            pose += 1
-            if pose == n:
-                beam, pose = beam + 1, 0
-
-
-@compiled
-def _trace(
-    from_x: Singles, from_y: Singles, along_x: Singles, along_y: Singles, reach: Reach, out: Singles
-) -> None:
-    """Fill in how far rays from points along directions, (n,) each, come.
-
-    Amanatides & Woo 1987, but a ray in a cell of reach m strides to the edge of the square of
-    2 m - 1 open cells around it. Which cells it goes through is kept in whole numbers, so that no
-    rounding error leads past a cell; all rays stride together, and those that have arrived are
-    taken out now and then.
-    """
-    left, flat, columns = from_x.size, reach.reshape(-1), np.int32(reach.shape[1])
-    # copies made here, as then the compiler knows that no two arrays share memory
-    x, y, dx, dy = from_x.copy(), from_y.copy(), along_x.copy(), along_y.copy()
-    per_dx, per_dy = np.empty(left, np.float32), np.empty(left, np.float32)
-    right, up = np.empty(left, np.float32), np.empty(left, np.float32)
-    column, row = np.empty(left, np.float32), np.empty(left, np.float32)  # whole numbers
-    t, reached = np.empty(left, np.float32), np.empty(left, np.float32)
-    cell, who = np.empty(left, np.int32), np.empty(left, np.int32)
-    for i in range(left):
-        per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
-        per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
-        right[i] = _ONE if per_dx[i] > _ZERO else -_ONE
-        up[i] = _ONE if per_dy[i] > _ZERO else -_ONE
-        column[i], row[i], t[i] = np.floor(x[i]), np.floor(y[i]), _ZERO
-        who[i] = i
-    while left > 0:
-        for _ in range(_STRIDES):
-            for i in range(left):
-                cell[i] = np.int32(row[i]) * columns + np.int32(column[i])
-            for i in range(left):
-                reached[i] = np.float32(flat[cell[i]])
-            for i in range(left):
-                m = reached[i]
-                to_x = (column[i] + _HALF + right[i] * (m - _HALF) - x[i]) * per_dx[i]
-                to_y = (row[i] + _HALF + up[i] * (m - _HALF) - y[i]) * per_dy[i]
-                sideways = to_x < to_y
-                way = to_x if sideways else to_y
-                new_column = _near(np.floor(x[i] + way * dx[i]), column[i], m - _ONE)
-                new_row = _near(np.floor(y[i] + way * dy[i]), row[i], m - _ONE)
-                new_column = column[i] + right[i] * m if sideways else new_column
-                new_row = new_row if sideways else row[i] + up[i] * m
-                t[i] = way if m > _ZERO else t[i]
-                column[i] = new_column if m > _ZERO else column[i]
-                row[i] = new_row if m > _ZERO else row[i]
-        kept = 0
-        for i in range(left):
-            out[who[i]] = t[i]
-            x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
-            per_dx[kept], per_dy[kept], right[kept], up[kept] = per_dx[i], per_dy[i], right[i], up[i]
-            column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
-            kept += reached[i] > _ZERO
-        left = kept
-
-
-@compiled
-def _near(index: Scalar, middle: Scalar, reach: Scalar) -> Scalar:
-    """Return the index, or the nearest to it that is no farther from the middle than that."""
-    low: Scalar = middle - reach
-    high: Scalar = middle + reach
-    least = index if index > low else low
-    return least if least < high else high
+        headings[i] = np.float32(poses[2, i] - yaw)
+    cast_among(u, v, headings, bearings, no_walls(reach), np.float32(frame[4]), out)
+    for beam in range(out.shape[0]):
+        for i in range(n):
+            if out[beam, i] == _ZERO:
+                angle = headings[i] + bearings[beam]
+                t = _from_within(u[i], v[i], cos32(angle), sin32(angle), reach)
+                out[beam, i] = t * np.float32(frame[4])
 
 
 @compiled

@@ -10,13 +10,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import grid_file, grid_kernels, grid_walls
+from deqmcl_gym.maps import grid_file, grid_kernels, grid_walls, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
-from deqmcl_gym.maps.grid_kernels import Frame, Reach
+from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box
 from deqmcl_gym.maps.polygon_map import driven
+from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
@@ -158,7 +159,7 @@ class GridMap:
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, NDArray[np.int32]]:
+    ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.zeros(poses.shape[1], np.int32)
@@ -224,7 +225,7 @@ class GridMap:
     @cached_property
     def _reach(self) -> Reach:
         reach = np.empty(np.add(self.solid.shape, 2), np.uint8)
-        grid_kernels.fill_reach(np.pad(self.solid, 1, constant_values=True), reach)
+        stride_kernels.fill_reach(np.pad(self.solid, 1, constant_values=True), reach)
         return reach
 
     @cached_property

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps import kernels
 from deqmcl_gym.maps.casting import caster_of
@@ -13,7 +13,7 @@ from deqmcl_gym.maps.clearance import clearance_of
 from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError
 
 _ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
@@ -65,10 +65,7 @@ class PolygonMap:
 
     @cached_property
     def walls(self) -> Floats:
-        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
-
-        For physics and drawing; estimators have no use for it.
-        """
+        """See ``Map.walls``."""
         solid = [oriented_edges(polygon, solid=True) for polygon in self.obstacles]
         return np.vstack([oriented_edges(self.outer, solid=False), *solid])
 
@@ -89,18 +86,8 @@ class PolygonMap:
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, NDArray[np.int32]]:
-        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last alone.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
-        """
+    ) -> tuple[Singles, Ints]:
+        """See ``Map.rolled_out``."""
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)

@@ -1,12 +1,14 @@
-"""The pymunk world: static walls, and where a disc that drives among them touches one."""
+"""Where a disc that drives among walls touches one: polygons by pymunk, cells by their own test."""
 
 import math
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pymunk
 from pymunk.autogeometry import convex_decomposition
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats
@@ -15,6 +17,48 @@ from deqmcl_gym.world.setting import SKIN
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
 
 Point = tuple[float, float]
+
+
+class Contacts(Protocol):
+    """The walls of a floor plan as a disc meets them."""
+
+    @property
+    def skin(self) -> float:
+        """How far before a contact a disc stops."""
+        ...
+
+    def gap(self, centre: Point) -> float:
+        """How far the disc's rim is from the nearest wall, negative if they overlap."""
+        ...
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        ...
+
+
+def contacts_of(floor_plan: Map, radius: float) -> Contacts:
+    """Return the walls of a floor plan as a disc meets them."""
+    if isinstance(floor_plan, GridMap):
+        return Cells(floor_plan, radius, SKIN * pixel(floor_plan.unit))
+    assert isinstance(floor_plan, PolygonMap)  # the forms of Map
+    return Walls(floor_plan, radius)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The solid cells of a grid as a disc meets them: by the arithmetic of ``GridMap.collides``."""
+
+    floor_plan: GridMap
+    radius: float
+    skin: float
+
+    def gap(self, centre: Point) -> float:
+        """See ``Contacts``."""
+        return float(self.floor_plan.distance([centre])[0]) - self.radius
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """See ``Contacts``."""
+        return self.floor_plan.first_contact(start, end, self.radius)
 
 
 class Walls:
@@ -45,13 +89,13 @@ class Walls:
                 self.space.add(pymunk.Poly(body, piece, radius=radius))
 
     def gap(self, centre: Point) -> float:
-        """How far the disc's rim is from the nearest wall, negative if they overlap."""
+        """See ``Contacts``."""
         nearest = self.space.point_query_nearest(centre, math.inf, _WALLS)
         assert nearest is not None  # a room has walls
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        """See ``Contacts``."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
 
@@ -64,7 +108,7 @@ class Physics:
         position: of the disc's centre; :meth:`place` sets it.
     """
 
-    def __init__(self, walls: Walls, position: Point) -> None:
+    def __init__(self, walls: Contacts, position: Point) -> None:
         """Put the disc somewhere."""
         self.walls = walls
         self.place(position)
