@@ -42,9 +42,7 @@ _STYLE: Any = {
 }
 
 
-def phase_figure(
-    laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, title: str
-) -> bytes:
+def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, title: str) -> bytes:
     """Return the figure as PNG: the perfect queue's lap with the map, then a row per method."""
     perfect = laps[0]
     with mpl.rc_context(_STYLE):

@@ -54,8 +54,8 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
         Args:
             preset: name of the world to start from.
-            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m"; or
-                the path of a ROS map's yaml file.
+            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m";
+                or the path of a ROS map's yaml file.
             lidar: beams, field of view, range and noise.
             robot: radius and largest action.
             noise: motion noise of the world.

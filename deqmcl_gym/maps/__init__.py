@@ -1,7 +1,7 @@
 """The map m: what the world is built of, and the only part of it that a localizer may know.
 
-``Map`` is what a map must be able to tell, ``PolygonMap`` and ``GridMap`` are its forms; ``Lidar`` is the geometry
-of the sensor that looks at it. Needs numpy and numba only.
+``Map`` is what a map must be able to tell, ``PolygonMap`` and ``GridMap`` are its forms; ``Lidar``
+is the geometry of the sensor that looks at it. Needs numpy and numba only.
 """
 
 from deqmcl_gym.maps.grid_map import GridMap

@@ -25,7 +25,9 @@ _KEPT = 8  # maps remembered
 _remembered: dict[tuple[Any, ...], Any] = {}
 
 
-def remembered(path: str | os.PathLike[str], unknown: Any, made: Callable[[dict[str, Any]], T]) -> T:
+def remembered(
+    path: str | os.PathLike[str], unknown: Any, made: Callable[[dict[str, Any]], T]
+) -> T:
     """Return what is made of a map file, the same as last time if its files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
@@ -120,7 +122,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(given["image"], str) or not given["image"]:
         raise InputError(f"image is {given['image']!r}, but must be the path of an image.")
     negate = given["negate"]
-    if negate not in (0, 1):
+    if negate not in (0, 1) or isinstance(negate, float):
         raise InputError(f"negate is {negate!r}, but must be 0 or 1.")
     origin = given["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
@@ -146,7 +148,7 @@ def _number(value: Any) -> Any:
 
 
 def _image_path(yaml_path: Path, said: Mapping[str, Any]) -> Path:
-    image = yaml_path.parent / said["image"]
+    image: Path = yaml_path.parent / said["image"]
     if not image.is_file():
         raise InputError(
             f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
@@ -157,22 +159,21 @@ def _image_path(yaml_path: Path, said: Mapping[str, Any]) -> Path:
 def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:
     """Return the arguments of a ``GridMap``."""
     pixels = _pixels_of(image)
-    cells = _occupancy(pixels, said["mode"], said["negate"], said["free_thresh"], said["occupied_thresh"])
+    thresholds = said["free_thresh"], said["occupied_thresh"]
+    cells = _occupancy(pixels, said["mode"], said["negate"], *thresholds)
     kept = ("resolution", "origin", "occupied_thresh", "free_thresh")
     return {"occupancy": cells[::-1], **{key: said[key] for key in kept}}
 
 
 def _pixels_of(path: Path) -> Floats:
-    """Read an image: grey, or grey, alpha, or red, green, blue (, alpha), each in [0, 1], (h, w, c)."""
+    """Read the channels of an image, each in [0, 1], (h, w, c): L, RGB or RGBA."""
     from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
-            if image.mode == "P":
-                image = image.convert("RGBA" if "transparency" in image.info else "RGB")
-            elif image.mode == "1":
-                image = image.convert("L")
-            pixels = np.asarray(image)
+            plain = "RGBA" if "transparency" in image.info else "RGB"
+            mode = {"P": plain, "1": "L", "LA": "RGBA"}.get(image.mode, image.mode)
+            pixels = np.asarray(image.convert(mode))
     except UnidentifiedImageError:
         raise InputError(f"the image {path} is neither a pgm, a png nor a bmp.") from None
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
@@ -185,9 +186,9 @@ def _pixels_of(path: Path) -> Floats:
 def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Cells:
     """Return the values that map_server gives pixels, in the rows of the image."""
     channels = shades.shape[2]
-    opaque = shades[:, :, -1] == 1 if channels in (2, 4) else np.True_
+    opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
     # map_server counts alpha as a colour in this mode
-    colours = channels if mode == "trinary" else channels - (channels in (2, 4))
+    colours = channels if mode == "trinary" else min(channels, 3)
     shade = shades[:, :, :colours].mean(axis=2)
     if mode == "raw":
         value = np.rint(255 * shade)
@@ -208,7 +209,8 @@ def _pixels(cells: Cells, mode: str, free: float, occupied: float) -> NDArray[np
     if mode == "raw":
         return cells.astype(np.uint8)  # -1 becomes 255
     if mode == "trinary":
-        grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * (1 - (free + occupied) / 2))
+        between = 1 - (free + occupied) / 2
+        grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
         solid, open_ = cells >= OCCUPIED * occupied, (cells >= FREE) & (cells <= OCCUPIED * free)
         return np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
     share = free + cells / OCCUPIED * (occupied - free)

@@ -58,7 +58,7 @@ def fill_runs(reach: Reach, up: Runs, down: Runs) -> None:
 
 @compiled
 def locate(points: Any, frame: tuple[float, ...], us: Any, vs: Any) -> None:
-    """Fill in the points (2+, n) in cells of the table; computed in float64, kept as u and v are."""
+    """Fill in points (2+, n) in cells of the table; computed in float64, kept as us and vs are."""
     x0, y0, cosine, sine, cell = frame
     for i in range(us.size):
         x, y = np.float64(points[0, i]) - x0, np.float64(points[1, i]) - y0
@@ -67,7 +67,7 @@ def locate(points: Any, frame: tuple[float, ...], us: Any, vs: Any) -> None:
 
 
 @compiled
-def _on_map(u: Scalar, v: Scalar, reach: Reach) -> bool:
+def _on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
     rows, columns = reach.shape
     return (u >= 1) & (u < columns - 1) & (v >= 1) & (v < rows - 1)  # all false for NaN
 
@@ -188,14 +188,14 @@ def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach:
             side_u, side_v = u + side * across_u, v + side * across_v
             if dv == 0.0:
                 if row <= side_v <= row + 1.0:
-                    first = min(first, min(side_u, side_u + du))
-                    last = max(last, max(side_u, side_u + du))
+                    first = min(first, side_u, side_u + du)
+                    last = max(last, side_u, side_u + du)
             else:
                 one, two = (row - side_v) / dv, (row + 1.0 - side_v) / dv
                 enter, leave = max(min(one, two), 0.0), min(max(one, two), 1.0)
                 if enter <= leave:
                     one, two = side_u + enter * du, side_u + leave * du
-                    first, last = min(first, min(one, two)), max(last, max(one, two))
+                    first, last = min(first, one, two), max(last, one, two)
         column, end_column = int(np.ceil(first)) - 1, int(np.floor(last))
         while column <= end_column:
             if reach[row, column] == 0:

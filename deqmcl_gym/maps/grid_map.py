@@ -91,7 +91,8 @@ class GridMap:
 
         Args:
             path: of the yaml file.
-            mode: "trinary" and "raw" write a pgm, "scale" a png whose unknown cells are transparent.
+            mode: "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are
+                transparent.
 
         Raises:
             InputError: an unknown mode, or a path that cannot be written to.
@@ -208,8 +209,8 @@ class GridMap:
 
     def _check_resolved(self) -> None:
         farthest = max(map(abs, self.bounds))
-        if not farthest < MAX_SIDE * self.resolution * 2**24 / (MAX_SIDE * _RESOLVED):
-            step = float(np.spacing(np.float32(farthest)))
+        step = float(np.spacing(np.float32(farthest)))
+        if not step * _RESOLVED <= self.resolution:
             raise InputError(
                 f"the map reaches {farthest:g} m from (0, 0), where single precision tells apart "
                 f"{step:g} m, too coarse for cells of {self.resolution:g} m: give an origin nearer "

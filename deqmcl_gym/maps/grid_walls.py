@@ -1,5 +1,7 @@
 """The outline of solid cells: faces joined to straight walls, and walls to rings."""
 
+from typing import Any
+
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
@@ -16,31 +18,21 @@ def faces_of(solid: Bools) -> Floats:
     Returns:
         (x₀, y₀, x₁, y₁) in cells from the lower left corner, the open side to their left, (S, 4).
     """
-    around = np.pad(~solid, 1).astype(np.int8)
-    # above a face the open side, below it the solid one: it runs to the right; to the left of it: up
-    level, upright = np.diff(around, axis=0)[:, 1:-1], np.diff(around, axis=1)[1:-1]
-    row, start, end, forth = _runs(level)
-    x0, x1 = np.where(forth, start, end), np.where(forth, end, start)
-    columns = [np.column_stack([x0, row, x1, row])]
-    column, start, end, forth = _runs(-upright.T)
-    y0, y1 = np.where(forth, start, end), np.where(forth, end, start)
-    columns.append(np.column_stack([column, y0, column, y1]))
-    return np.vstack(columns).astype(np.float64)
+    open_ = np.pad(~solid, 1).astype(np.int8)
+    level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
+    row, x0, x1 = _runs(level)  # to the right where open cells are above, else to the left
+    column, y0, y1 = _runs(upright)  # up where open cells are to the left, else down
+    faces = np.vstack(
+        [np.column_stack([x0, row, x1, row]), np.column_stack([column, y0, column, y1])]
+    )
+    return faces.astype(np.float64)
 
 
-def _runs(lines: np.ndarray) -> tuple[Indices, Indices, Indices, Bools]:
-    """Return line, start, end and sign of all runs of +1 and of -1 in some lines, (n,) each."""
+def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
+    """Return line, start and end of all runs of +1, and of those of -1, from their ends, (n,)."""
     padded = np.pad(lines, ((0, 0), (1, 1)))
     line, place = np.nonzero(np.diff(padded, axis=1))
     before, after = padded[line, place], padded[line, place + 1]
-    starts, ends = after != 0, before != 0
-    return line[starts], place[starts], place[ends], after[starts] > 0
-
-
-def rings_of(faces: Floats) -> list[Floats]:
-    """Join faces to closed rings of corners, (k, 2) each, the open side to the left.
-
-    Where four faces meet, at two solid cells that touch by a corner, the ring turns right, around
-    the open cell: solid cells that touch by a corner hang together, and no ring touches itself.
-    """
-    raise NotImplementedError
+    starts, ends, forth = after != 0, before != 0, after[after != 0] > 0
+    first, last = place[starts], place[ends]
+    return line[starts], np.where(forth, first, last), np.where(forth, last, first)

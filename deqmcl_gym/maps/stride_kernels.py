@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32
-from deqmcl_gym.numerics.types import Bools, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 
 Reach = NDArray[np.uint8]
 Single = Any  # a float32
@@ -63,13 +63,58 @@ def fill_reach(solid: Bools, out: Reach) -> None:
             if out[row, column]:
                 below = min(out[row - 1, column - 1], out[row - 1, column])
                 beside = min(out[row - 1, column + 1], out[row, column - 1])
-                out[row, column] = min(min(below, beside), FARTHEST - 1) + 1
+                out[row, column] = min(below, beside, FARTHEST - 1) + 1
     for row in range(rows - 2, 0, -1):
         for column in range(columns - 2, 0, -1):
             above = min(out[row + 1, column + 1], out[row + 1, column])
             beside = min(out[row + 1, column - 1], out[row, column + 1])
-            nearest = min(min(above, beside), FARTHEST - 1) + 1
+            nearest = min(above, beside, FARTHEST - 1) + 1
             out[row, column] = min(out[row, column], nearest)
+
+
+@compiled
+def count_walls(walls: Floats, margin: float, columns: int, out: Ints) -> None:
+    """Add up in out[c + 1] how many walls (x₀, y₀, x₁, y₁), (S, 4), stand in cell c or near it."""
+    for wall in range(walls.shape[0]):
+        low, high, left, right = _box_of(walls[wall], margin)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
+                    out[row * columns + column + 1] += 1
+
+
+@compiled
+def list_walls(walls: Floats, margin: float, columns: int, at: Ints, out: Ints) -> None:
+    """Fill in the same walls' numbers, cell by cell, from the place ``at`` of each cell on."""
+    for wall in range(walls.shape[0]):
+        low, high, left, right = _box_of(walls[wall], margin)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
+                    cell = row * columns + column
+                    out[at[cell]] = wall
+                    at[cell] += 1
+
+
+@compiled
+def _box_of(wall: Floats, margin: float) -> tuple[int, int, int, int]:
+    """Rows and columns that a wall may touch: low, high, left, right."""
+    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
+    return (
+        int(np.floor(min(y0, y1) - margin)), int(np.floor(max(y0, y1) + margin)),
+        int(np.floor(min(x0, x1) - margin)), int(np.floor(max(x0, x1) + margin)),
+    )  # fmt: skip
+
+
+@compiled
+def _touches(wall: Floats, x: float, y: float, half: float) -> bool:
+    """Whether a wall meets the square around (x, y): no axis parts them (Ericson 2005, 5.3.3)."""
+    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
+    apart_x = abs(x - (x0 + x1) / 2) > half + abs(x1 - x0) / 2
+    apart_y = abs(y - (y0 + y1) / 2) > half + abs(y1 - y0) / 2
+    across = (x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)
+    apart_along = abs(across) > half * (abs(x1 - x0) + abs(y1 - y0))
+    return not (apart_x or apart_y or apart_along)
 
 
 @compiled
@@ -97,6 +142,7 @@ def cast_among(
     on = np.empty(n, np.bool_)
     for i in range(n):  # all false for NaN
         on[i] = (u[i] >= _ONE) & (u[i] < columns - _ONE) & (v[i] >= _ONE) & (v[i] < rows - _ONE)
+        on[i] &= abs(headings[i]) < _INF
     sine, cosine = np.empty(n, np.float32), np.empty(n, np.float32)
     beam_sine, beam_cosine = np.empty(beams, np.float32), np.empty(beams, np.float32)
     sincos32(headings, sine, cosine)
@@ -139,7 +185,8 @@ def _trace(
     rounding error leads past a cell; all rays stride together, and those that have arrived are
     taken out now and then.
     """
-    walled = cells.first.size > 0
+    first, listed, walls = cells.first, cells.listed, cells.walls
+    walled = first.size > 0
     left, flat = from_x.size, cells.reach.reshape(-1)
     columns = np.int32(cells.reach.shape[1])
     # copies made here, as then the compiler knows that no two arrays share memory
@@ -179,20 +226,31 @@ def _trace(
         for i in range(left):
             stays = reached[i] > _ZERO
             if walled and not stays:
-                hit, to_x, to_y = _nearest_of(
-                    cell[i], cells, x[i], y[i], dx[i], dy[i],
-                    (column[i] + _HALF + right[i] * _HALF - x[i]) * per_dx[i],
-                    (row[i] + _HALF + up[i] * _HALF - y[i]) * per_dy[i],
-                )  # fmt: skip
-                t[i] = hit
-                stays = hit > _less(to_x, to_y)
-                if to_x < to_y:
-                    column[i] += right[i]
-                else:
-                    row[i] += up[i]
+                best, c = _INF, cell[i]
+                for k in range(first[c], first[c + 1]):
+                    w = listed[k]
+                    ex, ey = walls[w, 2], walls[w, 3]
+                    rx, ry = walls[w, 0] - x[i], walls[w, 1] - y[i]
+                    way = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
+                    along = (way * dx[i] - rx) * ex + (way * dy[i] - ry) * ey
+                    meets = (way >= _ZERO) & (along >= walls[w, 4]) & (along <= walls[w, 5])
+                    best = way if meets & (way < best) else best
+                t[i] = best
+                to_x = (column[i] + _HALF + right[i] * _HALF - x[i]) * per_dx[i]
+                to_y = (row[i] + _HALF + up[i] * _HALF - y[i]) * per_dy[i]
+                # the cells along the edge have no walls, and there is no way on
+                stays = ((best > to_x) | (best > to_y)) & (first[c] < first[c + 1])
+                sideways = to_x < to_y
+                column[i] += right[i] if sideways else _ZERO
+                row[i] += _ZERO if sideways else up[i]
             out[who[i]] = t[i]
             x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
-            per_dx[kept], per_dy[kept], right[kept], up[kept] = per_dx[i], per_dy[i], right[i], up[i]
+            per_dx[kept], per_dy[kept], right[kept], up[kept] = (
+                per_dx[i],
+                per_dy[i],
+                right[i],
+                up[i],
+            )
             column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
             kept += stays
         left = kept
@@ -205,30 +263,3 @@ def _near(index: Single, middle: Single, reach: Single) -> Single:
     high: Single = middle + reach
     least = index if index > low else low
     return least if least < high else high
-
-
-@compiled
-def _nearest_of(
-    cell: int, cells: Table, x: Single, y: Single, dx: Single, dy: Single, to_x: Single, to_y: Single
-) -> Single:
-    """Return how far a ray meets a wall of a cell, and ``to_x`` and ``to_y``, the way out of it.
-
-    At the edge of the table there is no wall and no way on: inf thrice.
-    """
-    if cells.first[cell] == cells.first[cell + 1]:
-        return _INF, _INF, _INF
-    best = _INF
-    for k in range(cells.first[cell], cells.first[cell + 1]):
-        wall = cells.listed[k]
-        ax, ay, ex, ey = cells.walls[wall, 0], cells.walls[wall, 1], cells.walls[wall, 2], cells.walls[wall, 3]
-        rx, ry = ax - x, ay - y
-        t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
-        along = (t * dx - rx) * ex + (t * dy - ry) * ey
-        meets = (t >= _ZERO) & (along >= cells.walls[wall, 4]) & (along <= cells.walls[wall, 5])
-        best = t if meets & (t < best) else best
-    return best, to_x, to_y
-
-
-@compiled
-def _less(a: Single, b: Single) -> Single:
-    return a if a < b else b

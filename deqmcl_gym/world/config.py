@@ -186,8 +186,8 @@ def _floor_plan(given: Any) -> Map:
     names = ("outer", "obstacles", "unit")
     if not isinstance(given, Mapping):
         raise InputError(
-            f"floor_plan is {given!r}, but must be a map, the path of a map's yaml file, or a mapping "
-            f"of {', '.join(names)}, or of file and unknown."
+            f"floor_plan is {given!r}, but must be a map, the path of a map's yaml file, or a "
+            f"mapping of {', '.join(names)}, or of file and unknown."
         )
     in_file = "file" in given
     for key in given:

@@ -94,8 +94,8 @@ def mid_corridor(floor_plan: Map) -> Floats:
     """
     if not isinstance(floor_plan, PolygonMap):
         raise InputError(
-            "lap.waypoints is None, but only a floor plan of polygons has a lap of its own: give the "
-            "corners of a closed path through free space."
+            "lap.waypoints is None, but only a floor plan of polygons has a lap of its own: give "
+            "the corners of a closed path through free space."
         )
     outer, px = np.array(floor_plan.outer), pixel(floor_plan.unit)
     if not floor_plan.obstacles:

@@ -100,11 +100,12 @@ class Drawing:
 
     def _cells(self, floor_plan: GridMap) -> None:
         occupancy = floor_plan.occupancy
-        kinds = [occupancy < 0, occupancy >= 100 * floor_plan.occupied_thresh]
-        shades = np.select(kinds, [PALE[0], BLACK[0]], 255).astype(np.uint8)
+        occupied = occupancy >= 100 * floor_plan.occupied_thresh
+        shades: Image = np.full(occupancy.shape, 255, np.uint8)
+        shades[occupancy < 0], shades[occupied] = PALE[0], BLACK[0]
         wide = math.ceil(1 / (self.view.per_length * floor_plan.resolution))
         if wide > 1:  # cells of an image pixel: the darkest one counts, so that no wall is lost
-            shades = cv2.erode(shades, np.ones((wide, wide), np.uint8))
+            shades = np.asarray(cv2.erode(shades, np.ones((wide, wide), np.uint8)), np.uint8)
         corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
         placed = self.view.pixels(floor_plan.placed(corners + 0.5)) - 0.5  # centres of these cells
         move = cv2.getAffineTransform(corners.astype(np.float32), placed.astype(np.float32))
