@@ -14,10 +14,9 @@ from deqmcl_gym.maps import grid_file, grid_kernels, grid_walls, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box
-from deqmcl_gym.maps.polygon_map import driven
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
@@ -157,18 +156,6 @@ class GridMap:
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
         return ~self._feasible(_rows(starts, 2), _rows(ends, 2), radius)
-
-    def rolled_out(
-        self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        """See ``Map.rolled_out``."""
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.zeros(poses.shape[1], np.int32)
-        for step, (distances, turns) in enumerate(moves):
-            after = driven(poses, distances, turns)
-            hits += ~self._feasible(poses, after, radius)
-            poses = paths[min(step, kept - 1)] = after
-        return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""

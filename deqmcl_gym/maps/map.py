@@ -4,7 +4,7 @@ from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 
@@ -76,22 +76,6 @@ class Map(Protocol):
 
         Returns:
             (n,).
-        """
-        ...
-
-    def rolled_out(
-        self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last alone.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
         """
         ...
 

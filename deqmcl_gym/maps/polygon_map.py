@@ -87,7 +87,17 @@ class PolygonMap:
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """See ``Map.rolled_out``."""
+        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
+
+        Args:
+            poses: rows x, y, θ, (3, n) float32.
+            moves: distances and turns of each step, (F, 2, n) float32.
+            radius: of the disc.
+            kept: F to return the poses after each step, 1 for those after the last alone.
+
+        Returns:
+            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        """
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)

@@ -179,7 +179,7 @@ class World:
 
 
 def _floor_plan(given: Any) -> Map:
-    if isinstance(given, Map):
+    if isinstance(given, PolygonMap | GridMap):
         return given
     if isinstance(given, str | os.PathLike):
         return GridMap.load(given)
