@@ -21,7 +21,7 @@ OVERLAP = 5e-4
 MARGIN = 0.05
 # From here on, walking through cells is faster than trying all walls (each box counts as one).
 # `deqmcl speed` measures both sides of it: rays against segments.
-MANY_WALLS = 64
+MANY_WALLS = 192
 # Below, lanes over the beams of each pose are faster than lanes over the poses.
 FEW_POSES = 8
 
