@@ -7,9 +7,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps import grid_walls, kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.clearance import clearance_of
+from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
@@ -56,6 +57,19 @@ class PolygonMap:
                 "the floor plan has no free space: its obstacles fill the outer wall; "
                 "give smaller obstacles or a larger outer wall."
             )
+
+    @classmethod
+    def from_grid(cls, grid: GridMap) -> "PolygonMap":
+        """Return the largest open region of a map of cells, its outline and what stands in it.
+
+        Exact, corner by corner. Regions that are walled off from it count as solid.
+        """
+        rows, columns = grid.solid.shape
+        corners = np.stack(np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)), axis=-1)
+        cells = grid.placed(corners.reshape(-1, 2)).reshape(rows + 1, columns + 1, 2)
+        outer, obstacles = grid_walls.polygons_of(grid_walls.faces_of(grid.solid), cells)
+        solid = tuple(obstacle.tolist() for obstacle in obstacles)
+        return cls(outer=outer.tolist(), obstacles=solid, unit=grid.unit)
 
     @cached_property
     def bounds(self) -> Box:

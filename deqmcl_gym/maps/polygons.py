@@ -10,6 +10,7 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, array
 
 Polygon = Sequence[tuple[float, float]]
+_BLOCK = 512  # edges held against others at a time
 
 
 def parse_polygon(name: str, polygon: Any, shortest: float) -> tuple[tuple[float, float], ...]:
@@ -65,16 +66,28 @@ def _edges(corners: Floats) -> Floats:
 
 
 def _first_crossing(edges: Floats) -> tuple[int, int] | None:
-    start, along = edges[:, :2], edges[:, 2:] - edges[:, :2]
+    """Return the numbers of two edges that cross; each is held against those beside it alone."""
+    x = np.sort(edges[:, [0, 2]], axis=1)
+    order = np.argsort(x[:, 0], kind="stable")
+    found: list[tuple[int, int]] = []
+    for start in range(0, len(edges), _BLOCK):
+        block = order[start : start + _BLOCK]
+        beside = order[start:][x[order[start:], 0] <= x[block, 1].max()]
+        apart = _sides(edges[block], edges[beside])
+        straddles = _sides(edges[beside], edges[block]).T
+        first, second = np.nonzero((apart < 0) & (straddles < 0))
+        pairs = np.sort(np.column_stack([block[first], beside[second]]), axis=1)
+        found += [(i, j) for i, j in pairs.tolist()]
+    return min(found, default=None)
+
+
+def _sides(lines: Floats, edges: Floats) -> Floats:
+    """Whether edge j (column) straddles the line of edge i (row): below 0 if it does."""
+    start, along = lines[:, None, :2], lines[:, None, 2:] - lines[:, None, :2]
 
     def side(points: Floats) -> Floats:
-        """Which side of edge i (row) point j (column) lies on."""
-        offset = points[None] - start[:, None]
-        cross = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
-        signs: Floats = np.sign(cross)
-        return signs
+        offset = points[None] - start
+        return np.sign(along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0])
 
-    apart = side(edges[:, :2]) * side(edges[:, 2:])  # [i, j] < 0: edge j straddles the line of i
-    crosses = (apart < 0) & (apart.T < 0)
-    first, second = np.nonzero(np.triu(crosses, k=1))
-    return (int(first[0]), int(second[0])) if first.size else None
+    apart: Floats = side(edges[:, :2]) * side(edges[:, 2:])
+    return apart
