@@ -4,12 +4,22 @@
 >>> env = gym.make("deqmcl_gym/Room-v0")
 """
 
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.registration import ENV_ID, register
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
 
 __version__ = "0.1.0"  # its only home: pyproject.toml reads it here
 
-__all__ = ["ENV_ID", "Driver", "Lap", "Lidar", "MotionNoise", "PolygonMap", "Robot", "Start"]
+__all__ = [
+    "ENV_ID",
+    "Driver",
+    "GridMap",
+    "Lap",
+    "Lidar",
+    "MotionNoise",
+    "PolygonMap",
+    "Robot",
+    "Start",
+]
 
 register()

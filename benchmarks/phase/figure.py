@@ -28,7 +28,7 @@ from benchmarks.phase.panels import (
     number_fields,
 )
 from benchmarks.phase.precession import Lap
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Map
 
 _MASS = "mean mass in the field"
 _DISTANCE = "RMS distance of belief and truth (px)"
@@ -42,9 +42,7 @@ _STYLE: Any = {
 }
 
 
-def phase_figure(
-    laps: Sequence[Lap], fields: PlaceFields, floor_plan: PolygonMap, title: str
-) -> bytes:
+def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, title: str) -> bytes:
     """Return the figure as PNG: the perfect queue's lap with the map, then a row per method."""
     perfect = laps[0]
     with mpl.rc_context(_STYLE):

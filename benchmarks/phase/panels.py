@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle, Polygon
 
 from benchmarks.phase.cycles import Cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.precession import Precession
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
 
 # After Okabe & Ito (2008): told apart under every common colour blindness.
@@ -79,11 +80,15 @@ def draw_table(axes: Axes, cycles: Cycles, farthest: float) -> Any:
     return image
 
 
-def draw_map(axes: Axes, fields: PlaceFields, floor_plan: PolygonMap) -> None:
+def draw_map(axes: Axes, fields: PlaceFields, floor_plan: Map) -> None:
     """The room and the numbered fields."""
-    axes.add_patch(Polygon(floor_plan.outer, facecolor="white", edgecolor=INK, linewidth=1.4))
-    for corners in floor_plan.obstacles:
-        axes.add_patch(Polygon(corners, facecolor="#bbbbbb", edgecolor=INK, linewidth=1.0))
+    if isinstance(floor_plan, PolygonMap):
+        axes.add_patch(Polygon(floor_plan.outer, facecolor="white", edgecolor=INK, linewidth=1.4))
+        for corners in floor_plan.obstacles:
+            axes.add_patch(Polygon(corners, facecolor="#bbbbbb", edgecolor=INK, linewidth=1.0))
+    else:
+        walls = floor_plan.walls.reshape(-1, 2, 2)
+        axes.add_collection(LineCollection(list(walls), colors=INK, linewidths=0.5))
     colors = _colors(len(fields))
     for place, ((x, y), color) in enumerate(zip(fields.centres.tolist(), colors, strict=True)):
         axes.add_patch(Circle((x, y), fields.radius, facecolor=color, edgecolor="none"))

@@ -13,6 +13,7 @@ from deqmcl_gym.validation import part
 from localizers.naming.digests import digest_of
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
+_MAP_FILES = ("floor_plan", "floor_plan.file")
 
 
 def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenario:
@@ -32,7 +33,7 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
         prior = documents.dotted("prior", given.get("prior", {}))
         assumed = documents.dotted("assumed", given.get("assumed", {}))
         changed = base.changed(
-            world=documents.dotted("env", given.get("env", {})),
+            world=_beside(path, documents.dotted("env", given.get("env", {}))),
             assumed=assumed | {f"prior.{key}": value for key, value in prior.items()},
         )
         return replace(
@@ -42,6 +43,13 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
             source=sha256(f"{base.source}{digest_of(path, _texts(given))}".encode()).hexdigest(),
         )
+
+
+def _beside(path: Path, world: dict[str, Any]) -> dict[str, Any]:
+    """Make the path of a map absolute, from the file's folder; ~ is the home folder."""
+    names = {name for name in _MAP_FILES if isinstance(world.get(name), str)}
+    files = {name: str(path.parent.absolute() / Path(world[name]).expanduser()) for name in names}
+    return world | files
 
 
 def _texts(value: Any) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.speed.timing import Job
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Reals, Singles
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, RobotModel
 
@@ -21,7 +21,7 @@ PLANNED = 100  # actions that a localizer is shown: the mean over a lap that cou
 Update = Callable[[Reals, Reals, Reals], object]  # one step on, by scan, action and plan
 
 
-def free_poses(floor_plan: PolygonMap, n: int, radius: float = 0.1) -> Singles:
+def free_poses(floor_plan: Map, n: int, radius: float = 0.1) -> Singles:
     """Draw poses uniformly from where a robot of ``radius`` fits, always the same ones, (n, 3)."""
     rng = np.random.default_rng(0)
     x0, y0, x1, y1 = floor_plan.bounds

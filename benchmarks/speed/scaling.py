@@ -1,17 +1,14 @@
 """How rays and steps grow with the map, the particles, the beams and the queue."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.speed import rays
+from benchmarks.speed.buildings import pillared_room
 from benchmarks.speed.figure import in_unit
 from benchmarks.speed.lap import BEAMS
 from benchmarks.speed.steps import FEW, numpy_job, our_job
 from benchmarks.speed.timing import Effort, Job, rates
-from deqmcl_gym.maps import PolygonMap
 
 POSES = 2_000
 _SEGMENTS = (8, 16, 32, 64, 128, 256, 512)
@@ -63,20 +60,6 @@ def scaled(chosen: Sequence[Curve], effort: Effort) -> Iterator[Scaling]:
     for curve in chosen:
         seen = rates([curve.job(value) for value in curve.values], effort)
         yield curve, [in_unit(rate, curve.unit) for rate in seen]
-
-
-def pillared_room(segments: int) -> PolygonMap:
-    """Return a square room of 400 px with oblique square pillars: 4 walls each and 4 around."""
-    pillars = segments // 4 - 1
-    side = math.ceil(math.sqrt(pillars))
-    spacing = 400 / side
-    corners = np.deg2rad(17 + 90 * np.arange(4))
-    square = spacing / 4 * np.column_stack([np.cos(corners), np.sin(corners)])
-    centres = [(spacing * (i % side + 0.5), spacing * (i // side + 0.5)) for i in range(pillars)]
-    return PolygonMap(
-        outer=((0, 0), (400, 0), (400, 400), (0, 400)),
-        obstacles=tuple((square + centre).tolist() for centre in centres),
-    )
 
 
 def _rays_among(segments: int) -> Job:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.envs.info import RoomInfo
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
 from deqmcl_gym.world.course import check_free
 from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.path import Pose
-from deqmcl_gym.world.physics import Walls
+from deqmcl_gym.world.physics import contacts_of
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream
@@ -39,7 +39,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         self,
         *,
         preset: str = "paper",
-        floor_plan: PolygonMap | dict[str, Any] | None = None,
+        floor_plan: Map | dict[str, Any] | str | None = None,
         lidar: Lidar | dict[str, Any] | None = None,
         robot: Robot | dict[str, Any] | None = None,
         noise: MotionNoise | dict[str, Any] | None = None,
@@ -54,7 +54,8 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
         Args:
             preset: name of the world to start from.
-            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m".
+            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m";
+                or the path of a ROS map's yaml file.
             lidar: beams, field of view, range and noise.
             robot: radius and largest action.
             noise: motion noise of the world.
@@ -73,7 +74,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         )  # fmt: skip
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
-        self._walls = Walls(self.world)
+        self._walls = contacts_of(self.world)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
             setting.drawing()  # refuses a room too large for a picture

@@ -22,7 +22,7 @@ class Rooms:
             walls=kernels.sides(world.floor_plan.walls),
             radius=world.body,
             skin=world.skin,
-            reach=world.floor_plan.reach,
+            reach=world.reach,
             edges=course.path.edges,
             length=course.path.length,
             once_round=setting.once_round,

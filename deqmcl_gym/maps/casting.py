@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ OVERLAP = 5e-4
 MARGIN = 0.05
 # From here on, walking through cells is faster than trying all walls (each box counts as one).
 # `deqmcl speed` measures both sides of it: rays against segments.
-MANY_WALLS = 64
+MANY_WALLS = 192
 # Below, lanes over the beams of each pose are faster than lanes over the poses.
 FEW_POSES = 8
 
@@ -57,12 +58,16 @@ class CellByCell:
     """Each ray against the walls in the cells it crosses."""
 
     outer: Singles
-    walls: Singles
     cells: Cells
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        ray_kernels.cast_through(poses, bearings, self.outer, self.walls, self.cells, out)
+        (x, y), side, _ = self.cells
+        ray_kernels.cast_through(poses, bearings, self.outer, self._table, (x, y, side), out)
+
+    @cached_property
+    def _table(self) -> tuple[Any, ...]:
+        return tuple(self.cells.table)
 
 
 def caster_of(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> Caster:
@@ -97,8 +102,8 @@ def all_at_once(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllA
 def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> CellByCell:
     """Sort walls into cells."""
     walls = _edges([outer, *obstacles])
-    directed, cells = _directed(walls, OVERLAP * px), cells_of(walls, MARGIN * px)
-    return CellByCell(outer=_outer(outer), walls=directed, cells=cells)
+    cells = cells_of(walls, _directed(walls, OVERLAP * px), MARGIN * px)
+    return CellByCell(outer=_outer(outer), cells=cells)
 
 
 def _outer(polygon: Polygon) -> Singles:

@@ -4,7 +4,7 @@ from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics.types import Bools, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Point = tuple[float, float]
@@ -49,6 +49,14 @@ class Map(Protocol):
     @property
     def local(self) -> "Map":
         """The same map with (0, 0) at its datum: for float32 poses seen from there."""
+        ...
+
+    @property
+    def walls(self) -> Floats:
+        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
+
+        For physics and drawing; estimators have no use for it.
+        """
         ...
 
     @property

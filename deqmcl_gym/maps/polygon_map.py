@@ -7,9 +7,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import kernels, laid_kernels
+from deqmcl_gym.maps import grid_walls, kernels, laid_kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.clearance import clearance_of
+from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Box, Caster, Point
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
@@ -57,6 +58,19 @@ class PolygonMap:
                 "give smaller obstacles or a larger outer wall."
             )
 
+    @classmethod
+    def from_grid(cls, grid: GridMap) -> "PolygonMap":
+        """Return the largest open region of a map of cells, its outline and what stands in it.
+
+        Exact, corner by corner. Regions that are walled off from it count as solid.
+        """
+        rows, columns = grid.solid.shape
+        corners = np.stack(np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)), axis=-1)
+        cells = grid.placed(corners.reshape(-1, 2)).reshape(rows + 1, columns + 1, 2)
+        outer, obstacles = grid_walls.polygons_of(grid_walls.faces_of(grid.solid), cells)
+        solid = tuple(obstacle.tolist() for obstacle in obstacles)
+        return cls(outer=outer.tolist(), obstacles=solid, unit=grid.unit)
+
     @cached_property
     def bounds(self) -> Box:
         """See ``Map.bounds``."""
@@ -64,17 +78,8 @@ class PolygonMap:
         return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
 
     @cached_property
-    def reach(self) -> float:
-        """A length that no straight drive or beam within the outer wall has."""
-        x0, y0, x1, y1 = self.bounds
-        return 2 * (x1 - x0 + y1 - y0)
-
-    @cached_property
     def walls(self) -> Floats:
-        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
-
-        For physics and drawing; estimators have no use for it.
-        """
+        """See ``Map.walls``."""
         solid = [oriented_edges(polygon, solid=True) for polygon in self.obstacles]
         return np.vstack([oriented_edges(self.outer, solid=False), *solid])
 

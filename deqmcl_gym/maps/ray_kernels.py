@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.cells import Cells
 from deqmcl_gym.maps.kernels import wind
+from deqmcl_gym.maps.stride_kernels import Table, cast_among
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 from deqmcl_gym.numerics.types import Bools, Singles
@@ -304,48 +304,31 @@ def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], ou
 
 @compiled
 def cast_through(
-    poses: Singles, bearings: Singles, outer: Singles, walls: Singles, cells: Cells, out: Singles
+    poses: Singles,
+    bearings: Singles,
+    outer: Singles,
+    table: tuple[Any, ...],
+    place: tuple[float, float, float],
+    out: Singles,
 ) -> None:
     """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
 
-    Amanatides & Woo 1987. A ray at a time: its cost is that of the cells it crosses, not of all
-    walls. NaN outside the outer wall.
+    A ray's cost is that of the cells it comes through, not of all walls. NaN outside the outer
+    wall.
 
     Args:
         poses: rows x, y, θ, (3, n).
         bearings: of the beams against the heading, (B,) rad.
         outer: the outer wall, as in :class:`AllWalls`.
-        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6), as ``oblique`` there.
-        cells: of ``walls``.
+        table: a ``Table``, as a plain tuple: numba takes it faster.
+        place: of its lower left corner (x, y), and a cell's side.
         out: (B, n).
     """
-    columns, side = cells.columns, cells.side
-    rows = (cells.first.size - 1) // columns
-    per_side = _ONE / side
-    for i in range(poses.shape[1]):
-        px, py = poses[0, i] - cells.corner[0], poses[1, i] - cells.corner[1]
-        column_i, row_i = int(np.floor(px * per_side)), int(np.floor(py * per_side))
-        within = (column_i >= 0) & (column_i < columns) & (row_i >= 0) & (row_i < rows)
-        for beam in range(bearings.size):
-            angle = poses[2, i] + bearings[beam]
-            dx, dy = cos32(angle), sin32(angle)
-            per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
-            per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
-            column, row, best = column_i, row_i, _INF
-            walking = within
-            while walking:
-                cell = row * columns + column
-                for k in range(cells.first[cell], cells.first[cell + 1]):
-                    ax, ay, ex, ey, low, high = walls[cells.walls[k]]
-                    best = _meet(ax, ay, ex, ey, low, high, poses[0, i], poses[1, i], dx, dy, best)
-                ahead_x = np.float32(column + (1 if per_dx > _ZERO else 0)) * side
-                ahead_y = np.float32(row + (1 if per_dy > _ZERO else 0)) * side
-                to_x, to_y = (ahead_x - px) * per_dx, (ahead_y - py) * per_dy
-                if to_x < to_y:
-                    column += 1 if per_dx > _ZERO else -1
-                else:
-                    row += 1 if per_dy > _ZERO else -1
-                walking = (best > min(to_x, to_y)) & (column >= 0) & (column < columns)
-                walking = walking & (row >= 0) & (row < rows)
-            out[beam, i] = best
+    n = poses.shape[1]
+    u, v = np.empty(n, np.float32), np.empty(n, np.float32)
+    x0, y0, side = place
+    for i in range(n):
+        u[i] = (np.float64(poses[0, i]) - x0) / side
+        v[i] = (np.float64(poses[1, i]) - y0) / side
+    cast_among(u, v, poses[2], bearings, Table(*table), np.float32(side), out)
     _blind(_enclosed(poses, outer), out)

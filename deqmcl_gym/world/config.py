@@ -4,6 +4,7 @@ Lengths are in the map's unit, angles in rad. The defaults are those of the pape
 """
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
 
@@ -135,7 +136,7 @@ class World:
     Without a driver the plan is the lap, the same at every step.
     """
 
-    floor_plan: PolygonMap
+    floor_plan: Map
     lidar: Lidar = field(default_factory=Lidar)
     robot: Robot = field(default_factory=Robot)
     noise: MotionNoise = field(default_factory=MotionNoise)
@@ -158,6 +159,12 @@ class World:
         coarse = float(np.spacing(np.float32(2 * max(x1 - x0, y1 - y0))))
         return max(SKIN * self.pixel, 4 * coarse)
 
+    @cached_property
+    def reach(self) -> float:
+        """A length that no straight drive has without contact."""
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        return 2 * (x1 - x0 + y1 - y0)
+
     @property
     def body(self) -> float:
         """Radius of what meets the walls: the robot's, or the skin, that it is seen inside."""
@@ -166,7 +173,8 @@ class World:
     def changed(self, **parts: Any) -> "World":
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.
 
-        A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``.
+        A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``,
+        ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of such a file.
         If its unit is another one, the parts of this world are converted to it, then changed.
         Changes to a driver that the world does not have are changes to ``Driver()``, and
         ``driver="none"`` takes it away.
@@ -187,22 +195,28 @@ class World:
             changes[name] = part(name, type(old), value, old)
         return replace(world, **changes)
 
-    def _moved_to(self, floor_plan: PolygonMap) -> "World":
+    def _moved_to(self, floor_plan: Map) -> "World":
         factor = pixel(floor_plan.unit) / self.pixel
         world = self if factor == 1 else scaled(self, factor)
         return replace(world, floor_plan=floor_plan)
 
 
-def _floor_plan(given: Any) -> PolygonMap:
-    if isinstance(given, PolygonMap):
+def _floor_plan(given: Any) -> Map:
+    if isinstance(given, PolygonMap | GridMap):
         return given
+    if isinstance(given, str | os.PathLike):
+        return GridMap.load(given)
     names = ("outer", "obstacles", "unit")
     if not isinstance(given, Mapping):
         raise InputError(
-            f"floor_plan is {given!r}, but must be a PolygonMap or a mapping of {', '.join(names)}."
+            f"floor_plan is {given!r}, but must be a map, the path of a map's yaml file, or a "
+            f"mapping of {', '.join(names)}, or of file and unknown."
         )
+    in_file = "file" in given
     for key in given:
-        one_of("key in floor_plan", key, names)
+        one_of("key in floor_plan", key, ("file", "unknown") if in_file else (*names, "file"))
+    if in_file:
+        return GridMap.load(given["file"], given.get("unknown", "obstacle"))
     return PolygonMap(**{"outer": None, **given})
 
 

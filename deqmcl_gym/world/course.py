@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.elementary import atan2_64
@@ -91,13 +91,18 @@ def path_of(world: World) -> Path:
     return path
 
 
-def mid_corridor(floor_plan: PolygonMap) -> Floats:
+def mid_corridor(floor_plan: Map) -> Floats:
     """Corners of a counterclockwise path half-way between the obstacles and the outer wall, (k, 2).
 
     From each corner of the obstacles' convex hull, half the way outwards along the bisector. In a
     plan without obstacles the hull is a point in the middle and the bisectors lead to the outer
     wall's corners.
     """
+    if not isinstance(floor_plan, PolygonMap):
+        raise InputError(
+            "lap.waypoints is None, but only a floor plan of polygons has a lap of its own: give "
+            "the corners of a closed path through free space."
+        )
     outer, px = np.array(floor_plan.outer), pixel(floor_plan.unit)
     if not floor_plan.obstacles:
         middle = (outer.min(axis=0) + outer.max(axis=0)) / 2

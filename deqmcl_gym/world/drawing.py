@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
@@ -23,6 +23,8 @@ PINK: Color = (240, 90, 160)
 LIGHT_BLUE: Color = (90, 180, 240)
 
 MAX_SIDE = 8_192  # pixels: 200 MB
+_OF_CELLS = 480  # times the scale: pixels to a side of a map of cells, at most
+_LEAST = 3.0  # pixels: a robot's radius
 _SHIFT = 4  # OpenCV's fractional bits: sixteenths of a pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -33,11 +35,12 @@ class View:
 
     Attributes:
         floor_plan: what is looked at.
-        scale: image pixels per px; per 0.02 m of a floor plan in metres.
+        scale: image pixels per px; per 0.02 m of a floor plan in metres. Of a map of cells, which
+            may be a whole building, less: 480 times the scale is the most to a side.
         margin: around the outer wall, image pixels.
     """
 
-    floor_plan: PolygonMap
+    floor_plan: Map
     scale: float = 2.0
     margin: int = 8
 
@@ -60,7 +63,11 @@ class View:
     @property
     def per_length(self) -> float:
         """Image pixels per length of the floor plan's unit."""
-        return self.scale / pixel(self.floor_plan.unit)
+        per_length = self.scale / pixel(self.floor_plan.unit)
+        if not isinstance(self.floor_plan, GridMap):
+            return per_length
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        return min(per_length, _OF_CELLS * self.scale / max(x1 - x0, y1 - y0))
 
     def pixels(self, points: ArrayLike) -> Floats:
         """Image coordinates (column, row) of points, (n, 2); further columns are ignored."""
@@ -74,16 +81,38 @@ class Drawing:
     """A picture in the making; every method draws onto it and returns it."""
 
     def __init__(self, view: View) -> None:
-        """Begin with the empty floor plan: black walls, pale obstacles."""
+        """Begin with the empty floor plan: black walls, pale obstacles and unknown cells."""
         self.view = view
         width, height = view.size
         self.image: Image = np.full((height, width, 3), 255, dtype=np.uint8)
-        thickness = max(1, round(1.5 * view.scale))
-        for obstacle in view.floor_plan.obstacles:
+        if isinstance(view.floor_plan, GridMap):
+            self._cells(view.floor_plan)
+        elif isinstance(view.floor_plan, PolygonMap):
+            self._polygons(view.floor_plan)
+
+    def _polygons(self, floor_plan: PolygonMap) -> None:
+        thickness = max(1, round(1.5 * self.view.scale))
+        for obstacle in floor_plan.obstacles:
             cv2.fillPoly(self.image, [self._fixed(obstacle)], PALE, cv2.LINE_AA, _SHIFT)
-        for polygon in (view.floor_plan.outer, *view.floor_plan.obstacles):
+        for polygon in (floor_plan.outer, *floor_plan.obstacles):
             corners = self._fixed(polygon)
             cv2.polylines(self.image, [corners], True, BLACK, thickness, cv2.LINE_AA, _SHIFT)
+
+    def _cells(self, floor_plan: GridMap) -> None:
+        occupancy = floor_plan.occupancy
+        occupied = occupancy >= 100 * floor_plan.occupied_thresh
+        shades: Image = np.full(occupancy.shape, 255, np.uint8)
+        shades[occupancy < 0], shades[occupied] = PALE[0], BLACK[0]
+        wide = math.ceil(1 / (self.view.per_length * floor_plan.resolution))
+        if wide > 1:  # cells of an image pixel: the darkest one counts, so that no wall is lost
+            shades = np.asarray(cv2.erode(shades, np.ones((wide, wide), np.uint8)), np.uint8)
+        corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+        placed = self.view.pixels(floor_plan.placed(corners + 0.5)) - 0.5  # centres of these cells
+        move = cv2.getAffineTransform(corners.astype(np.float32), placed.astype(np.float32))
+        height, width = self.image.shape[:2]
+        flags = cv2.INTER_NEAREST
+        drawn = cv2.warpAffine(shades, move, (width, height), flags=flags, borderValue=PALE[0])
+        self.image[:] = drawn[:, :, None]
 
     def points(self, points: ArrayLike, color: Color, size: int = 3) -> "Drawing":
         """Draw a cloud of square dots, ``size`` image pixels wide; those outside are left out."""
@@ -117,7 +146,7 @@ class Drawing:
         x, y, heading = np.asarray(pose, dtype=np.float64)
         nose = (x + radius * math.cos(heading), y + radius * math.sin(heading))
         centre, tip = self._fixed([(x, y), nose]).tolist()
-        disc = round(radius * self.view.per_length * 2**_SHIFT)
+        disc = round(max(radius * self.view.per_length, _LEAST) * 2**_SHIFT)
         cv2.circle(self.image, centre, disc, color, -1, cv2.LINE_AA, _SHIFT)
         cv2.circle(self.image, centre, disc, BLACK, 1, cv2.LINE_AA, _SHIFT)
         cv2.line(self.image, centre, tip, BLACK, 2, cv2.LINE_AA, _SHIFT)

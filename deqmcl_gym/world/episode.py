@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.world.path import Pose, wrapped
-from deqmcl_gym.world.physics import Physics, Walls
+from deqmcl_gym.world.physics import Contacts, Physics
 from deqmcl_gym.world.plan import Plan
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
@@ -23,7 +23,7 @@ class Episode:
         scan: the last one, (B,).
     """
 
-    def __init__(self, setting: Setting, walls: Walls, *, seed: int, number: int) -> None:
+    def __init__(self, setting: Setting, walls: Contacts, *, seed: int, number: int) -> None:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:

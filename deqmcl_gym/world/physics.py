@@ -1,10 +1,12 @@
-"""The pymunk world: static walls, and where a disc that drives among them touches one."""
+"""Where a disc that drives among walls touches one: polygons by pymunk, cells by their own test."""
 
 import math
+from typing import Protocol
 
 import numpy as np
 import pymunk
 
+from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
@@ -12,6 +14,52 @@ from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Point
 
 _WALLS = pymunk.ShapeFilter()  # nothing else is in the space
+
+
+class Contacts(Protocol):
+    """The walls of a floor plan as a disc meets them."""
+
+    @property
+    def skin(self) -> float:
+        """How far before a contact a disc stops."""
+        ...
+
+    @property
+    def reach(self) -> float:
+        """A length that no drive has without contact."""
+        ...
+
+    def gap(self, centre: Point) -> float:
+        """How far the disc's rim is from the nearest wall, negative if they overlap."""
+        ...
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        ...
+
+
+def contacts_of(world: World) -> Contacts:
+    """Return the walls of a world as its robot meets them."""
+    if isinstance(world.floor_plan, GridMap):
+        return Cells(world.floor_plan, world)
+    assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
+    return Walls(world.floor_plan, world)
+
+
+class Cells:
+    """The solid cells of a grid as a disc meets them: by the arithmetic of ``GridMap.collides``."""
+
+    def __init__(self, floor_plan: GridMap, world: World) -> None:
+        self._floor_plan, self._radius = floor_plan, world.body
+        self.skin, self.reach = world.skin, world.reach
+
+    def gap(self, centre: Point) -> float:
+        """See ``Contacts``."""
+        return float(self._floor_plan.distance([centre])[0]) - self._radius
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """See ``Contacts``."""
+        return self._floor_plan.first_contact(start, end, self._radius)
 
 
 class Walls:
@@ -23,15 +71,12 @@ class Walls:
 
     Attributes:
         space: all walls as static segments; nothing is ever inside an obstacle.
-        skin: how far before a contact a disc stops.
-        reach: a length that no drive has without contact.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, floor_plan: PolygonMap, world: World) -> None:
         """Build the space; it never changes."""
-        floor_plan, radius = world.floor_plan, world.body
-        self.space, self.skin = pymunk.Space(), world.skin
-        self.reach = floor_plan.reach
+        self.space, radius = pymunk.Space(), world.body
+        self.skin, self.reach = world.skin, world.reach
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]
         outlines += [oriented_edges(obstacle, solid=True) for obstacle in floor_plan.obstacles]
@@ -45,13 +90,13 @@ class Walls:
         self.space.add(*(shapes[i] for i in shuffled))
 
     def gap(self, centre: Point) -> float:
-        """How far the disc's rim is from the nearest wall, negative if they overlap."""
+        """See ``Contacts``."""
         nearest = self.space.point_query_nearest(centre, math.inf, _WALLS)
         assert nearest is not None  # a room has walls
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        """See ``Contacts``."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
 
@@ -64,7 +109,7 @@ class Physics:
         position: of the disc's centre; :meth:`place` sets it.
     """
 
-    def __init__(self, walls: Walls, position: Point) -> None:
+    def __init__(self, walls: Contacts, position: Point) -> None:
         """Put the disc somewhere."""
         self.walls = walls
         self.place(position)

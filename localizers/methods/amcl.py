@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
@@ -173,7 +173,8 @@ def amcl(
         sigma_hit: a length; None takes the robot's scan model's sigma.
         lambda_short: per length; None is 1 / max_range.
         laser_likelihood_max_dist: a length; None is 10 sigma_hit.
-        field_cell: edge of a cell of the table of distances; None is 1 px, or 0.02 m.
+        field_cell: edge of a cell of the table of distances; None is the map's own cell, or where
+            it has none 1 px, or 0.02 m.
     """
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)
@@ -208,7 +209,7 @@ def amcl(
             sigma=sigma,
             hit=z_hit / (z_hit + z_rand),
             farthest=10 * sigma if laser_likelihood_max_dist is None else laser_likelihood_max_dist,
-            cell=px if field_cell is None else field_cell,
+            cell=_field_cell(plan) if field_cell is None else field_cell,
         )
     return AdaptiveLocalizer(
         robot,
@@ -233,6 +234,10 @@ def _sigma(robot: RobotModel, sigma_hit: float | None) -> float:
             f"sigma_hit is None, but the scan model {robot.scan!r} has no sigma: give sigma_hit."
         )
     return number("sigma_hit", given, low=0, above=True)
+
+
+def _field_cell(floor_plan: Map) -> float:
+    return floor_plan.resolution if isinstance(floor_plan, GridMap) else pixel(floor_plan.unit)
 
 
 def _unused_beams(lidar: Lidar, most: int) -> Bools:

@@ -1,71 +1,16 @@
-"""The compiled inner loops of the likelihood field: distances to walls on a grid, and look-ups."""
+"""The compiled inner loop of the likelihood field."""
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, logs64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.models.beam_kernels import fold
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
-
-
-@compiled
-def _lower_envelope(
-    heights: Floats, centres: NDArray[np.int64], edges: Floats, out: Floats
-) -> None:
-    """out[q] = min_p (q - p)² + heights[p], by the lower envelope of the parabolas."""
-    n = heights.size
-    last = -1
-    for q in range(n):
-        if not heights[q] < np.inf:
-            continue
-        edge = -np.inf
-        while last >= 0:
-            p = centres[last]
-            edge = ((heights[q] + q * q) - (heights[p] + p * p)) / (2.0 * (q - p))
-            if edge > edges[last]:
-                break
-            last -= 1
-        last += 1
-        centres[last] = q
-        edges[last] = edge if last > 0 else -np.inf
-    if last < 0:
-        out[:] = np.inf
-        return
-    k = 0
-    for q in range(n):
-        while k < last and edges[k + 1] < q:
-            k += 1
-        out[q] = (q - centres[k]) * (q - centres[k]) + heights[centres[k]]
-
-
-@compiled
-def distances(walls: Bools, cell: float, out: Singles) -> None:
-    """Fill in each cell's distance to the nearest wall cell, centre to centre, (Y, X) px.
-
-    The exact Euclidean distance transform of Felzenszwalb & Huttenlocher (2012).
-    """
-    rows, columns = walls.shape
-    longest = max(rows, columns)
-    squares = np.empty((rows, columns))
-    centres, edges = np.empty(longest, np.int64), np.empty(longest)
-    column, line = np.empty(rows), np.empty(rows)
-    for x in range(columns):
-        for y in range(rows):
-            column[y] = 0.0 if walls[y, x] else np.inf
-        _lower_envelope(column, centres, edges, line)
-        for y in range(rows):
-            squares[y, x] = line[y]
-    row = np.empty(columns)
-    for y in range(rows):
-        _lower_envelope(squares[y], centres, edges, row)
-        for x in range(columns):
-            out[y, x] = cell * np.sqrt(row[x])
 
 
 @compiled

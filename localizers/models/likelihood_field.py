@@ -15,7 +15,6 @@ from localizers.models.scan import outside
 
 _MAX_CELLS = 20_000_000
 _AHEAD = np.zeros(1, np.float32)
-_AXES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,28 +79,10 @@ class LikelihoodField:
 
     @cached_property
     def distances(self) -> Singles:
-        """Distance of each cell's centre to the nearest wall, (Y, X) px.
-
-        Wall cells are those in which a ray from a free cell's centre along an axis meets a wall
-        within 1½ cells: walls border free space, so every wall is met.
-        """
+        """Distance of each cell's centre to the nearest wall, (Y, X)."""
         xs, ys = self._axes
         points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-        free = points[self.floor_plan.free(points)]
-        poses = np.column_stack([free, np.zeros(len(free))])
-        seen = self.floor_plan.ranges(poses, np.arange(4) * (np.pi / 2))
-        walls = np.zeros(self._shape, np.bool_)
-        for (right, up), range_ in zip(_AXES, seen.T.astype(np.float64), strict=True):
-            near = range_ <= 1.5 * self.cell
-            column = (free[near, 0] + right * range_[near] - xs[0]) / self.cell
-            row = (free[near, 1] + up * range_[near] - ys[0]) / self.cell
-            walls[
-                np.clip(np.rint(row).astype(np.intp), 0, ys.size - 1),
-                np.clip(np.rint(column).astype(np.intp), 0, xs.size - 1),
-            ] = True
-        out = np.empty(self._shape, np.float32)
-        field_kernels.distances(walls, self.cell, out)
-        return out
+        return self.floor_plan.distance(points).reshape(self._shape)
 
     @cached_property
     def _shares(self) -> tuple[float, float]:

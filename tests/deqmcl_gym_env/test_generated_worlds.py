@@ -62,7 +62,7 @@ def test_an_episode_runs_and_many_rooms_say_what_one_says(world, seed):
     assert is_sound(env, scan, 0.0, info)
     if rooms is not None:
         np.testing.assert_array_equal(rooms.reset(seed=seed)[0][0], scan)
-    size = env.floor_plan.reach
+    size = env.world.reach
     for step in range(60):
         low, high = env.action_space.low, env.action_space.high
         action = agent.uniform(low, high).astype(np.float32) if step % 4 == 3 else None

@@ -79,9 +79,7 @@ def test_the_field_is_the_distance_to_the_nearest_wall(cell):
     ys, xs = np.mgrid[:rows, :columns] * cell
     points = np.column_stack([xs.ravel(), ys.ravel()])
     exact = reference.clearance(LOPSIDED.walls, points, points).reshape(rows, columns)
-    # a wall cell holds a wall point, at most half a diagonal (0.71 cells) from its centre; a wall
-    # point whose own cell is none, as in a corner of the room, has one next to it
-    assert np.abs(field.distances - exact).max() <= cell
+    np.testing.assert_allclose(field.distances, exact, rtol=0, atol=1e-3)  # float32 of 700 px
 
 
 def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_nothing():

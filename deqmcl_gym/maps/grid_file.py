@@ -1,0 +1,220 @@
+"""Maps as ROS' map_server reads them and map_saver writes them: a yaml file and an image.
+
+Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError, number, one_of, pose
+
+T = TypeVar("T")
+Cells = NDArray[np.int8]
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+MODES = ("trinary", "scale", "raw")
+_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_WHITE, _GREY, _BLACK = 254, 205, 0  # of map_saver: free, unknown, occupied
+_KEPT = 8  # maps remembered
+_remembered: dict[tuple[Any, ...], Any] = {}
+
+
+def remembered(
+    path: str | os.PathLike[str], unknown: Any, made: Callable[[dict[str, Any]], T]
+) -> T:
+    """Return what is made of a map file, the same as last time if its files have not changed."""
+    yaml_path = Path(os.path.abspath(_path(path)))
+    said = _document(yaml_path)
+    image = _image_path(yaml_path, said)
+    stat = image.stat()
+    key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
+    if key not in _remembered:
+        while len(_remembered) >= _KEPT:
+            del _remembered[next(iter(_remembered))]
+        try:
+            _remembered[key] = made(_read(said, image))
+        except InputError as error:
+            raise InputError(f"the map {yaml_path}: {error}") from None
+    found: T = _remembered[key]
+    return found
+
+
+def check_thresholds(free: Any, occupied: Any) -> None:
+    """Refuse thresholds that are no shares in order."""
+    number("occupied_thresh", occupied, low=0, high=1, above=True)
+    number("free_thresh", free, low=0, high=1)
+    if free >= occupied:
+        raise InputError(
+            f"free_thresh is {free:g} and occupied_thresh is {occupied:g}, but free_thresh must be "
+            "the smaller one."
+        )
+
+
+def write(
+    path: str | os.PathLike[str],
+    mode: str,
+    cells: Cells,
+    *,
+    resolution: float,
+    origin: tuple[float, float, float],
+    thresholds: tuple[float, float],
+) -> None:
+    """Write a yaml file, and an image of its name beside it."""
+    import yaml
+    from PIL import Image
+
+    one_of("mode", mode, MODES)
+    yaml_path = _path(path)
+    image = yaml_path.with_suffix(".png" if mode == "scale" else ".pgm")
+    document = {
+        "image": image.name,
+        "mode": mode,
+        "resolution": float(resolution),
+        "origin": [float(part) for part in origin],
+        "negate": 0,
+        "occupied_thresh": float(thresholds[1]),
+        "free_thresh": float(thresholds[0]),
+    }
+    try:
+        Image.fromarray(_pixels(cells[::-1], mode, *thresholds)).save(image)
+        yaml_path.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None))
+    except OSError as error:
+        raise InputError(
+            f"the map cannot be written to {yaml_path} ({error.strerror or error}): name a file in "
+            "a folder that can be written to."
+        ) from None
+
+
+def _path(given: Any) -> Path:
+    if not isinstance(given, str | os.PathLike) or not str(given).endswith((".yaml", ".yml")):
+        raise InputError(f"the map file is {given!r}, but must be the path of a .yaml file.")
+    return Path(given).expanduser()
+
+
+def _document(path: Path) -> dict[str, Any]:
+    """Read a yaml file; its values are checked."""
+    import yaml
+
+    try:
+        given = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"the map file {path} cannot be read ({error.strerror}): give one that is there."
+        ) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"the map file {path} is no YAML: {error}.") from None
+    if not isinstance(given, Mapping) or (missing := [key for key in _KEYS if key not in given]):
+        what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is no mapping"
+        raise InputError(f"the map file {path} {what}, but needs {', '.join(_KEYS)}.")
+    try:
+        return _checked(given)
+    except InputError as error:
+        raise InputError(f"the map {path}: {error}") from None
+
+
+def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
+    if not isinstance(given["image"], str) or not given["image"]:
+        raise InputError(f"image is {given['image']!r}, but must be the path of an image.")
+    negate = given["negate"]
+    if negate not in (0, 1) or isinstance(negate, float):
+        raise InputError(f"negate is {negate!r}, but must be 0 or 1.")
+    origin = given["origin"]
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise InputError(f"origin is {origin!r}, but must be [x, y, yaw].")
+    said = {key: _number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
+    number("resolution", said["resolution"], low=0, above=True)
+    check_thresholds(said["free_thresh"], said["occupied_thresh"])
+    return {
+        "image": given["image"],
+        "mode": one_of("mode", given.get("mode", "trinary"), MODES),
+        "negate": bool(negate),
+        "origin": pose("origin", [_number(part) for part in origin]),
+        **said,
+    }
+
+
+def _number(value: Any) -> Any:
+    """YAML 1.1, which PyYAML reads, takes 5e-2 for text; 1.2 and ROS take it for a number."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _image_path(yaml_path: Path, said: Mapping[str, Any]) -> Path:
+    image: Path = yaml_path.parent / said["image"]
+    if not image.is_file():
+        raise InputError(
+            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
+        )
+    return image
+
+
+def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:
+    """Return the arguments of a ``GridMap``."""
+    pixels = _pixels_of(image)
+    thresholds = said["free_thresh"], said["occupied_thresh"]
+    cells = _occupancy(pixels, said["mode"], said["negate"], *thresholds)
+    kept = ("resolution", "origin", "occupied_thresh", "free_thresh")
+    return {"occupancy": cells[::-1], **{key: said[key] for key in kept}}
+
+
+def _pixels_of(path: Path) -> Floats:
+    """Read the channels of an image, each in [0, 1], (h, w, c): L, RGB or RGBA."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
+            plain = "RGBA" if "transparency" in image.info else "RGB"
+            mode = {"P": plain, "1": "L", "LA": "RGBA"}.get(image.mode, image.mode)
+            pixels = np.asarray(image.convert(mode))
+    except UnidentifiedImageError:
+        raise InputError(f"the image {path} is neither a pgm, a png nor a bmp.") from None
+    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
+        raise InputError(f"the image {path} is broken: {error}.") from None
+    most = 255 if pixels.dtype == np.uint8 else 65535
+    shades: Floats = pixels.reshape(*pixels.shape[:2], -1) / most
+    return shades
+
+
+def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Cells:
+    """Return the values that map_server gives pixels, in the rows of the image."""
+    channels = shades.shape[2]
+    opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
+    # map_server counts alpha as a colour in this mode
+    colours = channels if mode == "trinary" else min(channels, 3)
+    shade = shades[:, :, :colours].mean(axis=2)
+    if mode == "raw":
+        value = np.rint(255 * shade)
+        return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
+    share = shade if negate else 1 - shade
+    between = np.full(share.shape, float(UNKNOWN))
+    if mode == "scale":
+        scaled = np.rint((share - free) / (occupied - free) * OCCUPIED)
+        between = np.where(opaque, scaled, UNKNOWN)
+    cells = np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, between))
+    if mode == "scale":
+        cells = np.where(opaque, cells, UNKNOWN)
+    return cells.astype(np.int8)
+
+
+def _pixels(cells: Cells, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
+    """Return the image that map_saver makes of cells."""
+    if mode == "raw":
+        return cells.astype(np.uint8)  # -1 becomes 255
+    if mode == "trinary":
+        between = 1 - (free + occupied) / 2
+        grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
+        solid, open_ = cells >= OCCUPIED * occupied, (cells >= FREE) & (cells <= OCCUPIED * free)
+        return np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
+    share = free + cells / OCCUPIED * (occupied - free)
+    shade = np.rint(255 * (1 - share))
+    shade = np.where(cells == FREE, _WHITE, np.where(cells == OCCUPIED, _BLACK, shade))
+    alpha = np.where(cells == UNKNOWN, 0, 255)
+    return np.stack([shade, alpha], axis=2).astype(np.uint8)

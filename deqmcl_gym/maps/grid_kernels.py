@@ -1,0 +1,308 @@
+"""The compiled geometry of cells: rays, swept discs and distances among solid squares.
+
+Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. All but ``distances``
+ask one table, the *reach* of each cell: how many cells away, along an axis or a diagonal, the
+nearest solid one is; 0 is solid. The table has a ring of solid cells around the map, so that
+nothing walks off it, and all cells nearer than the reach of an open one are open too.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.maps.stride_kernels import Reach, cast_among, no_walls
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos32, sin32
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+
+Runs = NDArray[np.int16]
+Scalar = Any  # a float32 or float64 inside a kernel
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_TINY = np.float32(1e-12)
+_NAN = np.float32(np.nan)
+
+
+class Frame(NamedTuple):
+    """From lengths of the map's unit to cells of its table.
+
+    Attributes:
+        x, y: of the lower left corner of the map's first cell.
+        cosine, sine: of the map's yaw.
+        cell: edge of a cell.
+    """
+
+    x: float
+    y: float
+    cosine: float
+    sine: float
+    cell: float
+
+
+@compiled
+def fill_runs(reach: Reach, up: Runs, down: Runs) -> None:
+    """Fill in how many cells above and below the next one of the other kind is.
+
+    The ring is of neither kind.
+    """
+    rows, columns = reach.shape
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            same = row > 1 and (reach[row, column] == 0) == (reach[row - 1, column] == 0)
+            down[row, column] = down[row - 1, column] + 1 if same else 1
+    for row in range(rows - 2, 0, -1):
+        for column in range(1, columns - 1):
+            same = row < rows - 2 and (reach[row, column] == 0) == (reach[row + 1, column] == 0)
+            up[row, column] = up[row + 1, column] + 1 if same else 1
+
+
+@compiled
+def locate(points: Any, frame: tuple[float, ...], us: Any, vs: Any) -> None:
+    """Fill in points (2+, n) in cells of the table; computed in float64, kept as us and vs are."""
+    x0, y0, cosine, sine, cell = frame
+    for i in range(us.size):
+        x, y = np.float64(points[0, i]) - x0, np.float64(points[1, i]) - y0
+        us[i] = (x * cosine + y * sine) / cell + 1.0
+        vs[i] = (y * cosine - x * sine) / cell + 1.0
+
+
+@compiled
+def _on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
+    rows, columns = reach.shape
+    return (u >= 1) & (u < columns - 1) & (v >= 1) & (v < rows - 1)  # all false for NaN
+
+
+@compiled
+def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
+    """Fill in whether points in cells lie in open ones."""
+    for i in range(out.size):
+        out[i] = _on_map(us[i], vs[i], reach) and reach[int(vs[i]), int(us[i])] > 0
+
+
+@compiled
+def cast(
+    poses: Any,
+    bearings: Singles,
+    reach: Reach,
+    frame: tuple[float, ...],
+    yaw: float,
+    out: Singles,
+) -> None:
+    """Fill in the distance along each beam to the nearest face between an open and a solid cell.
+
+    The map's edge is a face, too; NaN for a pose that is not on the map.
+
+    Args:
+        poses: rows x, y, θ, (3, n), float32 or float64.
+        bearings: (B,) rad.
+        reach: of the map's cells.
+        frame: a :class:`Frame`, as a plain tuple: numba takes it faster.
+        yaw: of the map.
+        out: (B, n).
+    """
+    n = poses.shape[1]
+    u, v, headings = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
+    locate(poses, frame, u, v)
+    for i in range(n):
+        headings[i] = np.float32(poses[2, i] - yaw)
+    cast_among(u, v, headings, bearings, no_walls(reach), np.float32(frame[4]), out)
+    for beam in range(out.shape[0]):
+        for i in range(n):
+            if out[beam, i] == _ZERO:
+                angle = headings[i] + bearings[beam]
+                t = _from_within(u[i], v[i], cos32(angle), sin32(angle), reach)
+                out[beam, i] = t * np.float32(frame[4])
+
+
+@compiled
+def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> Scalar:
+    """How far a ray from within solid cells comes to open ones or to the edge; 0 from open ones."""
+    rows, columns = reach.shape
+    if not _on_map(x, y, reach):
+        return _NAN
+    per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
+    per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
+    right, up = (1 if per_dx > _ZERO else -1), (1 if per_dy > _ZERO else -1)
+    column, row, t = int(x), int(y), _ZERO
+    while reach[row, column] == 0 and 0 < column < columns - 1 and 0 < row < rows - 1:
+        to_x = (np.float32(column + (right > 0)) - x) * per_dx
+        to_y = (np.float32(row + (up > 0)) - y) * per_dy
+        if to_x < to_y:
+            column, t = column + right, to_x
+        else:
+            row, t = row + up, to_y
+    return t
+
+
+@compiled
+def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
+    """Fill in whether a disc swept along each path meets no solid cell and stays on the map.
+
+    No point of a path of length d between places a and b away from all solid cells is nearer to
+    them than (a + b - d) / 2; only where the reach leaves it open are the cells looked at.
+
+    Args:
+        starts, ends: rows x and y (further rows are ignored), (2+, n), float32 or float64.
+        reach, frame: as ``cast``.
+        radius: of the disc.
+        out: (n,).
+    """
+    n, size = out.size, radius / frame[4]
+    u, v, to_u, to_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    locate(starts, frame, u, v)
+    locate(ends, frame, to_u, to_v)
+    for i in range(n):
+        out[i] = _on_map(u[i], v[i], reach) & _on_map(to_u[i], to_v[i], reach)
+        if out[i]:
+            before, after = reach[int(v[i]), int(u[i])], reach[int(to_v[i]), int(to_u[i])]
+            du, dv = to_u[i] - u[i], to_v[i] - v[i]
+            spare = np.float64(before) + np.float64(after) - 2.0 - 2.0 * size
+            if spare <= 0.0 or spare * spare <= du * du + dv * dv:
+                clear = (before > 0) & (after > 0)
+                out[i] = clear and _swept_clear(u[i], v[i], du, dv, size, reach)
+
+
+@compiled
+def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach: Reach) -> bool:
+    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map.
+
+    Row by row: what it covers of a row is as wide as the cells it touches there.
+    """
+    low, high = min(v, v + dv) - radius, max(v, v + dv) + radius
+    left, right = min(u, u + du) - radius, max(u, u + du) + radius
+    rows, columns = reach.shape
+    if left <= 1.0 or low <= 1.0 or right >= columns - 1.0 or high >= rows - 1.0:
+        return False
+    length = np.sqrt(du * du + dv * dv)
+    across_u = -dv / length * radius if length > 0.0 else 0.0
+    across_v = du / length * radius if length > 0.0 else 0.0
+    for row in range(int(np.ceil(low)) - 1, int(np.floor(high)) + 1):
+        first, last = np.inf, -np.inf
+        for end in range(2):  # the discs at both ends
+            centre_u, centre_v = u + end * du, v + end * dv
+            off = max(row - centre_v, centre_v - (row + 1.0), 0.0)
+            if off <= radius:
+                half = np.sqrt(radius * radius - off * off)
+                first, last = min(first, centre_u - half), max(last, centre_u + half)
+        for side in (-1.0, 1.0):  # the lines between them
+            side_u, side_v = u + side * across_u, v + side * across_v
+            if dv == 0.0:
+                if row <= side_v <= row + 1.0:
+                    first = min(first, side_u, side_u + du)
+                    last = max(last, side_u, side_u + du)
+            else:
+                one, two = (row - side_v) / dv, (row + 1.0 - side_v) / dv
+                enter, leave = max(min(one, two), 0.0), min(max(one, two), 1.0)
+                if enter <= leave:
+                    one, two = side_u + enter * du, side_u + leave * du
+                    first, last = min(first, one, two), max(last, one, two)
+        column, end_column = int(np.ceil(first)) - 1, int(np.floor(last))
+        while column <= end_column:
+            if reach[row, column] == 0:
+                return False
+            column += int(reach[row, column])  # all cells up to there are open
+    return True
+
+
+@compiled
+def first_contact(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    reach: Reach,
+    frame: tuple[float, ...],
+    radius: float,
+) -> float:
+    """Share of the way at which a disc that starts clear of solid cells touches one; inf if never.
+
+    Its centre then meets the square grown by the radius: a slab along each axis, a circle around
+    each corner.
+    """
+    points = np.array(((start[0], end[0]), (start[1], end[1])))
+    us, vs = np.empty(2), np.empty(2)
+    locate(points, frame, us, vs)
+    u, v, du, dv, r = us[0], vs[0], us[1] - us[0], vs[1] - vs[0], radius / frame[4]
+    rows, columns = reach.shape
+    low = max(int(np.ceil(min(v, v + dv) - r)) - 1, 0)
+    high = min(int(np.floor(max(v, v + dv) + r)), rows - 1)
+    left = max(int(np.ceil(min(u, u + du) - r)) - 1, 0)
+    right = min(int(np.floor(max(u, u + du) + r)), columns - 1)
+    first = np.inf
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            if reach[row, column] == 0:
+                x, y = u - column, v - row  # seen from the square's lower left corner
+                first = min(first, _meets_box(x, y, du, dv, -r, 1.0 + r, 0.0, 1.0))
+                first = min(first, _meets_box(x, y, du, dv, 0.0, 1.0, -r, 1.0 + r))
+                for corner in range(4):
+                    cx, cy = x - corner % 2, y - corner // 2
+                    first = min(first, _meets_circle(cx, cy, du, dv, r))
+    return first
+
+
+@compiled
+def _meets_box(
+    x: float, y: float, dx: float, dy: float, left: float, right: float, low: float, high: float
+) -> float:
+    """Share of (dx, dy) at which a point from outside enters a rectangle; inf if never."""
+    enter, leave = 0.0, 1.0
+    for at, way, least, most in ((x, dx, left, right), (y, dy, low, high)):
+        if way == 0.0:
+            if not least <= at <= most:
+                return np.inf
+        else:
+            one, two = (least - at) / way, (most - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    return enter if enter <= leave else np.inf
+
+
+@compiled
+def _meets_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
+    """Share of (dx, dy) at which a point from outside enters a circle around 0; inf if never."""
+    square, nears = dx * dx + dy * dy, -(x * dx + y * dy)
+    root = nears * nears - square * (x * x + y * y - radius * radius)
+    if not (nears > 0.0 and root >= 0.0):
+        return np.inf
+    share = max(nears - np.sqrt(root), 0.0) / square
+    return share if share <= 1.0 else np.inf
+
+
+@compiled
+def distances(
+    points: Any, reach: Reach, up: Runs, down: Runs, frame: tuple[float, ...], out: Singles
+) -> None:
+    """Fill in how far points (2+, n) are from the nearest face between open and solid cells.
+
+    Column by column to both sides, until no column can be nearer; outside the map, from its edge.
+    """
+    n, cell = out.size, frame[4]
+    u, v = np.empty(n), np.empty(n)
+    locate(points, frame, u, v)
+    rows, columns = reach.shape
+    for i in range(n):
+        if _on_map(u[i], v[i], reach):
+            out[i] = cell * np.sqrt(_nearest(u[i], v[i], reach, up, down))
+        else:
+            beside = max(1.0 - u[i], u[i] - (columns - 1.0), 0.0)
+            above = max(1.0 - v[i], v[i] - (rows - 1.0), 0.0)
+            out[i] = cell * np.sqrt(beside * beside + above * above)
+
+
+@compiled
+def _nearest(u: float, v: float, reach: Reach, up: Runs, down: Runs) -> float:
+    """Return the squared distance of a point on the map to the nearest face, in cells."""
+    row, middle = int(v), int(u)
+    columns, solid, above = reach.shape[1], reach[row, middle] == 0, v - row
+    best = np.inf
+    for way in (-1, 1):
+        column = middle
+        while True:
+            beside = 0.0 if column == middle else max(column - u, u - (column + 1.0))
+            if beside * beside >= best:
+                break
+            if column in (0, columns - 1) or (reach[row, column] == 0) != solid:
+                best = beside * beside
+                break
+            gap = min(up[row, column] - above, down[row, column] - 1.0 + above)
+            best = min(best, beside * beside + gap * gap)
+            column += way
+    return best

@@ -1,0 +1,266 @@
+"""GridMap: the map m as square cells, such as ROS' map_server serves it."""
+
+import math
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps import grid_file, grid_kernels, grid_walls, stride_kernels
+from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
+from deqmcl_gym.maps.grid_kernels import Frame
+from deqmcl_gym.maps.map import Box, Point
+from deqmcl_gym.maps.stride_kernels import Reach
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError, number, one_of, pose
+
+Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
+
+MAX_SIDE = 32_000  # cells: their numbers fit 16 bits
+_SHARES = {"obstacle": 1.0, "free": 0.0}
+_RESOLVED = 16  # steps of float32 that a cell has at least
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GridMap:
+    """Square cells, solid or open: a form of ``Map``, in metres.
+
+    A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
+    solid and open cells and the edge of the map; all that is asked is exact for these squares.
+
+    Attributes:
+        occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
+            columns) int8, the lowest row first.
+        resolution: edge of a cell, m.
+        origin: pose of the lower left corner of the first cell (x, y, yaw).
+        unknown: what unknown cells count as: "obstacle", "free", or an occupancy of their own, from
+            0 to 1.
+        occupied_thresh: occupancy from which a cell is solid, in (0, 1].
+        free_thresh: occupancy up to which it is free in a file, below that.
+
+    Raises:
+        InputError: a bad value, no open cell, or a map so far from (0, 0) that single precision
+            does not resolve its cells.
+    """
+
+    occupancy: NDArray[np.int8]
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    unknown: Unknown = "obstacle"
+    occupied_thresh: float = 0.65
+    free_thresh: float = 0.196
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "occupancy", _occupancy(self.occupancy))
+        object.__setattr__(self, "origin", pose("origin", self.origin))
+        number("resolution", self.resolution, low=0, above=True)
+        grid_file.check_thresholds(self.free_thresh, self.occupied_thresh)
+        if isinstance(self.unknown, str):
+            one_of("value of unknown", self.unknown, _SHARES)
+        else:
+            number('unknown, if it is neither "obstacle" nor "free",', self.unknown, low=0, high=1)
+        self._check_resolved()
+        if self.solid.all():
+            counts = [int((self.occupancy == kind).sum()) for kind in (OCCUPIED, UNKNOWN)]
+            raise InputError(
+                f"the map has no free cell: {counts[0]:,} of {self.solid.size:,} are occupied and "
+                f"{counts[1]:,} unknown, with unknown = {self.unknown!r}: check negate and the "
+                'thresholds, or choose unknown="free".'
+            )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], unknown: Unknown = "obstacle") -> "GridMap":
+        """Read a map as ROS' map_server does: a yaml file and the image that it names.
+
+        A file that has not changed is read once; the map is then the same object.
+
+        Raises:
+            InputError: a file that is missing or broken, or a bad value in it.
+        """
+        return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
+
+    def save(self, path: str | os.PathLike[str], mode: str = "trinary") -> None:
+        """Write a map as ROS' map_saver does: a yaml file, and an image of its name beside it.
+
+        Args:
+            path: of the yaml file.
+            mode: "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are
+                transparent.
+
+        Raises:
+            InputError: an unknown mode, or a path that cannot be written to.
+        """
+        grid_file.write(
+            path,
+            mode,
+            self.occupancy,
+            resolution=self.resolution,
+            origin=self.origin,
+            thresholds=(self.free_thresh, self.occupied_thresh),
+        )
+
+    @property
+    def unit(self) -> str:
+        """See ``Map.unit``."""
+        return "m"
+
+    @cached_property
+    def solid(self) -> Bools:
+        """Which cells are, (rows, columns), the lowest row first."""
+        shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
+        shares[0] = _SHARES[self.unknown] if isinstance(self.unknown, str) else self.unknown
+        solid: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
+        return solid
+
+    @cached_property
+    def bounds(self) -> Box:
+        """See ``Map.bounds``."""
+        rows, columns = self.occupancy.shape
+        corners = self.placed([(0, 0), (columns, 0), (columns, rows), (0, rows)])
+        return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+
+    @property
+    def datum(self) -> Point:
+        """See ``Map.datum``: where float32 is too coarse for it, there is no map."""
+        return (0.0, 0.0)
+
+    @property
+    def local(self) -> "GridMap":
+        """See ``Map.local``."""
+        return self
+
+    def placed(self, cells: ArrayLike) -> Floats:
+        """Return points given in cells (column, row) from the lower left corner, (n, 2), in m."""
+        x0, y0, cosine, sine, _ = self._frame
+        u, v = self.resolution * np.asarray(cells, dtype=np.float64).T
+        return np.column_stack([x0 + cosine * u - sine * v, y0 + sine * u + cosine * v])
+
+    @cached_property
+    def walls(self) -> Floats:
+        """See ``Map.walls``."""
+        faces = grid_walls.faces_of(self.solid)
+        return np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
+
+    @property
+    def caster(self) -> "GridMap":
+        """See ``Map.caster``."""
+        return self
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``Caster``."""
+        grid_kernels.cast(poses, bearings, self._reach, self._frame, self.origin[2], out)
+
+    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
+        """See ``Map.ranges``."""
+        origins, beams = _rows(poses, 3), np.asarray(bearings, dtype=np.float32)
+        out = np.empty((beams.size, origins.shape[1]), np.float32)
+        self.cast(origins, beams, out)
+        return out.T
+
+    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
+        """See ``Map.collides``."""
+        return ~self._feasible(_rows(starts, 2), _rows(ends, 2), radius)
+
+    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
+        """See ``Map.free``."""
+        centres = _rows(points, 2)
+        if radius > 0.0:
+            return self._feasible(centres, centres, radius)
+        us, vs = np.empty((2, centres.shape[1]))
+        grid_kernels.locate(centres, self._frame, us, vs)
+        free = np.empty(us.size, np.bool_)
+        grid_kernels.open_at(us, vs, self._reach, free)
+        return free
+
+    def distance(self, points: ArrayLike) -> Singles:
+        """See ``Map.distance``."""
+        centres = _rows(points, 2)
+        out = np.empty(centres.shape[1], np.float32)
+        grid_kernels.distances(centres, self._reach, *self._runs, self._frame, out)
+        return out
+
+    def first_contact(
+        self, start: tuple[float, float], end: tuple[float, float], radius: float
+    ) -> float | None:
+        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        share = grid_kernels.first_contact(start, end, self._reach, self._frame, radius)
+        return share if share < math.inf else None
+
+    @cached_property
+    def digest(self) -> str:
+        """Of all that the map says."""
+        said = repr((self.occupancy.shape, self.resolution, self.origin, self.unknown))
+        thresholds = repr((self.free_thresh, self.occupied_thresh))
+        return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
+
+    def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
+        clear = np.empty(ends.shape[1], np.bool_)
+        grid_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
+        return clear
+
+    def _check_resolved(self) -> None:
+        farthest = max(map(abs, self.bounds))
+        step = float(np.spacing(np.float32(farthest)))
+        if not step * _RESOLVED <= self.resolution:
+            raise InputError(
+                f"the map reaches {farthest:g} m from (0, 0), where single precision tells apart "
+                f"{step:g} m, too coarse for cells of {self.resolution:g} m: give an origin nearer "
+                "to (0, 0), and poses as far from it."
+            )
+
+    @cached_property
+    def _frame(self) -> tuple[float, ...]:
+        x, y, yaw = self.origin
+        cosine, sine = float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
+        return tuple(Frame(x, y, cosine, sine, float(self.resolution)))
+
+    @cached_property
+    def _reach(self) -> Reach:
+        reach = np.empty(np.add(self.solid.shape, 2), np.uint8)
+        stride_kernels.fill_reach(np.pad(self.solid, 1, constant_values=True), reach)
+        return reach
+
+    @cached_property
+    def _runs(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        up, down = np.zeros((2, *self._reach.shape), np.int16)
+        grid_kernels.fill_runs(self._reach, up, down)
+        return up, down
+
+
+def _occupancy(given: Any) -> NDArray[np.int8]:
+    try:
+        cells = np.asarray(given)
+    except ValueError:  # ragged
+        cells = np.empty(0, object)
+    if cells.ndim != 2 or cells.dtype.kind not in "iu":
+        kind = f"of shape {cells.shape} and type {cells.dtype}"
+        raise InputError(f"occupancy is {kind}, but must be rows of whole numbers from -1 to 100.")
+    if not 2 <= min(cells.shape) <= max(cells.shape) <= MAX_SIDE:
+        rows, columns = cells.shape
+        raise InputError(
+            f"the map has {columns:,} x {rows:,} cells, but must have from 2 to {MAX_SIDE:,} to a "
+            "side."
+        )
+    low, high = int(cells.min()), int(cells.max())
+    if low < UNKNOWN or high > OCCUPIED:
+        raise InputError(
+            f"occupancy has values from {low} to {high}, but must be {FREE} (free) to {OCCUPIED} "
+            f"(occupied) or {UNKNOWN} (unknown)."
+        )
+    kept = np.array(cells, dtype=np.int8, order="C")
+    kept.setflags(write=False)
+    return kept
+
+
+def _rows(items: ArrayLike, columns: int) -> NDArray[Any]:
+    """(n, d) as contiguous rows (columns, n) of float32 or float64: far from 0 both matter."""
+    given = np.asarray(items)
+    dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
+    rows = given.astype(dtype, order="F", copy=False).T
+    return rows if len(rows) == columns else rows[:columns]

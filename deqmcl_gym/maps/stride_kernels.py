@@ -1,0 +1,265 @@
+"""Rays that stride through open cells, whatever stands in the others: walls, or they themselves.
+
+Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. The *reach* of a cell
+says how many cells away, along an axis or a diagonal, the nearest one is that is not open; its own
+is 0 then. The cells along the edge of a table are never open, so that nothing walks off it.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+
+Reach = NDArray[np.uint8]
+Single = Any  # a float32
+FARTHEST = 255  # cells told apart by the reach
+
+_RAYS = 1024  # traced side by side: what they need fits the second cache
+_STRIDES = 4  # between two looks at which of them have arrived
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_INF, _TINY = np.float32(np.inf), np.float32(1e-12)
+
+
+class Table(NamedTuple):
+    """Cells, and the walls in those that are not open.
+
+    Attributes:
+        reach: of each cell, (rows, columns).
+        first: where each cell's walls begin in ``listed``, and one more for their end,
+            (cells + 1,); empty if rays end where they enter a cell that is not open.
+        listed: numbers of walls, cell by cell.
+        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6): start, direction, and the stretch of it
+            that is wall, in cells.
+    """
+
+    reach: Reach
+    first: Ints
+    listed: Ints
+    walls: Singles
+
+
+@compiled
+def no_walls(reach: Reach) -> Table:
+    """Return a table in which rays end where they enter a cell that is not open."""
+    return Table(reach, np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 6), np.float32))
+
+
+@compiled
+def fill_reach(solid: Bools, out: Reach) -> None:
+    """Fill in how many cells away the nearest solid one is, at most ``FARTHEST``.
+
+    The chessboard distance in two passes (Rosenfeld & Pfaltz 1968). ``solid`` has a solid ring.
+    """
+    rows, columns = solid.shape
+    for row in range(rows):
+        for column in range(columns):
+            out[row, column] = 0 if solid[row, column] else FARTHEST
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if out[row, column]:
+                below = min(out[row - 1, column - 1], out[row - 1, column])
+                beside = min(out[row - 1, column + 1], out[row, column - 1])
+                out[row, column] = min(below, beside, FARTHEST - 1) + 1
+    for row in range(rows - 2, 0, -1):
+        for column in range(columns - 2, 0, -1):
+            above = min(out[row + 1, column + 1], out[row + 1, column])
+            beside = min(out[row + 1, column - 1], out[row, column + 1])
+            nearest = min(above, beside, FARTHEST - 1) + 1
+            out[row, column] = min(out[row, column], nearest)
+
+
+@compiled
+def count_walls(walls: Floats, margin: float, columns: int, out: Ints) -> None:
+    """Add up in out[c + 1] how many walls (x₀, y₀, x₁, y₁), (S, 4), stand in cell c or near it."""
+    for wall in range(walls.shape[0]):
+        low, high, left, right = _box_of(walls[wall], margin)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
+                    out[row * columns + column + 1] += 1
+
+
+@compiled
+def list_walls(walls: Floats, margin: float, columns: int, at: Ints, out: Ints) -> None:
+    """Fill in the same walls' numbers, cell by cell, from the place ``at`` of each cell on."""
+    for wall in range(walls.shape[0]):
+        low, high, left, right = _box_of(walls[wall], margin)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
+                    cell = row * columns + column
+                    out[at[cell]] = wall
+                    at[cell] += 1
+
+
+@compiled
+def _box_of(wall: Floats, margin: float) -> tuple[int, int, int, int]:
+    """Rows and columns that a wall may touch: low, high, left, right."""
+    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
+    return (
+        int(np.floor(min(y0, y1) - margin)), int(np.floor(max(y0, y1) + margin)),
+        int(np.floor(min(x0, x1) - margin)), int(np.floor(max(x0, x1) + margin)),
+    )  # fmt: skip
+
+
+@compiled
+def _touches(wall: Floats, x: float, y: float, half: float) -> bool:
+    """Whether a wall meets the square around (x, y): no axis parts them (Ericson 2005, 5.3.3)."""
+    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
+    apart_x = abs(x - (x0 + x1) / 2) > half + abs(x1 - x0) / 2
+    apart_y = abs(y - (y0 + y1) / 2) > half + abs(y1 - y0) / 2
+    across = (x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)
+    apart_along = abs(across) > half * (abs(x1 - x0) + abs(y1 - y0))
+    return not (apart_x or apart_y or apart_along)
+
+
+@compiled
+def cast_among(
+    u: Singles,
+    v: Singles,
+    headings: Singles,
+    bearings: Singles,
+    cells: Table,
+    side: Single,
+    out: Singles,
+) -> None:
+    """Fill in how far the beams of poses come; NaN for poses that are not on the table.
+
+    Args:
+        u, v: of the poses, in cells, (n,).
+        headings: (n,) rad.
+        bearings: (B,) rad.
+        cells: what stands in the way.
+        side: of a cell.
+        out: (B, n).
+    """
+    n, beams = u.size, bearings.size
+    rows, columns = np.float32(cells.reach.shape[0]), np.float32(cells.reach.shape[1])
+    on = np.empty(n, np.bool_)
+    for i in range(n):  # all false for NaN
+        on[i] = (u[i] >= _ONE) & (u[i] < columns - _ONE) & (v[i] >= _ONE) & (v[i] < rows - _ONE)
+        on[i] &= abs(headings[i]) < _INF
+    sine, cosine = np.empty(n, np.float32), np.empty(n, np.float32)
+    beam_sine, beam_cosine = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    sincos32(headings, sine, cosine)
+    sincos32(bearings, beam_sine, beam_cosine)
+    x, y = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    dx, dy = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
+    found = np.empty(_RAYS, np.float32)
+    beam, pose = 0, 0  # of the next ray: all poses of a beam, then those of the next one
+    while beam < beams and n > 0:
+        first_beam, first_pose, lane = beam, pose, 0
+        while lane < _RAYS and beam < beams:
+            stretch = min(n - pose, _RAYS - lane)
+            bs, bc = beam_sine[beam], beam_cosine[beam]
+            for k in range(stretch):
+                x[lane + k] = u[pose + k] if on[pose + k] else _HALF
+                y[lane + k] = v[pose + k] if on[pose + k] else _HALF
+            for k in range(stretch):
+                dx[lane + k] = cosine[pose + k] * bc - sine[pose + k] * bs
+                dy[lane + k] = sine[pose + k] * bc + cosine[pose + k] * bs
+            lane, pose = lane + stretch, pose + stretch
+            if pose == n:
+                beam, pose = beam + 1, 0
+        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], cells, found)
+        beam, pose = first_beam, first_pose
+        for k in range(lane):
+            out[beam, pose] = found[k] * side if on[pose] else np.float32(np.nan)
+            pose += 1
+            if pose == n:
+                beam, pose = beam + 1, 0
+
+
+@compiled
+def _trace(
+    from_x: Singles, from_y: Singles, along_x: Singles, along_y: Singles, cells: Table, out: Singles
+) -> None:
+    """Fill in how far rays from points along directions, (n,) each, come.
+
+    Amanatides & Woo 1987, but a ray in a cell of reach m strides to the edge of the square of
+    2 m - 1 open cells around it. Which cells it goes through is kept in whole numbers, so that no
+    rounding error leads past a cell; all rays stride together, and those that have arrived are
+    taken out now and then.
+    """
+    first, listed, walls = cells.first, cells.listed, cells.walls
+    walled = first.size > 0
+    left, flat = from_x.size, cells.reach.reshape(-1)
+    columns = np.int32(cells.reach.shape[1])
+    # copies made here, as then the compiler knows that no two arrays share memory
+    x, y, dx, dy = from_x.copy(), from_y.copy(), along_x.copy(), along_y.copy()
+    per_dx, per_dy = np.empty(left, np.float32), np.empty(left, np.float32)
+    right, up = np.empty(left, np.float32), np.empty(left, np.float32)
+    column, row = np.empty(left, np.float32), np.empty(left, np.float32)  # whole numbers
+    t, reached = np.empty(left, np.float32), np.empty(left, np.float32)
+    cell, who = np.empty(left, np.int32), np.empty(left, np.int32)
+    for i in range(left):
+        per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
+        per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
+        right[i] = _ONE if per_dx[i] > _ZERO else -_ONE
+        up[i] = _ONE if per_dy[i] > _ZERO else -_ONE
+        column[i], row[i], t[i] = np.floor(x[i]), np.floor(y[i]), _ZERO
+        who[i] = i
+    while left > 0:
+        for _ in range(_STRIDES):
+            for i in range(left):
+                cell[i] = np.int32(row[i]) * columns + np.int32(column[i])
+            for i in range(left):
+                reached[i] = np.float32(flat[cell[i]])
+            for i in range(left):
+                m = reached[i]
+                to_x = (column[i] + _HALF + right[i] * (m - _HALF) - x[i]) * per_dx[i]
+                to_y = (row[i] + _HALF + up[i] * (m - _HALF) - y[i]) * per_dy[i]
+                sideways = to_x < to_y
+                way = to_x if sideways else to_y
+                new_column = _near(np.floor(x[i] + way * dx[i]), column[i], m - _ONE)
+                new_row = _near(np.floor(y[i] + way * dy[i]), row[i], m - _ONE)
+                new_column = column[i] + right[i] * m if sideways else new_column
+                new_row = new_row if sideways else row[i] + up[i] * m
+                t[i] = way if m > _ZERO else t[i]
+                column[i] = new_column if m > _ZERO else column[i]
+                row[i] = new_row if m > _ZERO else row[i]
+        kept = 0
+        for i in range(left):
+            stays = reached[i] > _ZERO
+            if walled and not stays:
+                best, c = _INF, cell[i]
+                for k in range(first[c], first[c + 1]):
+                    w = listed[k]
+                    ex, ey = walls[w, 2], walls[w, 3]
+                    rx, ry = walls[w, 0] - x[i], walls[w, 1] - y[i]
+                    way = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
+                    along = (way * dx[i] - rx) * ex + (way * dy[i] - ry) * ey
+                    meets = (way >= _ZERO) & (along >= walls[w, 4]) & (along <= walls[w, 5])
+                    best = way if meets & (way < best) else best
+                t[i] = best
+                to_x = (column[i] + _HALF + right[i] * _HALF - x[i]) * per_dx[i]
+                to_y = (row[i] + _HALF + up[i] * _HALF - y[i]) * per_dy[i]
+                # the cells along the edge have no walls, and there is no way on
+                stays = ((best > to_x) | (best > to_y)) & (first[c] < first[c + 1])
+                sideways = to_x < to_y
+                column[i] += right[i] if sideways else _ZERO
+                row[i] += _ZERO if sideways else up[i]
+            out[who[i]] = t[i]
+            x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
+            per_dx[kept], per_dy[kept], right[kept], up[kept] = (
+                per_dx[i],
+                per_dy[i],
+                right[i],
+                up[i],
+            )
+            column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
+            kept += stays
+        left = kept
+
+
+@compiled
+def _near(index: Single, middle: Single, reach: Single) -> Single:
+    """Return the index, or the nearest to it that is no farther from the middle than that."""
+    low: Single = middle - reach
+    high: Single = middle + reach
+    least = index if index > low else low
+    return least if least < high else high

@@ -1,0 +1,154 @@
+"""RoomEnv in a map of cells: contact rule, plan, frames and arguments as among polygons."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import deqmcl_gym
+from deqmcl_gym import GridMap
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.drawing import BLACK, PALE, Drawing, View
+
+WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
+
+
+def hall(unknown_corner=True, scale=1) -> np.ndarray:
+    """Cells of 5 cm: a hall of 4.4 by 3.4 m with a pillar, around which the lap goes."""
+    cells = np.zeros((68, 88), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[28:40, 28:60] = 100
+    if unknown_corner:
+        cells[55:, 75:] = -1
+    return np.kron(cells, np.ones((scale, scale), np.int8))
+
+
+@pytest.fixture
+def path(tmp_path):
+    GridMap(occupancy=hall(), resolution=0.05).save(tmp_path / "hall.yaml")
+    return str(tmp_path / "hall.yaml")
+
+
+def test_a_lap_by_waypoints_is_driven_to_its_end_without_a_contact(path):
+    lidar = {"beams": 16, "field_of_view": 2 * math.pi}
+    env = gym.make(
+        "deqmcl_gym/Room-v0", floor_plan=path, lap={"waypoints": WAYPOINTS}, lidar=lidar, driver={}
+    )
+    ranges, info = env.reset(seed=0)
+    ended, collided = False, False
+    while not ended:
+        ranges, _, ended, truncated, info = env.step(info["planned_actions"][0])
+        assert ranges in env.observation_space
+        collided |= info["collided"]
+        assert not truncated
+    assert not collided
+    assert info["truth"][:2] == pytest.approx(env.unwrapped.course.start[:2], abs=0.2)
+    assert env.unwrapped.world.robot.radius == 0.16  # metres, converted from the preset's px
+
+
+def test_the_environment_checker_has_nothing_to_say(path):
+    check_env(RoomEnv(floor_plan=path, lap={"waypoints": WAYPOINTS}), skip_render_check=True)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed):
+    """What the map says of drives that end within 1e-6 m of a wall is left to rounding."""
+    rng, grid = np.random.default_rng(seed), GridMap(occupancy=hall(), resolution=0.05)
+    still = {"drive": 0.0, "turn": 0.0, "drift": 0.0}
+    robot = {"max_distance": 1.0, "max_turn": math.pi}
+    env = RoomEnv(floor_plan=grid, lap={"waypoints": WAYPOINTS}, noise=still, robot=robot)
+    env.reset(seed=0)
+    radius, hits = env.world.robot.radius, 0
+    for _ in range(60):
+        x, y, heading = env.pose
+        distance, turn = rng.uniform(0, 1), rng.uniform(-3, 3)
+        angle = heading + np.float64(np.float32(turn))
+        driven = np.float64(np.float32(distance))
+        end = (x + driven * math.cos(angle), y + driven * math.sin(angle))
+        sure = [grid.collides([(x, y)], [end], radius + by)[0] for by in (-1e-6, 1e-6)]
+        _, _, ended, _, info = env.step([distance, turn])
+        if sure[0] == sure[1]:
+            assert info["collided"] == sure[0]
+        hits += info["collided"]
+        assert grid.free([env.pose], radius)[0]
+        if info["collided"]:
+            assert grid.distance([env.pose])[0] <= radius + 2e-5 + 1e-6  # the skin
+            assert math.dist((x, y), env.pose[:2]) <= distance + 1e-9
+        else:
+            assert env.pose[:2] == pytest.approx(end, abs=1e-12)
+        if ended:
+            env.reset()
+    assert hits
+
+
+def test_many_rooms_agree_with_one(path):
+    parts = {"floor_plan": path, "lap": {"waypoints": WAYPOINTS}, "lidar": {"beams": 8}}
+    rooms = gym.make_vec("deqmcl_gym/Room-v0", num_envs=3, **parts)
+    ranges, info = rooms.reset(seed=4)
+    alone = gym.make("deqmcl_gym/Room-v0", **parts)
+    scan, told = alone.reset(seed=5)
+    for _ in range(120):
+        np.testing.assert_allclose(ranges[1], scan, atol=1e-3)
+        np.testing.assert_allclose(info["truth"][1], told["truth"], atol=1e-6)
+        assert info["collided"][1] == told["collided"]
+        ranges, _, _, _, info = rooms.step(info["planned_actions"][:, 0])
+        scan, _, ended, _, told = alone.step(told["planned_actions"][0])
+        if ended:
+            break
+
+
+@pytest.mark.parametrize(("scale", "yaw"), [(1, 0.0), (30, 0.0), (3, 0.7)])
+def test_a_frame_has_a_sensible_size_however_many_cells_there_are(scale, yaw):
+    grid = GridMap(occupancy=hall(scale=scale), resolution=0.05, origin=(0, 0, yaw))
+    image = Drawing(View(grid)).image
+    assert 200 < max(image.shape) <= 980
+    assert image.shape[0] % 2 == image.shape[1] % 2 == 0
+    places = {(44, 10): (255,) * 3, (44, 34): BLACK, (80, 60): PALE, (87.5, 30): BLACK}
+    pixels = View(grid).pixels(grid.placed(scale * np.array(list(places))))
+    for (column, row), color in zip(np.rint(pixels).astype(int), places.values(), strict=True):
+        assert tuple(image[row, column]) == color
+
+
+def test_a_thin_wall_is_still_seen_in_a_small_picture():
+    cells = np.zeros((3000, 3000), np.int8)
+    cells[:, 1234] = 100
+    image = Drawing(View(GridMap(occupancy=cells, resolution=0.05))).image
+    assert (image[20:-20].min(axis=(1, 2)) < 60).all()
+
+
+@pytest.mark.parametrize(
+    ("floor_plan", "sentence"),
+    [
+        ("lost.yaml", "cannot be read"),
+        ({"file": "lost.yaml"}, "cannot be read"),
+        ({"file": "m.yaml", "outer": []}, "unknown key in floor_plan 'outer'"),
+        ({"unknown": "free"}, "unknown key in floor_plan 'unknown'"),
+        (7, "must be a map, the path"),
+    ],
+)
+def test_a_floor_plan_that_is_none_is_refused(floor_plan, sentence):
+    with pytest.raises(InputError) as refused:
+        RoomEnv(floor_plan=floor_plan)
+    assert sentence in str(refused.value)
+
+
+def test_a_map_of_cells_has_no_lap_of_its_own(path):
+    with pytest.raises(InputError, match=r"lap\.waypoints is None, but only"):
+        RoomEnv(floor_plan=path)
+
+
+def test_what_unknown_cells_count_as_is_an_argument(path):
+    def room(unknown):
+        plan = {"file": path, "unknown": unknown}
+        return RoomEnv(floor_plan=plan, lap={"waypoints": WAYPOINTS}).floor_plan
+
+    corner = [(4.0, 3.0)]
+    assert room("free").free(corner)[0]
+    assert not room("obstacle").free(corner)[0]
+    assert "GridMap" in deqmcl_gym.__all__

@@ -1,0 +1,199 @@
+"""GridMap against float64 geometry of its cells one by one, written from the definitions alone."""
+
+import math
+
+import numpy as np
+import pytest
+from grid_cases import (
+    ORIGINS,
+    box_distance,
+    boxes,
+    edge_distance,
+    grids,
+    in_cells,
+    is_solid,
+    office,
+    somewhere,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deqmcl_gym.maps import GridMap, Map
+
+SEEDS = st.integers(0, 2**32 - 1)
+# cells: at 6 km from (0, 0), float64 resolves 1e-12 m; single precision does positions in cells of
+# a table of 14 cells to 1e-6 and directions to 2e-7
+EXACT, SINGLE = 1e-6, 1e-4
+
+
+def entered(at, heading, corners):
+    """How far a ray from (2,) goes until it enters and until it leaves unit squares (k, 2)."""
+    way = np.array([np.cos(heading), np.sin(heading)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, two = (corners - at) / way, (corners + 1 - at) / way
+    enter, leave = np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
+    hit = (enter <= leave) & (enter >= 0)
+    return enter[hit].min(initial=np.inf), leave
+
+
+def left_map(grid, at, heading):
+    size = np.array(grid.occupancy.shape[::-1], float)
+    way = np.array([np.cos(heading), np.sin(heading)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.maximum(-at / way, (size - at) / way).min()
+
+
+def seen(grid, pose):
+    """Range of one ray in cells: to a solid cell from an open one, to an open one from within."""
+    at, heading = in_cells(grid, pose[None])[0], pose[2] - grid.origin[2]
+    inside = bool(is_solid(grid, at[None])[0])
+    nearest, _ = entered(at, heading, boxes(grid, solid=not inside))
+    return min(nearest, left_map(grid, at, heading))
+
+
+@settings(max_examples=150, deadline=None)
+@given(grids(), SEEDS)
+def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
+    """Rays so close to a corner that rounding decides are those that turned by 1e-5 differ much."""
+    rng = np.random.default_rng(seed)
+    poses = np.column_stack([somewhere(grid, 40, rng), rng.uniform(-4, 4, 40)])
+    bearings = rng.uniform(-np.pi, np.pi, 3)
+    found = grid.ranges(poses, bearings) / grid.resolution
+    assert found.dtype == np.float32
+    for row, pose in zip(found, poses, strict=True):
+        for ray, bearing in zip(row, bearings, strict=True):
+            beside = [
+                seen(grid, pose + np.array([0, 0, bearing + turn])) for turn in (-1e-5, 0.0, 1e-5)
+            ]
+            assert min(beside) - SINGLE <= ray <= max(beside) + SINGLE
+
+
+def test_no_ray_slips_between_two_cells_that_touch_by_a_corner():
+    grid = GridMap(occupancy=100 * np.eye(8, dtype=np.int8), resolution=1.0)
+    poses = [(7.5, k + 0.5, 3 * math.pi / 4) for k in range(7)]
+    np.testing.assert_array_less(grid.ranges(poses, [0.0])[:, 0], 6)
+    through = [(k + 1.5, k + 0.5, 3 * math.pi / 4) for k in range(6)]  # exactly at the corners
+    np.testing.assert_allclose(grid.ranges(through, [0.0])[:, 0], math.sqrt(0.5), atol=1e-6)
+
+
+def test_poses_that_are_not_on_the_map_see_nothing():
+    grid = office()
+    poses = [(math.nan, 3, 0), (0, 3, math.nan), (-50, 3, 0), (1e30, -1e30, 0), (math.inf, 0, 0)]
+    assert np.isnan(grid.ranges(poses, [0.0, 1.0])).all()
+    nowhere = [pose for pose in poses if not math.isnan(pose[2])]
+    assert not grid.free(nowhere).any()
+    assert not grid.free(nowhere, 0.1).any()
+    assert grid.collides(nowhere, nowhere, 0.1).all()
+
+
+@settings(max_examples=150, deadline=None)
+@given(grids(), SEEDS, st.floats(0.0, 3.0))
+def test_a_swept_disc_collides_if_a_solid_cell_or_the_edge_is_as_near_as_its_radius(
+    grid, seed, radius
+):
+    """The oracle looks at 400 places of a path, so that it overrates its distance by a little."""
+    rng = np.random.default_rng(seed)
+    starts = somewhere(grid, 30, rng, margin=1)
+    ends = starts + rng.normal(0, 2 * grid.resolution, (30, 2)) * (rng.random((30, 1)) < 0.8)
+    shares = np.linspace(0, 1, 400)[:, None]
+    collides = grid.collides(starts, ends, radius * grid.resolution)
+    for start, end, hit in zip(in_cells(grid, starts), in_cells(grid, ends), collides, strict=True):
+        path = start + shares * (end - start)
+        on_map = (path >= 0).all() and (path < grid.occupancy.shape[::-1]).all()
+        clear = min(
+            box_distance(path, boxes(grid)).min(initial=np.inf), edge_distance(grid, path).min()
+        )
+        overrated = (math.dist(start, end) / 399) ** 2 / 8 / max(radius, 0.1) + EXACT
+        if not on_map or clear <= radius - EXACT:
+            assert hit
+        elif clear > radius + overrated + EXACT:
+            assert not hit
+
+
+@settings(max_examples=100, deadline=None)
+@given(grids(), SEEDS, st.floats(0.0, 2.0))
+def test_free_is_open_and_farther_from_solid_cells_than_the_radius(grid, seed, radius):
+    points = somewhere(grid, 60, np.random.default_rng(seed), margin=1)
+    at = in_cells(grid, points)
+    inside = (at >= 0).all(axis=1) & (at < grid.occupancy.shape[::-1]).all(axis=1)
+    clear = np.minimum(
+        box_distance(at, boxes(grid)).min(axis=1, initial=np.inf), edge_distance(grid, at)
+    )
+    sure = np.abs(clear - radius) > EXACT
+    expected = inside & (clear > radius)
+    np.testing.assert_array_equal(grid.free(points, radius * grid.resolution)[sure], expected[sure])
+
+
+@settings(max_examples=100, deadline=None)
+@given(grids(), SEEDS)
+def test_distance_is_that_of_the_nearest_cell_of_the_other_kind_or_the_edge(grid, seed):
+    points = somewhere(grid, 60, np.random.default_rng(seed), margin=2)
+    at = in_cells(grid, points)
+    expected = edge_distance(grid, at)
+    inside = (at >= 0).all(axis=1) & (at < grid.occupancy.shape[::-1]).all(axis=1)
+    for k in np.flatnonzero(inside):
+        other = boxes(grid, solid=not is_solid(grid, at[[k]])[0])
+        expected[k] = min(expected[k], box_distance(at[[k]], other).min(initial=np.inf))
+    found = grid.distance(points) / grid.resolution
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=EXACT)
+
+
+@settings(max_examples=100, deadline=None)
+@given(grids(), SEEDS, st.floats(0.05, 2.0))
+def test_the_first_contact_is_where_a_drive_begins_to_collide(grid, seed, radius):
+    rng, size = np.random.default_rng(seed), radius * grid.resolution
+    starts = somewhere(grid, 40, rng)
+    starts = starts[grid.free(starts, size * 1.0001)]
+    for start in starts:
+        end = start + rng.normal(0, 4 * grid.resolution, 2)
+        share = grid.first_contact(tuple(start), tuple(end), size)
+        way = 1.0 if share is None else share
+        shy = max(way - 1e-4 / (math.dist(start, end) / grid.resolution), 0.0)
+        assert not grid.collides([start], [start + shy * (end - start)], size)[0]
+        if share is not None:
+            assert 0 <= share <= 1
+            assert grid.collides([start], [start + share * (end - start)], size * (1 + 1e-6))[0]
+        else:
+            assert not grid.collides([start], [end], size * (1 - 1e-6))[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(grids(longest=9))
+def test_walls_are_the_faces_of_cells_with_the_open_side_to_their_left(grid):
+    """Faces are told by their middles: of each length of a cell along a wall, one."""
+    rows, columns = grid.occupancy.shape
+    found = {}
+    for x0, y0, x1, y1 in np.rint(
+        np.hstack([in_cells(grid, grid.walls[:, :2]), in_cells(grid, grid.walls[:, 2:])])
+    ).tolist():
+        length = round(math.dist((x0, y0), (x1, y1)))
+        dx, dy = (x1 - x0) / length, (y1 - y0) / length
+        for k in range(length):
+            found[x0 + (k + 0.5) * dx, y0 + (k + 0.5) * dy] = (-dy, dx)  # to the left
+    open_cells = {tuple(corner) for corner in boxes(grid, solid=False)}
+    expected = {}
+    for x, y in open_cells:
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            if (x + dx, y + dy) not in open_cells:
+                expected[x + 0.5 + dx / 2, y + 0.5 + dy / 2] = (-dx, -dy)
+    assert found == expected
+    assert all(0 <= x <= columns and 0 <= y <= rows for x, y in found)
+
+
+@pytest.mark.parametrize("origin", ORIGINS)
+def test_float32_poses_see_what_float64_ones_do_to_what_they_resolve(origin):
+    grid = GridMap(occupancy=office().occupancy, resolution=0.05, origin=origin)
+    rng = np.random.default_rng(3)
+    poses = np.column_stack([somewhere(grid, 2000, rng), rng.uniform(-np.pi, np.pi, 2000)])
+    poses = poses[grid.free(poses, 0.01)]
+    step = np.spacing(np.float32(max(map(abs, grid.bounds))))
+    far, near = grid.ranges(poses, [0.0]), grid.ranges(poses.astype(np.float32), [0.0])
+    # rays past a corner apart, which is seen or not
+    assert np.quantile(np.abs(far - near), 0.9) <= 20 * step + 1e-5
+    assert (
+        grid.collides(poses, poses, 0.2) == grid.collides(poses.astype("f4"), poses, 0.2)
+    ).mean() > 0.99
+
+
+def test_a_grid_map_is_a_map():
+    assert isinstance(office(), Map)

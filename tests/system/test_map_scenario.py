@@ -1,0 +1,72 @@
+"""A scenario with a ROS map and a route: found beside its file, read anew when edited, driven."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deqmcl_command import exit_code
+
+from benchmarks.setup.names import scenario, scenario_digest
+from deqmcl_gym.maps import GridMap
+
+ROUTE = """[env.lap]
+waypoints = [[1.0, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]
+[env.lidar]
+beams = 16
+field_of_view = 6.283
+sigma = 0.1
+[assumed.scan]
+sigma = 0.1
+"""
+WAYS = {
+    "[env]\nfloor_plan = 'maps/hall.yaml'\n": True,
+    "[env.floor_plan]\nfile = 'maps/hall.yaml'\nunknown = 'free'\n": False,
+}
+
+
+@pytest.fixture
+def hall(tmp_path, monkeypatch):
+    cells = np.zeros((68, 88), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[28:40, 28:60] = 100
+    cells[60:, 80:] = -1
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    GridMap(occupancy=cells, resolution=0.05).save(tmp_path / "maps" / "hall.yaml")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    return tmp_path
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_its_path_is_seen_from_the_scenarios_folder(hall, way):
+    (hall / "hall.toml").write_text(way + ROUTE)
+    floor_plan = scenario("../hall.toml").world.floor_plan
+    assert isinstance(floor_plan, GridMap)
+    assert floor_plan.solid[-3, -3] == WAYS[way]
+
+
+def test_an_edit_of_the_map_is_another_scenario(hall):
+    (hall / "hall.toml").write_text(next(iter(WAYS)) + ROUTE)
+    before = scenario_digest("../hall.toml")
+    assert scenario_digest("../hall.toml") == before
+    yaml = hall / "maps" / "hall.yaml"
+    yaml.write_text(yaml.read_text().replace("0.05", "0.051"))
+    assert scenario_digest("../hall.toml") != before
+
+
+@pytest.mark.parametrize("method", ["mcl", "deq-mcl", "amcl"])
+def test_run_drives_the_route(hall, method, capsys):
+    (hall / "hall.toml").write_text(next(iter(WAYS)) + ROUTE)
+    few = ("--particles", "50", "--lag", "3") if method != "amcl" else ()
+    run = ("run", "--scenario", "../hall.toml", "--localizer", method, *few, "--out", "lap")
+    assert exit_code(*run) == 0
+    assert "position RMSE" in capsys.readouterr().out
+    assert (Path("lap") / "lap.webp").stat().st_size > 0
+
+
+def test_a_map_that_is_not_there_ends_with_2_and_one_sentence(hall, capsys):
+    (hall / "hall.toml").write_text("[env]\nfloor_plan = 'lost.yaml'\n" + ROUTE)
+    run = ("run", "--scenario", "../hall.toml", "--localizer", "mcl", "--out", "lap")
+    assert exit_code(*run) == 2
+    assert "lost.yaml cannot be read" in capsys.readouterr().err
+    assert not Path("lap").exists()
