@@ -6,6 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.validation import LARGEST
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan, ScanTable
@@ -16,7 +17,7 @@ SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0
 def sizes(*usual: float):
     """The sizes given, and any between the smallest and the largest."""
     exponents = st.floats(np.log10(usual[0]), np.log10(usual[-1]))
-    return st.sampled_from(usual) | exponents.map(lambda exponent: 10.0**exponent)
+    return st.sampled_from(usual) | exponents.map(lambda e: min(10.0**e, usual[-1]))
 
 
 @st.composite
@@ -31,9 +32,9 @@ def maps(draw) -> PolygonMap:
 @st.composite
 def scan_models(draw) -> LidarScan | LikelihoodField:
     """Every model there is, at any noise, and any shares, none too."""
-    floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, 1e15))
+    floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, LARGEST))
     lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
-    sigma, share = draw(sizes(1e-30, 1.0, 100.0, 1e30)), draw(SHARES)
+    sigma, share = draw(sizes(1e-30, 1.0, 100.0, LARGEST)), draw(SHARES)
     kind = draw(st.sampled_from(["gaussian", "censored", "beam", "field"]))
     if kind == "field":
         farthest = draw(st.sampled_from([np.inf, 10 * sigma]))
