@@ -97,10 +97,14 @@ class Vandal:
 
     def spoil(self, *more):
         self.given += more
+        seen = set()
         for thing in self.given:
-            self.spoil_all(thing)
+            self.spoil_all(thing, seen)
 
-    def spoil_all(self, thing):
+    def spoil_all(self, thing, seen):
+        if id(thing) in seen:
+            return
+        seen.add(id(thing))
         if isinstance(thing, np.ndarray):
             while thing is not None:  # and what it is a view of
                 thing.flags.writeable = True
@@ -108,10 +112,10 @@ class Vandal:
                 thing = thing.base
         elif isinstance(thing, tuple | list):
             for part in thing:
-                self.spoil_all(part)
+                self.spoil_all(part, seen)
         elif hasattr(thing, "__dict__"):
-            for name, value in vars(thing).items():
-                self.spoil_all(value)
+            for name, value in list(vars(thing).items()):
+                self.spoil_all(value, seen)
                 if isinstance(value, float):
                     object.__setattr__(thing, name, 0.0)
 

@@ -118,9 +118,8 @@ class Broken:
     [
         *((partial(Broken, w), f"ArithmeticError: broken in {w}") for w in Broken.CALLS),
         (partial(Broken, "none"), "AttributeError"),
-        (partial(Nowhere, 0, math.nan), "at offset 0 is not finite"),
-        # its square, in the profile
-        (partial(Nowhere, 2, 1e300), "its record cannot be kept: Out of range float"),
+        (partial(Nowhere, 0, math.nan), "at offset 0 has poses that are not finite"),
+        (partial(Nowhere, 2, 1e300), "at offset 2 has poses that are not finite or huge"),
     ],
 )
 def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(
