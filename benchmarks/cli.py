@@ -3,6 +3,7 @@
 import argparse
 import difflib
 import io
+import os
 import signal
 import sys
 import threading
@@ -70,6 +71,7 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     options = _parse(given)
     try:
         with _terminable(leaving=leaving):
+            _refuse_no_folder()
             print(options.run(options, given))
     except KeyboardInterrupt as how:
         print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
@@ -85,6 +87,16 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
             raise
         return _explain(error)
     return 0
+
+
+def _refuse_no_folder() -> None:
+    """Refuse to work in a folder that was deleted: no path can be made absolute in it."""
+    try:
+        os.getcwd()
+    except OSError:
+        from deqmcl_gym.validation import InputError
+
+        raise InputError("the current folder is gone: change to one that exists.") from None
 
 
 @contextmanager

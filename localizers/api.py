@@ -1,4 +1,7 @@
-"""What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing."""
+"""What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing.
+
+Lengths are in the map's unit (px or m), angles in rad; a pose is (x, y, heading).
+"""
 
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -47,7 +50,7 @@ class Belief(Protocol):
     """
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return poses (n, 3) px, px, rad and weights (n,) of x_{t+offset}, as fresh arrays.
+        """Return poses (n, 3) and weights (n,) of x_{t+offset}, as fresh arrays.
 
         One point if the localizer only gives a pose; cell centres if it keeps a grid. None for an
         offset it does not hold.
@@ -64,7 +67,7 @@ class Localizer(Protocol):
 
         Args:
             prior: p(x_0).
-            plan: the planned actions (distance px, turn rad), (h, 2); may be empty.
+            plan: the planned actions (distance, turn), (h, 2); may be empty.
             rng: the localizer's only source of randomness.
         """
         ...
@@ -78,8 +81,8 @@ class Localizer(Protocol):
         """Return the belief after one step.
 
         Args:
-            ranges: the scan taken after the step, (B,) px.
-            action: the command carried out, (distance px, turn rad).
+            ranges: the scan taken after the step, (B,).
+            action: the command carried out, (distance, turn).
             plan: the actions planned after it, (h, 2); shrinks to (0, 2) at the end.
         """
         ...
@@ -170,7 +173,7 @@ def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
     try:
         scan = np.array(ranges, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"the scan is {ranges!r}, but must be ranges in px.") from None
+        raise InputError(f"the scan is {ranges!r}, but must be numbers, one per beam.") from None
     if scan.shape != (lidar.beams,):
         raise InputError(
             f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "

@@ -15,7 +15,7 @@ class PointsBelief:
         """Copy the poses and weights.
 
         Args:
-            poses: (n, 3) px, px, rad; any heading.
+            poses: (n, 3); any heading.
             weights: (n,), not negative, of any positive sum; None if all are equal.
 
         Raises:
@@ -45,5 +45,5 @@ class PoseBelief(PointsBelief):
     """A single pose of the present: all that an estimator without a distribution believes."""
 
     def __init__(self, pose: ArrayLike) -> None:
-        """Copy the pose (x px, y px, heading rad)."""
+        """Copy the pose (x, y, heading)."""
         super().__init__(array("the belief's pose", pose, (3,))[None])

@@ -12,6 +12,10 @@ class OpenLoop:
     def __init__(self, robot: RobotModel) -> None:
         del robot
 
+    def plan_at_reset(self, info: dict[str, Any]) -> None:
+        """Return None: the plan is the env's."""
+        del info
+
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next planned action; the plan is the env's."""
         del belief

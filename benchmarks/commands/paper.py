@@ -46,7 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.processes import Processes, prepare
+    from benchmarks.execution.processes import PATIENCE, Processes, prepare
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
@@ -64,13 +64,14 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if not (out / "report.html").exists():
         load()  # while the workers load theirs
     with begun(sweep, out, how, command=["deqmcl", *given]) as running:
-        with Processes(1) as beside:  # where the kernels are loaded
+        with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
-            files = [*write_report(out, results), *drawing.result()]
-        if results.failures:
-            print(summary(sweep, results, out, files))
-            raise TrialsFailedError(failed_sentence(results))
+            files = write_report(out, results)
+            if results.failures:
+                print(summary(sweep, results, out, files))
+                raise TrialsFailedError(failed_sentence(results))
+            files += drawing.result()
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     return f"{_table(sweep, results, 'simple')}\nWritten to {out}: table.md, {named}."

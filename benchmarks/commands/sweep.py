@@ -47,6 +47,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
+
+    with answered_within(options.timeout):
+        return _swept(options, ["deqmcl", *given])
+
+
+def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.report import no_report, write_report
     from benchmarks.sweeps.collecting import failed_sentence, summary
@@ -75,7 +81,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
-    with doing("checking every world and localizer"), answered_within(options.timeout):
+    with doing("checking every world and localizer"):
         sweeps = sweeps_named(options.suite, added)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)
@@ -84,7 +90,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         with doing("measuring trials"):
             return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
-    command, texts, failed = ["deqmcl", *given], [], []
+    texts, failed = [], []
     for part, sweep in sweeps.items():
         refuse_others(out / part, of_sweep(sweep, command))
     for part, sweep in sweeps.items():

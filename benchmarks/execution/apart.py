@@ -1,11 +1,12 @@
 """Calls that may run a plug-in, each in a process of its own: what it does there ends there.
 
-No code of a localizer from elsewhere runs in the process of a command, not even its import: its
-trials run in workers (``engines``), and all else that is asked of it is asked here. The exceptions
-are what was registered in this very process, and a ``module:factory`` executor that runs here.
+No code of a localizer, scenario or agent from elsewhere runs in the process of a command, not even
+its import: its trials run in workers (``engines``), and all else that is asked of it is asked here.
+The exceptions are what was registered in this very process, and a ``module:factory`` executor that
+runs here.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -13,11 +14,13 @@ from functools import cache
 from typing import TypeVar
 
 import localizers
-from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
-from benchmarks.trials.episode import check_params
-from benchmarks.trials.plugins import guest_of
+from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
+from benchmarks.setup.names import scenario_digest
+from benchmarks.trials.episode import check_params, check_setting
+from benchmarks.trials.plugins import guest_of, provenance_of, setup_guests
+from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.plugins import is_reference
 from localizers.naming.registry import is_plug_in
 
@@ -37,14 +40,14 @@ def answered_within(seconds: float | None) -> Iterator[None]:
         _SECONDS.reset(token)
 
 
-def apart(function: Callable[..., T], *arguments: object, timeout: float = PATIENCE) -> T:
+def apart(function: Callable[..., T], *arguments: object, timeout: float | None = None) -> T:
     """Return ``function(*arguments)``, called in a process of its own.
 
     Raises:
         WorkerDiedError: the process ended.
-        TimedOutError: it took longer than ``timeout`` s.
+        TimedOutError: it took longer than ``timeout`` s, by default what any guest may take.
     """
-    with Processes(1, timeout=timeout) as process:
+    with Processes(1, timeout=timeout, guest_of=lambda *_: "a guest") as process:
         answer: T = process.submit(function, *arguments).result()
     return answer
 
@@ -91,6 +94,28 @@ def takes(name: str) -> Parameters:
         raise
 
 
+def provenance(trials: Iterable[Trial]) -> Provenance:
+    """Return what the numbers of these trials depend on, as it is now.
+
+    Raises:
+        InputError: a scenario cannot be read, or is refused.
+    """
+    return provenance_of(trials, lambda name: _asked_setup(name, scenario_digest, name))
+
+
+def check_settings(trials: Iterable[Trial]) -> None:
+    """Build the world of each trial, what its filters assume, and its agent.
+
+    Raises:
+        InputError: something of it is refused, or a plug-in fails at it.
+    """
+    by_scenario: dict[str, list[Trial]] = {}
+    for trial in trials:
+        by_scenario.setdefault(trial.scenario, []).append(trial)
+    for name, own in by_scenario.items():
+        _asked_setup(name, _check_settings, own)
+
+
 def check_methods(trials: Collection[Trial]) -> None:
     """Let the localizer of each trial look at its parameters; see ``check_params``.
 
@@ -115,6 +140,26 @@ def _loads(name: str) -> bool:
     except InputError:
         return False
     return True
+
+
+def _check_settings(trials: Collection[Trial]) -> None:
+    for trial in trials:
+        check_setting(trial)
+
+
+def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) -> T:
+    """Return ``function(*arguments)``, which sets up a scenario; apart if it has plug-ins."""
+    guests = " with ".join(map(repr, setup_guests(scenario)))
+    if not guests:
+        return function(*arguments)
+    try:
+        return apart(function, *arguments, timeout=_SECONDS.get())
+    except (InputError, BrokenExecutor):
+        raise
+    except Exception as error:
+        ended = isinstance(error, WorkerDiedError | TimedOutError)
+        words = str(error) if ended else in_words(error)
+        raise InputError(f"{guests} cannot be set up: {words.rstrip('.')}.") from None
 
 
 def _check_all(trials: Collection[Trial]) -> None:

@@ -17,10 +17,10 @@ _CLOSE_SECONDS = 1
 
 
 def check(scheduler: str | None) -> None:
-    """See whether Dask is installed and an address is one, before a client tries it.
+    """See whether Dask is installed, and a scheduler answers and has workers.
 
     Raises:
-        InputError: it is not.
+        InputError: it is not, or does not.
     """
     require()
     from distributed.comm.addressing import resolve_address
@@ -28,6 +28,8 @@ def check(scheduler: str | None) -> None:
     if scheduler is not None:
         with _reaching(scheduler):
             resolve_address(scheduler)
+        with cluster(0, scheduler):
+            pass
 
 
 def require() -> Any:

@@ -79,10 +79,6 @@ class Where:
         Raises:
             InputError: it cannot be had.
         """
-        try:
-            os.getcwd()
-        except OSError:
-            raise InputError("the current folder is gone: change to one that exists.") from None
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":

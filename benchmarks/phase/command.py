@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from benchmarks.files import own_folder, write_part
 from benchmarks.phase.cycles import cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
@@ -38,7 +36,7 @@ def run_phase(
     room = room_of(trials[0].scenario)
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
-    laps = _laps(trials, places)
+    laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two
     contents = {
         "cycles.csv": cycles_csv(laps).encode(),
         "fields.csv": fields_csv(places).encode(),
@@ -49,12 +47,11 @@ def run_phase(
     return f"{title}\n\n{table(laps, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
 
 
-def _laps(trials: Sequence[Trial], fields: PlaceFields) -> list[Lap]:
+def _laps(trials: Sequence[Trial], fields: PlaceFields, *, most: int) -> list[Lap]:
     """Return the lap of a perfect queue, then that of each localizer; the world is the same."""
     laps = []
     for trial in trials:
-        episode = list(trial_moments(trial))
-        truth = np.array([moment.truth for moment in episode])
-        beliefs = [moment.belief for moment in episode]
-        laps.append(Lap(trial.localizer, cycles_of(truth, beliefs, fields, trial.lag)))
-    return [Lap(PERFECT, perfect_cycles(truth, fields, trials[0].lag)), *laps]
+        lap = ((moment.truth, moment.belief) for moment in trial_moments(trial))
+        laps.append(Lap(trial.localizer, cycles_of(lap, fields, trial.lag, most=most)))
+    perfect = perfect_cycles(laps[-1].cycles.truth, fields, trials[0].lag)
+    return [Lap(PERFECT, perfect), *laps]

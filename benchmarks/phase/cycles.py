@@ -1,6 +1,6 @@
 """What a queue says in every theta cycle of a lap: one cycle per step, one phase per offset."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ class Cycles:
 
     Attributes:
         lag: L.
+        truth: true poses, (T + 1, 3).
         activity: P(x_{t+k} in the field | o_{1:t}) of each of K fields, (T + 1, 2R + 1, K).
         right: activity of the field that the robot is in at t + k, NaN for none, (T + 1, 2R + 1).
         passed: how far the robot at t is past each field's centre along the lap, px, counted from
@@ -28,6 +29,7 @@ class Cycles:
     """
 
     lag: int
+    truth: Floats
     activity: Floats
     right: Floats
     passed: Floats
@@ -72,56 +74,71 @@ class _TrueQueue:
     step: int
 
     def points(self, offset: int = 0) -> tuple[Reals, Floats] | None:
-        return self.truth[self.step + offset][None], np.ones(1)
+        state = self.step + offset
+        return (self.truth[state][None], np.ones(1)) if state < len(self.truth) else None
 
 
 def perfect_cycles(truth: Floats, fields: PlaceFields, lag: int) -> Cycles:
     """What a queue would say that knew the true poses (T + 1, 3): all of its mass is there."""
-    return cycles_of(truth, [_TrueQueue(truth, t) for t in range(len(truth))], fields, lag)
+    lap = ((pose, _TrueQueue(truth, t)) for t, pose in enumerate(truth))
+    return cycles_of(lap, fields, lag, most=len(truth) - 1)
 
 
-def cycles_of(truth: Floats, beliefs: Sequence[Belief], fields: PlaceFields, lag: int) -> Cycles:
-    """Look at the queue of every step 0 … T of a lap.
+def cycles_of(
+    lap: Iterable[tuple[Reals, Belief]], fields: PlaceFields, lag: int, *, most: int
+) -> Cycles:
+    """Look at the queue of every step 0 … T of a lap, before the next one is made.
 
     Args:
-        truth: true poses, (T + 1, 3).
-        beliefs: after each step.
+        lap: the true pose (3,) and the belief after each step.
         fields: along the lap.
         lag: L.
+        most: steps; no lap has more.
 
     Raises:
         RuntimeError: a belief is not finite.
     """
+    poses, seen = [], []
+    for t, (pose, belief) in enumerate(lap):
+        poses.append(pose)
+        held = ((k, belief.points(k)) for k in range(-min(lag, t), min(lag, most) + 1))
+        seen += [(t, k, *_told(*points, fields)) for k, points in held if points is not None]
+    truth = np.array(poses, np.float64)
     last = len(truth) - 1
     reach = min(lag, last)
     states = np.arange(last + 1)[:, None] + np.arange(-reach, reach + 1)
     activity = np.full((*states.shape, len(fields)), np.nan)
     error, spread = np.full(states.shape, np.nan), np.full(states.shape, np.nan)
-    for t, column in np.argwhere((states >= 0) & (states <= last)).tolist():
-        points, state = beliefs[t].points(column - reach), states[t, column]
-        if points is None:
+    for t, k, active, mean, width in seen:
+        if t + k > last:
             continue
-        poses, weights = points
-        activity[t, column] = np.where(fields.inside(poses), weights, 0.0).sum(axis=1)
-        error[t, column], spread[t, column] = _moments(poses, weights, truth[state])
-        if not np.isfinite(error[t, column]):
-            raise RuntimeError(f"the belief at t = {t} about x[{state}] is not finite.")
+        activity[t, k + reach], spread[t, k + reach] = active, width
+        error[t, k + reach] = distance = np.hypot(*(mean - truth[t + k, :2]))
+        if not np.isfinite(distance):
+            raise RuntimeError(f"the belief at t = {t} about x[{t + k}] is not finite.")
     states = states.clip(0, last)
     visited = fields.inside(truth).T[states]
     right = np.where(visited.any(axis=2), (activity * visited).sum(axis=2), np.nan)
     passed = _passed(truth, fields, states)
     return Cycles(
-        lag=lag, activity=activity, right=right, passed=passed, error=error, spread=spread
+        lag=lag,
+        truth=truth,
+        activity=activity,
+        right=right,
+        passed=passed,
+        error=error,
+        spread=spread,
     )
 
 
-def _moments(poses: Reals, weights: Floats, truth: Floats) -> tuple[float, float]:
-    """Distance of the mean place from the truth, and root of the total variance, px."""
+def _told(poses: Reals, weights: Floats, fields: PlaceFields) -> tuple[Floats, Floats, float]:
+    """Weight in each field (K,), mean place (2,) px, and root of the total variance, px."""
+    active = np.where(fields.inside(poses), weights, 0.0).sum(axis=1)
     places = np.asarray(poses[:, :2], dtype=np.float64)
     shares = weights[:, None]
     mean = (shares * places).sum(axis=0)
     variance = (shares * np.square(places - mean)).sum(axis=0)
-    return float(np.hypot(*(mean - truth[:2]))), float(np.sqrt(variance.sum()))
+    return active, mean, float(np.sqrt(variance.sum()))
 
 
 def _passed(truth: Floats, fields: PlaceFields, states: Indices) -> Floats:

@@ -24,7 +24,7 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
-_LAP_STRIDE = 2  # steps per frame
+LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
 
 
@@ -68,7 +68,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
 
 def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:
     """Draw every second moment of an episode."""
-    return [camera.frame(moment, method) for moment in episode[::_LAP_STRIDE]]
+    return [camera.frame(moment, method) for moment in episode[::LAP_STRIDE]]
 
 
 def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:

@@ -1,14 +1,14 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.export import npz, trajectories
-from benchmarks.pictures.figures import camera_of, lap_frames
-from benchmarks.pictures.frames import webp
+from benchmarks.pictures.figures import LAP_STRIDE, camera_of
+from benchmarks.pictures.frames import Camera, webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
@@ -19,6 +19,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log, check_writable, write
+from deqmcl_gym.world.drawing import Image
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
@@ -31,9 +32,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         check_writable(log)
     own_folder(out, "run")
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
-    episode = list(trial_moments(trial))
     setup = scenario_of(trial)
-    trace = trace_of(episode, trial.offsets, task_of(setup.room()))
+    film = _Film(camera, trial.localizer)
+    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
@@ -42,14 +43,14 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     tracks = {name: text.encode() for name, text in trajectories(trace).items()}
     files = {
-        "lap.webp": webp(lap_frames(episode, camera, trial.localizer), 80),
+        "lap.webp": webp(film.frames, 80),
         "error.png": error_plot(curves, heading),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | tracks
     write_part(out, "run", files)
     if log is not None:
-        write(_log(episode, setup.room()), log)
+        write(_log(film.moments, setup.room()), log)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
         f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
@@ -63,6 +64,23 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
             *([] if log is None else [f"Log: {log}"]),
         ]
     )
+
+
+class _Film:
+    """Draws an episode while it is run: a localizer may change its belief at the next step."""
+
+    def __init__(self, camera: Camera, method: str) -> None:
+        self._camera, self._method = camera, method
+        self.moments: list[Moment] = []
+        self.frames: list[Image] = []
+
+    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
+        """Pass the episode on; draw each moment after it was looked at."""
+        for moment in episode:
+            yield moment
+            self.moments.append(moment)
+            if moment.step % LAP_STRIDE == 0:
+                self.frames.append(self._camera.frame(moment, self._method))
 
 
 def _log(episode: Sequence[Moment], room: RoomEnv) -> Log:

@@ -16,6 +16,7 @@ from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.files import UnreadableError, content_of, json_of, misfit
 from benchmarks.report.laps import Lap, drawn
+from benchmarks.trials.plugins import guest_of
 from deqmcl_gym.validation import InputError
 
 IMAGES, INDEX = "images", "laps.json"
@@ -48,8 +49,8 @@ class Drawing:
 
     @contextmanager
     def working(self) -> Iterator[Callable[[Lap], Promise]]:
-        """Start the workers."""
-        with Processes(available_cpus(), timeout=_PATIENCE) as pool:
+        """Start the workers; a lap with plug-ins has one of its own."""
+        with Processes(available_cpus(), timeout=_PATIENCE, guest_of=_guests_of) as pool:
             yield lambda lap: pool.submit(drawn, lap).result
 
 
@@ -120,6 +121,11 @@ def lap_files(laps: Sequence[Lap]) -> dict[str, bytes]:
     pictures = {f"{lap.name}.webp": lap.animation for lap in laps}
     pictures |= {f"{lap.name}.png": lap.still for lap in laps}
     return pictures | {INDEX: (json.dumps(index, indent=2) + "\n").encode()}
+
+
+def _guests_of(lap: Lap) -> str:
+    guests = " ".join(filter(None, map(guest_of, lap.trials)))
+    return guests and f"{guests} {lap.name}"
 
 
 def _digest(content: bytes) -> str:

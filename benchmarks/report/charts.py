@@ -49,7 +49,7 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
         figure,
         name=f"points-{panel.number}",
         title="Every world",
-        caption="One mark per world and method; a thin line joins the same world. The bar "
+        caption="One mark per world and method; thin lines connect the same world. The bar "
         "above each row is the mean with its 95 % bootstrap interval. Where there are many worlds, "
         "their marks are spread vertically.",
         alt=f"Error of every world by method, {panel.title}: {'; '.join(means)}",
@@ -128,8 +128,8 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
         figure,
         name=f"speed-{panel.number}",
         title="Accuracy and time",
-        caption="Lower and further left is better. Times are of the machine that ran the trials, "
-        "with whatever else ran beside them.",
+        caption="Lower and further left is better. Times were measured while the trials ran, on a "
+        "machine that may have been busy with other work.",
         alt=f"Error against milliseconds per step, {panel.title}",
     )
 
@@ -159,8 +159,8 @@ def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
         name=f"calibration-{panel.number}",
         title="Calibration",
         caption="How often the truth lies inside the belief's credible regions of x[t]. Below the "
-        "line a belief is overconfident, above it too cautious. Bars: 95 % bootstrap over worlds; "
-        "marks are spread horizontally.",
+        "line a belief is overconfident, above it too cautious. Bars: 95 % bootstrap intervals "
+        "over worlds; marks are spread horizontally.",
         alt=f"Observed against nominal coverage, {panel.title}: {'; '.join(covered)}",
     )
 

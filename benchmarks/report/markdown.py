@@ -33,13 +33,13 @@ def markdown(story: Story, folder: str) -> str:
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
-        parts += ["## Over what was swept", *(_image(one, folder) for one in story.curves)]
+        parts += ["## Over the swept parameters", *(_image(one, folder) for one in story.curves)]
     if results.failures:
         parts += ["## Failed trials", _failures(story)]
     if results.left_out:
         parts += ["## Files left out", _table("", left_out_table(results))]
     parts += [
-        "## To get the same",
+        "## How to reproduce it",
         _fenced(command_line(results.command)),
         _fenced(json.dumps(results.environment, indent=2), "json"),
     ]
@@ -56,7 +56,7 @@ def _section(section: Section, folder: str) -> list[str]:
         parts.append(_table("Optimality gap", gaps))
     parts += [_image(chart, folder) for chart in section.charts]
     parts.append("\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time))
-    parts.append(_table("What the beliefs are worth", tables.calibration_table(panel)))
+    parts.append(_table("Calibration", tables.calibration_table(panel)))
     if detection := tables.detection_table(panel):
         parts.append(_table(tables.DETECTION, detection))
     parts.append(_table("Errors at every offset", tables.offsets_table(panel)))

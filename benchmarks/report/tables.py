@@ -14,7 +14,7 @@ from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.metrics import LEVELS
 
-DETECTION = "Does its quality tell when it is far off?"
+DETECTION = "Does the quality detect large errors?"
 
 
 class Table(NamedTuple):
@@ -46,13 +46,13 @@ def verdict_table(panel: Panel) -> Table:
     caption = (
         "Error of the belief about the present, x[t], and how it compares with the baseline on the "
         f"same worlds. Lost: position error above {at.lost:g} {at.unit} on average over the last "
-        f"{at.lost_steps} states; its interval is that of as many cases as worlds."
+        f"{at.lost_steps} states; its interval counts every world as one case."
     )
     return Table(f"{caption}{_with(panel)}", header, lines)
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
-    """The errors of all methods on all settings, with a mark by the finding."""
+    """The errors of all methods on all settings, each marked with its finding."""
     labels = _all_labels(panels)
     lines = []
     for panel in panels:
@@ -66,7 +66,7 @@ def glance_table(panels: Sequence[Panel]) -> Table:
 
 
 def rival_tables(panel: Panel) -> list[Table]:
-    """Every method against the paper's, run by run: at x_t, and at x_{t-L}."""
+    """Every method compared with the paper's, run by run: at x_t, and at x_{t-L}."""
     error = {(row.method, row.offset): row.error.mean for row in panel.rows}
     tables = []
     for offset, apart in rivals(panel).items():
@@ -105,14 +105,14 @@ def gap_table(panel: Panel) -> Table | None:
         for row in panel.gaps
     ]
     caption = (
-        "Error minus the limit's on the same worlds. The limit is what ever more particles "
-        "converge to, as far as its own runs agree."
+        "Error minus the limit's on the same worlds. The limit is what many more "
+        "particles would give, as far as its own runs agree."
     )
     return Table(caption, header, lines) if lines else None
 
 
 def calibration_table(panel: Panel) -> Table:
-    """What the beliefs are worth, at every offset."""
+    """Calibration of the beliefs at every offset."""
     header = ["method", "belief about", f"energy score, {panel.thresholds.unit}"]
     header += ["inside 50 %", "80 %", "95 %", "NEES (3)", "entropy, nats", "in walls"]
     lines = []
@@ -129,7 +129,9 @@ def calibration_table(panel: Panel) -> Table:
                 percent(scores["wall_share"].mean, 1),
             ]
         )
-    caption = "Calibration, with 95 % intervals over worlds; n/a: a method without a spread."
+    caption = (
+        "Calibration, with 95 % intervals over worlds; n/a: the method's belief has no spread."
+    )
     return Table(caption, header, lines)
 
 

@@ -85,9 +85,11 @@ def _finding(row: Comparison, panel: Panel) -> str:
     diff = row.diff
     if math.isnan(diff.mean):
         unknown, none = "share a world whose error is unknown", "have no finished world in common"
-        return f"{name} and {other} {unknown if row.paired_worlds else none}: nothing is compared."
+        why = unknown if row.paired_worlds else none
+        return f"{name} and {other} {why}, so they are not compared."
     if math.isnan(diff.low):
-        return f"{name}: {estimated(diff, '+.2f')} against {other}, but one world decides nothing."
+        found = f"{estimated(diff, '+.2f')} against {other}"
+        return f"{name}: {found}, but one world is too few to compare them."
     if diff == (0, 0, 0):
         return f"{name} has exactly the error of {other} at x[t] in every world."
     numbers = (

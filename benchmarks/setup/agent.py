@@ -7,11 +7,15 @@ from localizers import Belief
 
 
 class Agent(Protocol):
-    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``.
+    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``."""
 
-    One that plans by itself may have ``plan_at_reset(info)``: the plan that the localizer is reset
-    with, in place of the one that the env shows.
-    """
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
+        """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
+
+        Args:
+            info: what the env told at reset, without the truth.
+        """
+        ...
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action, and the plan after it.

@@ -8,12 +8,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from benchmarks.setup import documents
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.scenario import Scenario
 from benchmarks.setup.scenario_file import read_scenario
 from deqmcl_gym.validation import InputError, one_of
 from localizers import RobotModel, absolute_name
-from localizers.naming.plugins import is_reference, load, reference_digest
+from localizers.naming.isolation import is_ctrl_c
+from localizers.naming.plugins import is_reference, load, raised, reference_digest
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class _Folder:
 
 _SCENARIOS = _Folder("scenario", "benchmarks.scenarios", "SCENARIO", "room.toml or file.py:NAME")
 _AGENTS = _Folder("agent", "benchmarks.agents", "AGENT", "file.py:NAME")
+_VERBS = ("plan_at_reset", "act")
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -83,7 +86,7 @@ def absolute_scenario(name: str) -> str:
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario of a name.
+    """Return the scenario of a name; if that is a plug-in, its code is run.
 
     Raises:
         InputError: there is none, or its file cannot be read or is refused.
@@ -95,16 +98,49 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
     """Return the agent of a name, made for a robot.
 
     Raises:
-        InputError: there is none, or it cannot act.
+        InputError: there is none, it cannot be made, or it is no agent.
     """
     factory = _AGENTS.get(name)
-    made = factory(robot) if callable(factory) else factory
-    if not callable(getattr(made, "act", None)):
+    try:
+        made = factory(robot) if callable(factory) else factory
+        lacking = [verb for verb in _VERBS if not callable(getattr(made, verb, None))]
+    except BaseException as error:  # whatever a plug-in raises
+        if is_ctrl_c(error):
+            raise
+        file = absolute_name(name).rpartition(":")[0]
         raise InputError(
-            f"the agent {name!r} must be called as NAME(robot) and have act(belief, info), but "
-            f"{made!r} has none."
+            f"the agent {name!r} cannot be made: its own code raised {raised(error, file)}."
+        ) from error
+    if lacking:
+        raise InputError(
+            f"the agent {name!r} is of type {type(made).__name__}, without "
+            f"{' and '.join(lacking)}: an agent is made by NAME(robot) and has "
+            "plan_at_reset(info) and act(belief, info)."
         )
     return made  # type: ignore[no-any-return]
+
+
+def plug_ins_of(name: str) -> tuple[str, ...]:
+    """Return the plug-ins that a scenario leads to: itself, its bases, its agent.
+
+    Nothing is run to find out: one in Python stands for what it names, too.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    found: dict[str, None] = {}
+    seen: set[str] = set()
+    waiting = [absolute_scenario(name)]
+    while waiting:
+        other = waiting.pop()
+        if is_reference(other):
+            found[other] = None
+        elif other.endswith(".toml") and other not in seen:
+            seen.add(other)
+            given = documents.read(Path(other), "scenario")
+            named = [given[key] for key in ("base", "agent") if isinstance(given.get(key), str)]
+            waiting += [_absolute(each, Path(other).parent) for each in named]
+    return tuple(found)
 
 
 def scenario_digest(name: str) -> str:
@@ -131,7 +167,8 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     else:
         found = _SCENARIOS.get(name)
         if not isinstance(found, Scenario):
-            raise InputError(f"the scenario {name!r} is {found!r}, but must be a Scenario.")
+            kind = type(found).__name__
+            raise InputError(f"the scenario {name!r} is of type {kind}, but must be a Scenario.")
         folder = Path(name.rpartition(":")[0]).parent
     if is_reference(name):
         found = replace(found, source=reference_digest(name) or "")

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 from tabulate import tabulate
 
+from benchmarks.execution.apart import provenance
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Engine, available_cpus
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.running import Options
 from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Params, Trial
 
 BUDGET = 20.0  # seconds spent on measuring
@@ -27,7 +28,7 @@ def dry_run(sweep: Sweep, options: Options) -> str:
         cells.setdefault(trial.cell(), []).append(trial)
     here = replace(options.where, executor="process", scheduler=None, jobs=1)
     with here.engine(trials) as engine:
-        seconds = _measured(list(cells.values()), engine)
+        seconds = _measured(list(cells.values()), engine, provenance(sweep.cells()))
     rows = [
         [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
         for (name, own), (s, measured) in zip(cells.items(), seconds, strict=True)
@@ -51,14 +52,16 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     return "\n\n".join(lines)
 
 
-def _measured(cells: Sequence[Sequence[Trial]], engine: Engine) -> list[tuple[float | None, bool]]:
+def _measured(
+    cells: Sequence[Sequence[Trial]], engine: Engine, made: Provenance
+) -> list[tuple[float | None, bool]]:
     """Return for each cell the seconds of a trial (None: it failed) and whether it was measured.
 
     Every form of a localizer is measured in at least one cell; in others its time is taken to be
     that per particle.
     """
     began = time.perf_counter()
-    _outcome(cells[0][0], engine)  # compile first
+    _outcome(cells[0][0], engine, made)  # compile first
     known: dict[int, float | None] = {}
     rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
     first = {_form(cell[0]): index for index, cell in reversed([*enumerate(cells)])}
@@ -67,7 +70,7 @@ def _measured(cells: Sequence[Sequence[Trial]], engine: Engine) -> list[tuple[fl
         if time.perf_counter() - began > BUDGET and _form(trial) in rates:
             continue
         started = time.perf_counter()
-        outcome = _outcome(trial, engine)
+        outcome = _outcome(trial, engine, made)
         took = time.perf_counter() - started
         known[index] = None if outcome.record is None else took
         rate = took / _particles(trial)
@@ -78,8 +81,8 @@ def _measured(cells: Sequence[Sequence[Trial]], engine: Engine) -> list[tuple[fl
     ]
 
 
-def _outcome(trial: Trial, engine: Engine) -> Outcome:
-    ((_, outcome),) = outcomes([(key_of(trial), trial)], engine)
+def _outcome(trial: Trial, engine: Engine, made: Provenance) -> Outcome:
+    ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
     return outcome
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.execution.apart import provenance
 from benchmarks.files import (
     UnreadableError,
     content_of,
@@ -19,7 +20,6 @@ from benchmarks.files import (
 )
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
-from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance, environment
 from deqmcl_gym.validation import InputError
 
@@ -72,7 +72,7 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     methods = [*sweep.localizers, *([sweep.limit.method] if sweep.limit else [])]
     return Manifest(
         sweep=sweep.canonical(),
-        made=provenance_of(sweep.cells()),
+        made=provenance(sweep.cells()),
         parameters={method.name: sweep.takes(method.name) for method in methods},
         command=command,
         environment=environment(),

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.execution.apart import check_methods
+from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.files.lock import locked
@@ -19,7 +19,6 @@ from benchmarks.sweeps.progress import counted
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.episode import check_setting
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -95,14 +94,13 @@ def check(sweep: Sweep) -> None:
     Raises:
         InputError: something of it is refused.
     """
-    settings: set[str] = set()
+    settings: dict[str, Trial] = {}
     methods: dict[str, Trial] = {}
     for trial in sweep.cells():
         setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
-        if setting not in settings:
-            check_setting(trial)
-            settings.add(setting)
+        settings.setdefault(setting, trial)
         methods.setdefault(setting + repr((trial.localizer, trial.params)), trial)
+    check_settings(settings.values())
     check_methods(methods.values())
 
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from benchmarks.trials import kernels
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats, Ints, Reals
 from deqmcl_gym.validation import InputError, digits
 
 _SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
-# Largest |x|, |y| and |θ| of a pose: far beyond any map; sines of larger angles are not exact.
-_LARGEST = np.array([1e15, 1e15, 1e9])
+_LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
 
 
 @dataclass(frozen=True, kw_only=True)

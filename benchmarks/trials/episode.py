@@ -71,8 +71,8 @@ def moments(
     """
     ranges, info = env.reset(seed=seed)
     truth, shown = info.pop("truth"), _shown_plan(info)
-    own = getattr(agent, "plan_at_reset", None)
-    given_plan = (shown if own is None else own(info)).copy()
+    own = agent.plan_at_reset(info)
+    given_plan = np.array(shown if own is None else own)
     started = time.perf_counter()
     belief = localizer.reset(prior, given_plan, rng)
     yield Moment(0, truth, ranges, belief, time.perf_counter() - started)

@@ -1,14 +1,13 @@
 """The plug-ins of a trial: who they are, and of which source."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 
 import localizers
-from benchmarks.setup.names import scenario, scenario_digest
+from benchmarks.setup.names import plug_ins_of, scenario_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
-from localizers.naming.plugins import is_reference
 from localizers.naming.registry import is_plug_in
 
 
@@ -25,9 +24,16 @@ def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
     return {made.key(trial): trial for trial in listed}
 
 
-def provenance_of(trials: Iterable[Trial]) -> Provenance:
-    """Return what the numbers of these trials depend on, as it is now."""
-    localizer, setup = cache(source_digest), cache(scenario_digest)  # a file is read once
+def provenance_of(
+    trials: Iterable[Trial], setup_digest: Callable[[str], str] = scenario_digest
+) -> Provenance:
+    """Return what the numbers of these trials depend on, as it is now.
+
+    Args:
+        trials: any.
+        setup_digest: of a scenario; it runs those that are plug-ins.
+    """
+    localizer, setup = cache(source_digest), cache(setup_digest)  # a file is read once
     digests: dict[str, str] = {}
     for trial in trials:
         digests[trial.localizer] = localizer(trial.localizer)
@@ -39,7 +45,7 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
 def guest_of(trial: Trial) -> str:
     """Return the names of a trial's plug-ins: localizer, scenario, agent; "" if all is ours."""
     localizer = (trial.localizer,) if is_plug_in(trial.localizer) else ()
-    return " ".join((*localizer, *_guests_in(trial.scenario)))
+    return " ".join((*localizer, *setup_guests(trial.scenario)))
 
 
 def source_digest(name: str) -> str:
@@ -51,6 +57,6 @@ def source_digest(name: str) -> str:
 
 
 @cache
-def _guests_in(name: str) -> tuple[str, ...]:
-    """Return the names of a scenario and its agent, as far as they are plug-ins."""
-    return tuple(filter(is_reference, (name, scenario(name).agent)))
+def setup_guests(scenario: str) -> tuple[str, ...]:
+    """Return the names of the plug-ins of a scenario: see ``plug_ins_of``; a file is read once."""
+    return plug_ins_of(scenario)

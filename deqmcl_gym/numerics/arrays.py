@@ -31,14 +31,14 @@ def _of_arrays(loop: Callable[..., None]) -> Callable[..., Floats]:
 
 @_of_arrays
 def sin(x: Any, out: Any) -> None:
-    """Sin of angles, |angle| < 1e6 rad."""
+    """Sin of angles, |angle| ≤ 1e9 rad; NaN beyond."""
     for i in range(x.size):
         out[i] = elementary.sin64(x[i])
 
 
 @_of_arrays
 def cos(x: Any, out: Any) -> None:
-    """Cos of angles, |angle| < 1e6 rad."""
+    """Cos of angles, |angle| ≤ 1e9 rad; NaN beyond."""
     for i in range(x.size):
         out[i] = elementary.cos64(x[i])
 

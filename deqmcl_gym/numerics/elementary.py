@@ -29,6 +29,7 @@ _C1, _C2, _C3 = _F(4.166664568298827e-2), _F(-1.388731625493765e-3), _F(2.443315
 _HALF, _ONE = _F(0.5), _F(1.0)
 
 # float64 sin, cos on [-π/4, π/4] and atan on [-0.21, 0.66]
+FARTHEST = 1e9  # rad: the reduction of an angle beyond it loses digits
 _PER_TURN64 = 1 / TURN
 _TWO_OVER_PI64 = 2 / np.pi
 _PIO2_HIGH64 = 2 * 7.85398125648498535156e-1
@@ -167,18 +168,19 @@ def _wave64(angle: Scalar, quarters: Scalar) -> Scalar:
     cosine = 1.0 - 0.5 * z + z * z * cosine
     quadrant = np.float64(rounded).view(np.int64) + quarters
     value = cosine if (quadrant & 1) != 0 else sine
-    return -value if (quadrant & 2) != 0 else value
+    value = -value if (quadrant & 2) != 0 else value
+    return value if abs(angle) <= FARTHEST else np.nan
 
 
 @compiled
 def sin64(angle: Scalar) -> Scalar:
-    """Sin of a float64 angle, |angle| < 1e6 rad, to about 1e-16."""
+    """Sin of a float64 angle, |angle| ≤ 1e9 rad, to about 2e-16; NaN beyond."""
     return _wave64(angle, 0)
 
 
 @compiled
 def cos64(angle: Scalar) -> Scalar:
-    """Cos of a float64 angle, |angle| < 1e6 rad, to about 1e-16."""
+    """Cos of a float64 angle, |angle| ≤ 1e9 rad, to about 2e-16; NaN beyond."""
     return _wave64(angle, 1)
 
 

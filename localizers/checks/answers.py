@@ -112,8 +112,8 @@ def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot],
         allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
         if not (np.abs(apart) <= allowed).all():
             raise LawBrokenError(
-                f"{when} the mean pose at step {t} differs by ({apart[0]:.3g} px, "
-                f"{apart[1]:.3g} px, {apart[2]:.3g} rad)"
+                f"{when} the mean pose at step {t} differs by ({apart[0]:.3g}, "
+                f"{apart[1]:.3g}, {apart[2]:.3g} rad) in (x, y, heading)"
             )
 
 

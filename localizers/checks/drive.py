@@ -23,8 +23,8 @@ class Drive:
 
     Attributes:
         prior: p(x_0).
-        actions: carried out, (T, 2) px, rad; the first of those planned.
-        scans: taken after them, (T, B) px.
+        actions: carried out, (T, 2); the first of those planned.
+        scans: taken after them, (T, B).
         plans: at t = 0 … T, each (h, 2).
     """
 
@@ -75,7 +75,7 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
 
 
 def size_of(floor_plan: Map) -> float:
-    """Return the shorter side of the box around a floor plan, px."""
+    """Return the shorter side of the box around a floor plan, in its unit."""
     x0, y0, x1, y1 = floor_plan.bounds
     return min(x1 - x0, y1 - y0)
 
@@ -94,8 +94,8 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
             pose: Floats = poses[room_ahead.argmax()]
             return pose
     raise InputError(
-        f"the robot's radius is {robot.radius:g} px, but a disc that wide does not fit into its "
-        "floor plan: give a smaller radius or another floor plan."
+        f"the robot's radius is {robot.radius:g} {robot.floor_plan.unit}, but a disc that wide "
+        "does not fit into its floor plan: give a smaller radius or another floor plan."
     )
 
 

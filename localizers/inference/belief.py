@@ -195,7 +195,7 @@ class ParticleBelief(_Cloud):
     def scanned(
         self, ranges: Floats, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
     ) -> "ParticleBelief":
-        """Take in a scan (B,) px of log-likelihoods (n,), and how well this belief predicted it.
+        """Take in a scan (B,) of log-likelihoods (n,), and how well this belief predicted it.
 
         The latter from at most ``most`` evenly spaced particles. The scan is kept, not copied.
         Weights as in ``reweighted``.

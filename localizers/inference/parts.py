@@ -1,7 +1,7 @@
 """The parts a particle filter is put together from, as protocols over any state space.
 
 States stand in columns, (d, n): row i holds component i of all n particles. A room's states are
-poses, d = 3 (x px, y px, heading rad); the tests of exactness put five-state rings here.
+poses, d = 3 (x, y, heading); the tests of exactness put five-state rings here.
 """
 
 from typing import Any, Protocol

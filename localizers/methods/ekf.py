@@ -35,7 +35,7 @@ class HitMoments(Protocol):
     """A beam model that knows mean and variance of a beam that hits what it should."""
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²), (n, B) each."""
+        """Mean and variance, (n, B) each."""
         ...
 
 
@@ -56,7 +56,7 @@ class GaussianBelief(NamedTuple):
     """One Gaussian over (x, y, θ).
 
     Attributes:
-        mean: px, px, rad, (3,).
+        mean: x, y, θ, (3,).
         covariance: (3, 3).
         trust: evidence for and against this belief.
         events: counted trouble since reset.

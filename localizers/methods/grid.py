@@ -162,7 +162,7 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
         if at is None:
             raise InputError(
                 f"the prior's mean is {tuple(prior.mean)}, but must lie on the floor plan, "
-                f"which spans {grid.bounds} px."
+                f"which spans {grid.bounds}."
             )
         mass[at] = 1.0
     shares: Floats = mass / mass.sum()

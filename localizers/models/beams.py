@@ -63,12 +63,12 @@ class GaussianUniform(_HitOrAnything):
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
 
     Attributes:
-        sigma: σ > 0, px.
+        sigma: σ > 0, in the map's unit.
         uniform: u, share of beams that measure anything at all.
     """
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density of each measured range, (n, B) per px."""
+        """Density of each measured range, (n, B) per unit of length."""
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         return (1 - self.uniform) * hit + self.uniform / max_range
 
@@ -86,7 +86,7 @@ class GaussianUniform(_HitOrAnything):
         return out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each."""
+        """Mean and variance of a beam that hits what it should, (n, B) each."""
         return expected, np.full_like(expected, self.sigma**2)
 
 
@@ -101,7 +101,7 @@ class CensoredGaussianUniform(_HitOrAnything):
     together come to 1.
 
     Attributes:
-        sigma: σ > 0, px.
+        sigma: σ > 0, in the map's unit.
         uniform: u, share of beams that measure anything at all.
     """
 
@@ -134,7 +134,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         return floor, step * floor
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+        """Mean and variance of a beam that hits what it should, (n, B) each.
 
         Of a normal variable clipped to [0, max_range].
         """
@@ -157,8 +157,8 @@ class BeamModel:
 
     Attributes:
         hit, short, max, rand: shares of the parts, with sum 1.
-        sigma: σ_hit > 0, px.
-        decay: λ_short > 0, per px.
+        sigma: σ_hit > 0, in the map's unit.
+        decay: λ_short > 0, per unit of length.
     """
 
     hit: float = 0.8
@@ -213,7 +213,7 @@ class BeamModel:
         return min(self.sigma, _WIDEST * max_range)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean (px) and variance (px²) of a beam that hits what it should, (n, B) each.
+        """Mean and variance of a beam that hits what it should, (n, B) each.
 
         Of a normal variable cut to [0, max_range].
         """

@@ -22,7 +22,7 @@ class FreeSpace:
 
     Attributes:
         floor_plan: the map m.
-        radius: of the robot's disc, px.
+        radius: of the robot's disc, in the map's unit.
         beta: β ≥ 0; 0 charges nothing, inf rejects the step outright.
     """
 

@@ -54,7 +54,7 @@ class LikelihoodField:
             )
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log-likelihood of the scan (B,) px at each pose (3, n), (n,)."""
+        """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
         max_range = self.lidar.max_range
         usable = (ranges >= 0.0) & (ranges < max_range)  # both are false for NaN
         out = np.zeros(states.shape[1])

@@ -29,7 +29,7 @@ _REACH = 5.0  # standard deviations of the turn that are summed over
 class LookaheadGrid:
     """h ← Σ_{x'} p(x' | x, u) g(x, x') h(x'), backwards over a window of actions, from 1.
 
-    The nodes stand ``cell`` px apart, from a cell outside the map's bounds to a cell outside again,
+    The nodes are ``cell`` apart, from a cell outside the map's bounds to a cell outside again,
     for ``headings`` directions. A step is a turn, then a drive, so backwards it is a drive, then a
     turn. The drive is a sum over three distances, h interpolated linearly between nodes; the turn
     a sum over headings, its weights those of linear interpolation averaged over the noise. A pose
@@ -41,7 +41,7 @@ class LookaheadGrid:
     Attributes:
         floor_plan, radius, beta: of g, as in ``FreeSpace``.
         motion: p(x' | x, u).
-        cell: px.
+        cell: distance between neighbouring nodes, in the map's unit.
         headings: H.
     """
 
@@ -137,7 +137,7 @@ class LookaheadGrid:
 
     @property
     def origin(self) -> tuple[float, float]:
-        """The first node (x, y), px."""
+        """The first node (x, y)."""
         x0, y0, _, _ = self.floor_plan.bounds
         return x0 - self.cell, y0 - self.cell
 

@@ -16,14 +16,14 @@ from localizers.models import motion_kernels as kernels
 class OdometryMotion:
     """θ' = θ + φ + ε_φ; (x', y') = (x, y) + (d + ε_d)(cos θ', sin θ').
 
-    ε_d ~ N(0, (drive |d|)²), ε_φ ~ N(0, (turn |φ| + drift |d|)²), for an action a = (d px, φ rad).
+    ε_d ~ N(0, (drive |d|)²), ε_φ ~ N(0, (turn |φ| + drift |d|)²), for an action a = (d, φ).
     Cf. Thrun et al. 2005, chapter 5. Two noises for three coordinates: there is no transition
     density. The defaults are what the filters of the paper preset assume.
 
     Attributes:
-        drive: σ_dd, px of distance noise per px driven.
+        drive: σ_dd, distance noise per distance driven.
         turn: σ_φφ, rad of heading noise per rad turned.
-        drift: σ_φd, rad of heading noise per px driven.
+        drift: σ_φd, rad of heading noise per unit of length driven.
     """
 
     drive: float = 0.2
@@ -35,7 +35,7 @@ class OdometryMotion:
             number(f"motion.{name}", getattr(self, name), low=0)
 
     def spread(self, action: Floats) -> tuple[float, float]:
-        """Standard deviations of ε_d (px) and ε_φ (rad) for an action (d px, φ rad)."""
+        """Standard deviations of ε_d and ε_φ (rad) for an action (d, φ)."""
         distance, turn = abs(float(action[0])), abs(float(action[1]))
         return self.drive * distance, self.turn * turn + self.drift * distance
 
@@ -43,8 +43,8 @@ class OdometryMotion:
         """Draw one successor of each pose.
 
         Args:
-            states: rows x px, y px, θ rad, (3, n).
-            action: (d px, φ rad).
+            states: rows x, y, θ, (3, n).
+            action: (d, φ).
             rng: draws n uniform numbers, whatever the action.
 
         Returns:
@@ -63,7 +63,7 @@ class OdometryMotion:
         Takes n uniform numbers a step, each of which makes two normal ones.
 
         Returns:
-            (F, 2, n) px, rad.
+            (F, 2, n).
         """
         moves = np.empty((len(actions), 2, n), np.float32)
         uniforms = rng.random((len(actions), n))

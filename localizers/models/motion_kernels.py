@@ -63,7 +63,7 @@ def noisy_moves(
 
     Args:
         uniforms: as for ``normal_pairs``, (F, n).
-        actions: (d px, φ rad), (F, 2).
+        actions: (d, φ), (F, 2).
         drive, turn, drift: of the noise.
         out: (F, 2, n).
     """

@@ -14,11 +14,11 @@ MAX_BYTES = 2**30
 
 @dataclass(frozen=True, kw_only=True)
 class PoseGrid:
-    """Cells of ``cell`` x ``cell`` px and 2π / ``headings`` rad, in the order (θ, y, x).
+    """Cells of ``cell`` x ``cell`` and 2π / ``headings`` rad, in the order (θ, y, x).
 
     Attributes:
-        bounds: what it covers at least: (x_min, y_min, x_max, y_max) px; centred on it.
-        cell: edge of a cell, px.
+        bounds: what it covers at least: (x_min, y_min, x_max, y_max); centred on it.
+        cell: edge of a cell, in the map's unit.
         headings: number of headings; the first centre is -π.
         bytes_per_cell: what its user will need; more than ``MAX_BYTES`` in all is refused.
     """
@@ -36,7 +36,7 @@ class PoseGrid:
         if cells * self.bytes_per_cell > MAX_BYTES:
             gibibytes = cells * self.bytes_per_cell / 2**30
             raise InputError(
-                f"cell is {self.cell:g} px and headings is {self.headings}: {cells:,} cells, which "
+                f"cell is {self.cell:g} and headings is {self.headings}: {cells:,} cells, which "
                 f"would take {gibibytes:,.1f} GiB; at most {MAX_BYTES / 2**30:g} GiB are allowed: "
                 "give larger cells or fewer headings."
             )

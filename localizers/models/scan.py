@@ -9,11 +9,13 @@ import numpy as np
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity
 
 OUTSIDE = -30.0  # see outside
 _BLOCK = 8192  # poses whose exact ranges are kept at one time, in the processor's cache
+_VERBS = ("log_likelihood", "least_density")
 
 
 @final
@@ -28,6 +30,15 @@ class LidarScan:
     floor_plan: Map
     lidar: Lidar
     beam: BeamDensity
+
+    def __post_init__(self) -> None:
+        lacking = [verb for verb in _VERBS if not callable(getattr(self.beam, verb, None))]
+        if lacking:
+            raise InputError(
+                f"the beam model is of type {type(self.beam).__name__}, without "
+                f"{' and '.join(lacking)}: a beam model has log_likelihood(ranges, expected, "
+                "max_range) and least_density(max_range)."
+            )
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""

@@ -101,7 +101,7 @@ def panel():
     records = []
     for place, (name, (_, offsets)) in enumerate(THREE.items()):
         for world in range(5):
-            error = {k: 2.0 + place + world**2 + abs(k) / 10 for k in offsets}
+            error = {k: 2.0 + place + world**2 + abs(k) / 10 + (k > 0) for k in offsets}
             scores = {f"coverage_{at}": (at + world - place) / 100 for at in (50, 80, 95)}
             one = finished(name, world, error, scores=scores)
             records.append(one | {"seconds": 0.06 * (1 + place) * (1 + world**2)})
@@ -141,6 +141,18 @@ def lines_of_marks(axes, place):
     """Errors and rows of the marks of a method."""
     marks = [line for line in axes.lines if line.get_markeredgewidth() == 0]
     return marks[place].get_xdata().tolist(), np.rint(marks[place].get_ydata()).tolist()
+
+
+def test_every_mark_of_many_worlds_is_where_the_line_of_its_world_is():
+    rng = np.random.default_rng(0)
+    records = [finished(n, w, rng.uniform(1, 9)) for n in ("mcl", "deq-mcl") for w in range(40)]
+    (panel,) = panels(records)
+    found = axes_of(charts, lambda: charts.points_chart(panel, looks(panel.labels.values())))
+    lines = [line.get_xydata() for line in found["points-1"].lines]
+    worlds, rows = np.array(lines[:40]), [drawn for drawn in lines[40:] if len(drawn) == 40]
+    assert len(rows) == 2
+    for place, row in enumerate(rows):
+        assert np.array_equal(row, worlds[:, place])
 
 
 def test_charts_over_time_draw_mean_middle_80_percent_and_past_on_one_scale(panel):

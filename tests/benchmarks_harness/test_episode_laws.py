@@ -192,6 +192,9 @@ class Planner:
     def __init__(self):
         self.told = []
 
+    def plan_at_reset(self, info):
+        return None
+
     def act(self, belief, info):
         self.told.append(sorted(info))
         step = len(self.told)

@@ -13,6 +13,9 @@ STEP, CARRIED_TO = 40, (300.0, 260.0, 2.5)
 class TurnAbout:
     """Turns on the spot, whatever is planned."""
 
+    def plan_at_reset(self, info):
+        return None
+
     def act(self, belief, info):
         return np.array([0.0, 0.1], np.float32), None
 

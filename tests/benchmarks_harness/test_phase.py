@@ -38,7 +38,8 @@ class Places:
 
 def believed(x, steps=220, lag=20):
     """The cycles of a lap at 5 px per step."""
-    return cycles_of(straight(steps), [Places(x, t) for t in range(steps + 1)], FIELDS, lag)
+    lap = ((pose, Places(x, t)) for t, pose in enumerate(straight(steps)))
+    return cycles_of(lap, FIELDS, lag, most=2 * steps)
 
 
 @pytest.mark.parametrize(("lag", "speed"), [(20, 5.0), (20, 2.0), (1, 5.0), (35, 4.0)])

@@ -28,7 +28,7 @@ FINDINGS = {
     "A has a smaller mean error than MCL, but the signed-rank test does not confirm it (…; "
     "smaller in 100 % of 4 worlds; p = 0.12).": (20, [16, 17, 18, 19]),
     "A has exactly the error of MCL at x[t] in every world.": (5, [5] * 20),
-    "A: −4.00 against MCL, but one world decides nothing.": (5, [1]),
+    "A: −4.00 against MCL, but one world is too few to compare them.": (5, [1]),
 }
 
 
@@ -61,12 +61,12 @@ def test_of_few_shared_worlds_it_is_said_what_can_be_found(mcl, methods, worlds)
 
 def test_an_error_that_is_unknown_is_not_compared():
     (sentence,) = said([finished("mcl", 0, 1.0), finished("a", 0, None)])
-    assert sentence == "A and MCL share a world whose error is unknown: nothing is compared."
+    assert sentence == "A and MCL share a world whose error is unknown, so they are not compared."
 
 
 def test_worlds_that_are_not_shared_are_not_compared():
     (sentence, _) = said([*trials("mcl", [5.0, 5.0]), finished("a", 2, 1.0)])
-    assert sentence.endswith("have no finished world in common: nothing is compared.")
+    assert sentence.endswith("have no finished world in common, so they are not compared.")
 
 
 def test_progress_says_n_of_n_and_what_is_missing():

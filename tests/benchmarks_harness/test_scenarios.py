@@ -137,6 +137,8 @@ import numpy as np
 class Turner:
     def __init__(self, robot):
         self.robot = robot
+    def plan_at_reset(self, info):
+        return None
     def act(self, belief, info):
         return np.array([0.0, 0.1], np.float32), None
 """
@@ -224,9 +226,14 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
         (scenario, "papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
         (scenario, "gone.toml", ["gone.toml", "is not there"]),
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
-        (scenario, "math:pi", ["the scenario 'math:pi' is 3.14", "a Scenario"]),
+        (scenario, "math:pi", ["the scenario 'math:pi' is of type float", "a Scenario"]),
         (partial(make_agent, robot=None), "open-lop", ["'open-loop'?", "file.py:NAME"]),
-        (partial(make_agent, robot=None), "math:pi", ["'math:pi'", "act"]),
+        (
+            partial(make_agent, robot=None),
+            "math:pi",
+            ["'math:pi'", "float", "plan_at_reset", "act"],
+        ),
+        (partial(make_agent, robot=None), "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
     ],
 )
 def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name, named):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.maps import Lidar
+from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.scan import LidarScan, usable_beams
 
@@ -93,3 +94,8 @@ def test_any_map_and_any_beam_model_will_do():
 
     scan = LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=Flat())
     assert scan.log_likelihood(POSES, SCAN).tolist() == [5.0] * 4
+    del Flat.least_density
+    for beam, lacking in ((Flat(), "least_density"), (None, "log_likelihood and least_density")):
+        kind = type(beam).__name__
+        with pytest.raises(InputError, match=rf"of type {kind}, without {lacking}: [^.]*\.$"):
+            LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=beam)

@@ -19,11 +19,16 @@ def each(function, *arguments):
 
 def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
     quarters = np.arange(-1000, 1001) * math.pi / 2
-    angles = np.concatenate(
-        [quarters, quarters + 1e-9, np.random.default_rng(0).uniform(-1e6, 1e6, 20_000)]
-    )
+    spread = np.random.default_rng(0).uniform(-1, 1, (10, 5_000)) * 10.0 ** np.arange(10)[:, None]
+    angles = np.concatenate([quarters, quarters + 1e-9, spread.ravel(), [-1e9, 1e9]])
     assert arrays.sin(angles) == pytest.approx(each(math.sin, angles), abs=TOLERANCE, rel=0)
     assert arrays.cos(angles) == pytest.approx(each(math.cos, angles), abs=TOLERANCE, rel=0)
+
+
+@pytest.mark.parametrize("function", [arrays.sin, arrays.cos])
+def test_beyond_a_billion_radians_there_is_no_sine_rather_than_a_wrong_one(function):
+    beyond = np.nextafter(1e9, np.inf) * 10.0 ** np.arange(0, 300, 7)
+    assert np.isnan(function([*beyond, *-beyond, np.inf, -np.inf])).all()
 
 
 def test_arctan2_is_accurate_in_all_quadrants_on_the_axes_and_at_all_scales():

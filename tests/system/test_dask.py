@@ -41,3 +41,4 @@ def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, capsys, monkeyp
     assert exit_code("sweep", file, "--out", tmp_path / "out", *given) == 2
     err = capsys.readouterr().err
     assert "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached" in err
+    assert not (tmp_path / "out").exists()

@@ -1,5 +1,7 @@
 """Whatever a plug-in does to its process: a command ends, says so, keeps what others did."""
 
+import itertools
+import re
 import sys
 import time
 from pathlib import Path
@@ -7,6 +9,9 @@ from pathlib import Path
 import pytest
 from deqmcl_command import exit_code
 from sweep_command import lines, sweep, write_small
+
+from benchmarks.execution import processes
+from benchmarks.execution.apart import answered_within
 
 HOSTILE = Path(__file__).with_name("hostile.py").read_text()
 NAME = "./hostile.py:Hostile"
@@ -94,3 +99,58 @@ def test_no_command_ends_with_exit_code_0_because_a_plug_in_does(folder, capfd, 
         assert said.err.startswith("deqmcl: ")
     assert "Traceback" not in said.err
     assert not list((folder / "out").glob("*.csv"))
+
+
+def write_setup(folder, what, when):
+    """Write a scenario and an agent that do WHAT it is told, and TOML files that lead to both."""
+    write_hostile(folder, what, when)
+    hostile = (folder / "hostile.py").read_text()
+    agent = (
+        "class Driver:\n"
+        "    def __init__(self, robot):\n        at('make')\n"
+        "    def plan_at_reset(self, info):\n        return None\n"
+        "    def act(self, belief, info):\n        at('act')\n"
+        "        return info['planned_actions'][0], None\n"
+    )
+    (folder / "agent.py").write_text(f"{hostile}\n{agent}")
+    made = "from benchmarks.setup.names import scenario\nMINE = scenario('paper')\n"
+    (folder / "room.py").write_text(f"{hostile}\n{made}")
+    (folder / "agent.toml").write_text('agent = "agent.py:Driver"')
+    (folder / "base.toml").write_text('base = "room.py:MINE"')
+
+
+SETUPS = {"import": ("room.py:MINE", "base.toml", "agent.toml"), "make": ("agent.toml",)}
+SETUPS["act"] = SETUPS["make"]
+COMMANDS = {
+    "run": ("--localizer", "mcl", "--particles", "10"),
+    "phase": ("--localizers", "mcl", "--particles", "10"),
+    "paper": ("--localizers", "mcl", "--trials", "1", "--particles", "10"),
+    "sweep": (),  # what is in the file
+}
+# each way to end or hang at each moment; scenarios and commands take turns
+TROUBLES = [
+    (what, when, SETUPS[when][number % len(SETUPS[when])], [*COMMANDS][number % 4])
+    for number, (when, what) in enumerate(itertools.product(SETUPS, FATAL))
+]
+
+
+@pytest.mark.parametrize(("what", "when", "scenario", "command"), TROUBLES)
+def test_no_scenario_or_agent_ends_or_hangs_a_command(
+    folder, capfd, monkeypatch, what, when, scenario, command
+):
+    monkeypatch.setattr(processes, "PATIENCE", 2.0)
+    write_setup(folder, what, when)
+    file = folder / "small.toml"
+    file.write_text(f'scenario = "{scenario}"\nlocalizers = ["mcl"]\ntrials = 1')
+    own = (file, "--timeout", "2", "--dry-run")
+    given = own if command == "sweep" else (*COMMANDS[command], "--scenario", scenario)
+    with answered_within(2):
+        code = exit_code(command, *given, "--out", "out")
+    said = capfd.readouterr()
+    assert "Traceback" not in said.err
+    if when == "act" and command == "sweep":
+        assert "failed" in said.out
+    else:
+        assert code == (3 if when == "act" else 2)
+        assert re.sub(r"deqmcl: .* …\n", "", said.err).startswith("deqmcl: ")
+        assert when == "act" or not (folder / "out").exists()

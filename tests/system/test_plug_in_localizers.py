@@ -1,7 +1,7 @@
 """Localizers from a file, scored beside the built-in ones: what they do not give is n/a."""
 
 import pytest
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, files
 from sweep_command import lines, tables
 
 PLUG_IN = '''
@@ -28,6 +28,19 @@ class PoseOnly:
         return PoseBelief(self.pose)
 '''
 NAME = "mine.py:PoseOnly"
+
+OWN_BELIEF = f"""{PLUG_IN}
+
+class Itself(PoseOnly):
+    def reset(self, prior, plan, rng):
+        super().reset(prior, plan, rng)
+        return self
+
+    update = lambda self, *given: super(Itself, self).update(*given) and self
+
+    def points(self, offset=0):
+        return None if offset else (self.pose[None], np.ones(1))
+"""
 
 
 @pytest.fixture
@@ -62,3 +75,17 @@ def test_a_lap_of_a_localizer_from_a_file_can_be_run(folder, capsys):
     assert exit_code("run", "--localizer", NAME, "--out", "lap") == 0
     assert NAME in capsys.readouterr().out
     assert (folder / "lap" / "lap.webp").stat().st_size > 0
+
+
+def test_a_localizer_that_is_its_own_belief_is_seen_at_every_step_before_it_changes(folder):
+    (folder / "mine.py").write_text(OWN_BELIEF)
+    seen = {}
+    for name in ("PoseOnly", "Itself"):
+        (folder / "other.py").write_text(OWN_BELIEF.replace(name, "Seen"))
+        lap = ("run", "--localizer", "other.py:Seen", "--out", f"run-{name}")
+        cycles = ("phase", "--localizers", "other.py:Seen", "--out", f"phase-{name}")
+        assert (exit_code(*lap), exit_code(*cycles)) == (0, 0)
+        kept = {"lap.webp", "error.csv", "cycles.csv"}
+        found = files(folder / f"run-{name}") | files(folder / f"phase-{name}")
+        seen[name] = {file: found[file] for file in kept}
+    assert seen["Itself"] == seen["PoseOnly"]

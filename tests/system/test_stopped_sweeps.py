@@ -11,7 +11,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, files
+from deqmcl_command import DEQMCL, exit_code, files
 from sweep_command import lines, sweep, tables, trial_files, write_small
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -154,3 +154,29 @@ def test_a_trial_whose_worker_dies_is_tried_again_and_fails_if_that_goes_on(tmp_
     assert "die, trial 0: lost 3 times by its worker; last: WorkerDiedError: its worker" in err
     assert "by signal 9" in err
     assert "die-once" in {line["method"] for line in lines(running.out)}
+
+
+def test_one_ctrl_c_after_another_is_one_ctrl_c(sleepy, tmp_path):
+    running = Running(sleepy, tmp_path / "out", "--with", "sleep", script=TROUBLED)
+    running.wait_for_trials(1)
+    for _ in range(5):
+        running.process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    code, _, said = running.ended()
+    assert code == 130
+    assert said.endswith("deqmcl: interrupted; finished trials are kept.\n")
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("command", ["sweep", "run --localizer mcl", "paper", "list"])
+def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
+    tmp_path, monkeypatch, capsys, command
+):
+    gone, out = tmp_path / "gone", tmp_path / "out"
+    given = [*command.split(), *([write_small(tmp_path)] if command == "sweep" else [])]
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert exit_code(*given, *(["--out", out] if command != "list" else [])) == 2
+    assert "the current folder is gone: change to one that exists." in capsys.readouterr().err
+    assert not out.exists()

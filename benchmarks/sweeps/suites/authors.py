@@ -15,7 +15,7 @@ _EXACT, _ONCE = method("mcl-plan", keep=0.0), method("mcl-plan", charge="new")
 AUTHOR_SUITES = MappingProxyType(
     {
         "plan-sensor": Sweep(
-            title="The plan as a sensor: beside the others where the author knows, 200 worlds",
+            title="The plan as a sensor, where the plan is made from the true pose: 200 worlds",
             localizers=(
                 *methods("mcl", "mcl-map", "mcl-plan"),
                 *(_EXACT, _ONCE),
@@ -39,7 +39,7 @@ AUTHOR_SUITES = MappingProxyType(
             limit=Limit(method=method("mcl-plan", particles=100_000, keep=0.0)),
         ),
         "authors": Sweep(
-            title="Whose plan? The truth's, one of before the start, the estimate's, a stale one",
+            title="Who plans? From the true pose, before the start, from the estimate, or stale",
             localizers=methods("mcl-map", "mcl-plan", "mcl-pilots", "dead-reckoning"),
             baseline="mcl-map",
             trials=25,

@@ -38,7 +38,7 @@ LOOKAHEAD_SUITES = MappingProxyType(
             limit=LIMIT,
         ),
         "matched": Sweep(
-            title="Every method where all that it assumes is right: scenario matched, 200 worlds",
+            title="Every method where all its assumptions are right: scenario matched, 200 worlds",
             scenario="matched",
             localizers=(*_FILTERS, _TWISTED, *_CLASSICAL),
             trials=200,

@@ -120,7 +120,7 @@ PAPER_SUITES = MappingProxyType(
         ),
         "disturbed": replace(
             _VARIED,
-            title="Trouble at half of the lap: none, kidnapped, beams lost, plan changed",
+            title="Disturbances halfway round: none, kidnapping, lost beams, a new plan",
             localizers=methods(*PAPER_METHODS, *BEYOND, *CLASSICAL),
             scenario="sharp",
             vary=(

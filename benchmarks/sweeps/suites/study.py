@@ -50,12 +50,12 @@ STUDY_SUITES = MappingProxyType(
         "study-particles": _study(
             "The number of particles", axis(params__particles=(100, 300, 1000))
         ),
-        "study-lag": _study("The lag L, as far as one looks ahead", axis(lag=(5, 20, 40))),
+        "study-lag": _study("The lag L: how far ahead a filter looks", axis(lag=(5, 20, 40))),
         "study-beta": _study(
             "β, the charge on a step that collides", axis(params__beta=(1.0, 3.0, 10.0))
         ),
         "study-plan": _study(
-            "A plan that is kept, and one that changes at half of the lap",
+            "A plan that is kept, and one that changes halfway round",
             scenario="matched",
             vary=(axis(disturbance=((), (_CHANGED,))),),
         ),
