@@ -54,7 +54,9 @@ def outlines_of(solid: Bools) -> list[Indices]:
         Corners in cells from the lower left one, (k, 2) each.
     """
     rings = _rings(faces_of(~outline_kernels.largest_region(solid)))
-    return sorted(rings, key=lambda ring: -signed_area(ring))  # all but the first are negative
+    return sorted(
+        rings, key=lambda ring: -signed_area(ring.astype(np.float64))
+    )  # all but the first are negative
 
 
 def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats
 
 
 @compiled
@@ -32,7 +32,8 @@ def largest_region(solid: Bools) -> Bools:
                     found += 1
         if found > most:
             largest, most = number, found
-    return region == largest
+    inside: Bools = region == largest
+    return inside
 
 
 @compiled
@@ -45,7 +46,7 @@ def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> 
     Args:
         corners: (k, 2).
         tolerance: a length.
-        forced: from which corners on an edge is to be parted once, however near to it all are, (k,).
+        forced: whether the edge from each corner on is to be parted once, however near, (k,).
         kept: which corners are, the first among them, (k,); filled in.
     """
     ends = np.append(np.flatnonzero(kept), len(corners))

@@ -109,17 +109,7 @@ class PolygonMap:
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last alone.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
-        """
+        """See ``RollOuts.rolled_out``."""
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
@@ -128,16 +118,7 @@ class PolygonMap:
         return _moved(paths, self.datum, -1), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """How many steps of a path collide if it is laid from each pose: ``collides``, in one pass.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            path: points as seen from the pose, (k + 1, 2) float32, k ≥ 1.
-            radius: of the disc.
-
-        Returns:
-            (n,).
-        """
+        """See ``RollOuts.collisions_along``."""
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         laid_kernels.collisions(
