@@ -16,6 +16,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 
 Reached = NDArray[np.int16]
+_ROUNDING = 1e-9  # cells, far above errors of float64
 
 
 @compiled
@@ -143,15 +144,39 @@ def _clear(
     """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map.
 
     No point of a path of length d between places a and b away from all solid cells is nearer to
-    them than (a + b - d) / 2; only where the reach before and after leaves it open are the cells
-    looked at.
+    them than (a + b - d) / 2. The cells are looked at one by one only where that leaves it open, as
+    well as the nearest cells beside the ends and the open square around the middle.
     """
     if before <= 0 or after <= 0:
         return False
     spare = np.float64(before) + np.float64(after) - 2.0 - 2.0 * radius
     if spare > 0.0 and spare * spare > du * du + dv * dv:
         return True
+    if _touches_beside(u + du, v + dv, after, radius, reach):
+        return False
+    if _touches_beside(u, v, before, radius, reach):
+        return False
+    middle_u, middle_v = u + du / 2, v + dv / 2
+    row, column = int(middle_v), int(middle_u)
+    m, aside, ahead = reach[row, column] - _ROUNDING, abs(du) / 2 + radius, abs(dv) / 2 + radius
+    if (
+        max(middle_u - column, column + 1.0 - middle_u) + aside < m
+        and max(middle_v - row, row + 1.0 - middle_v) + ahead < m
+    ):
+        return True
     return _swept_clear(u, v, du, dv, radius, reach)
+
+
+@compiled
+def _touches_beside(u: float, v: float, m: int, radius: float, reach: Reach) -> bool:
+    """Whether a disc touches the next solid cells along the axes, if they are m cells away."""
+    row, column = int(v), int(u)
+    return (
+        (column + m - u <= radius and reach[row, column + m] == 0)
+        or (u - (column + 1.0 - m) <= radius and reach[row, column - m] == 0)
+        or (row + m - v <= radius and reach[row + m, column] == 0)
+        or (v - (row + 1.0 - m) <= radius and reach[row - m, column] == 0)
+    )
 
 
 @compiled
