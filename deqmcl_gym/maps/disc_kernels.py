@@ -3,12 +3,12 @@
 Positions are in cells, and all ask for the *reach* of a cell alone; see ``grid_kernels``.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.grid_kernels import locate, on_map
+from deqmcl_gym.maps.grid_kernels import Runs, locate, on_map
 from deqmcl_gym.maps.kernels import BLOCK, drive
 from deqmcl_gym.maps.laid_kernels import directed, put
 from deqmcl_gym.maps.stride_kernels import Reach
@@ -17,6 +17,25 @@ from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 
 Reached = NDArray[np.int16]
 _ROUNDING = 1e-9  # cells, far above errors of float64
+
+
+class Cells(NamedTuple):
+    """A grid as a robot that drives in it meets it.
+
+    Attributes:
+        reach: of each cell; without any, there is no grid.
+        up, down: as ``grid_kernels.fill_runs`` fills them in.
+        frame: a ``grid_kernels.Frame``, as a plain tuple.
+    """
+
+    reach: Reach
+    up: Runs
+    down: Runs
+    frame: tuple[float, ...]
+
+
+_NO_RUNS = np.empty((0, 0), np.int16)
+NO_CELLS = tuple(Cells(np.empty((0, 0), np.uint8), _NO_RUNS, _NO_RUNS, (0.0, 0.0, 1.0, 0.0, 1.0)))
 
 
 @compiled

@@ -215,6 +215,11 @@ class GridMap:
         thresholds = repr((self.free_thresh, self.occupied_thresh))
         return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
 
+    @cached_property
+    def cells(self) -> tuple[Any, ...]:
+        """A ``disc_kernels.Cells``, as a plain tuple: for kernels that drive in it."""
+        return (self._reach, *self._runs, self._frame)
+
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
         disc_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
