@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deqmcl_gym.maps.disc_kernels import first_contact
+from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
@@ -50,7 +52,8 @@ class Rules(NamedTuple):
 
     Attributes:
         noise: σ_dd, σ_φφ, σ_φd.
-        walls: as :func:`sides` returns them; free space to their left.
+        walls: as :func:`sides` returns them; free space to their left. None of a grid.
+        cells: a ``disc_kernels.Cells`` as a plain tuple: a grid, or ``NO_CELLS``.
         radius: of the robots.
         skin: how far before a contact they stop.
         reach: a length that no drive has without contact.
@@ -65,6 +68,7 @@ class Rules(NamedTuple):
 
     noise: tuple[float, float, float]
     walls: Floats
+    cells: tuple[Any, ...]
     radius: float
     skin: float
     reach: float
@@ -131,7 +135,7 @@ def step(
 def _drive(i: int, robots: Robots, rules: Rules, command: Singles, normals: Floats) -> bool:
     """Turn and drive robot i; return whether a wall stopped it."""
     of_drive, of_turn, of_drift = rules.noise
-    pose, gaps, walls = robots.poses[i], robots.gaps, rules.walls
+    pose, gaps = robots.poses[i], robots.gaps
     distance, turn = np.float64(command[0]), np.float64(command[1])
     sd_turn = of_turn * abs(turn) + of_drift * distance
     heading = centred64(pose[2] + turn + sd_turn * normals[1], TURN)
@@ -146,9 +150,9 @@ def _drive(i: int, robots: Robots, rules: Rules, command: Singles, normals: Floa
     dx, dy = driven * cos64(heading), driven * sin64(heading)
     collided = False
     if gaps[i] <= way + rules.skin:
-        gaps[i] = _gap(x, y, walls) - rules.radius
+        gaps[i] = _gap(x, y, rules) - rules.radius
     if gaps[i] <= way + rules.skin:
-        share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, walls, rules.radius)
+        share = 0.0 if gaps[i] < 0.0 else _first_contact(x, y, dx, dy, rules)
         if share < np.inf:
             collided = True
             share = max(share - rules.skin / way, 0.0)
@@ -159,9 +163,14 @@ def _drive(i: int, robots: Robots, rules: Rules, command: Singles, normals: Floa
 
 
 @compiled
-def _gap(x: float, y: float, walls: Floats) -> float:
+def _gap(x: float, y: float, rules: Rules) -> float:
     """Distance of a point to the nearest wall."""
-    least = np.inf
+    reach, up, down, frame = rules.cells
+    if reach.size:
+        point, gap = np.array(((x,), (y,))), np.empty(1, np.float32)
+        distances(point, reach, up, down, frame, gap)
+        return np.float64(gap[0])
+    walls, least = rules.walls, np.inf
     for wall in range(walls.shape[0]):
         px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
         ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
@@ -174,9 +183,12 @@ def _gap(x: float, y: float, walls: Floats) -> float:
 
 
 @compiled
-def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radius: float) -> float:
+def _first_contact(x: float, y: float, dx: float, dy: float, rules: Rules) -> float:
     """Share of the way (dx, dy) at which a disc, clear of the walls, first touches one; or inf."""
-    first = np.inf
+    reach, _, _, frame = rules.cells
+    walls, radius, first = rules.walls, rules.radius, np.inf
+    if reach.size:
+        return first_contact((x, y), (x + dx, y + dy), reach, frame, radius)
     square = dx * dx + dy * dy
     for wall in range(walls.shape[0]):
         px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start

@@ -3,6 +3,8 @@
 import numpy as np
 
 from deqmcl_gym.envs import vector_kernels as kernels
+from deqmcl_gym.maps import GridMap
+from deqmcl_gym.maps.disc_kernels import NO_CELLS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.sensor import LidarSensors
 from deqmcl_gym.world.setting import Setting
@@ -16,10 +18,13 @@ class Rooms:
         """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
         world, course = setting.world, setting.course
         self._setting = setting
+        ground = world.floor_plan
+        cells = ground.cells if isinstance(ground, GridMap) else NO_CELLS
         noise, radius, most = world.noise, float(world.robot.radius), len(course.actions)
         rules = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
-            walls=kernels.sides(world.floor_plan.walls),
+            walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
+            cells=cells,
             radius=world.body,
             skin=world.skin,
             reach=world.reach,

@@ -1,4 +1,4 @@
-"""The compiled geometry of cells: rays, swept discs and distances among solid squares.
+"""The compiled geometry of cells: rays, points and distances among solid squares.
 
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. All but ``distances``
 ask one table, the *reach* of each cell: how many cells away, along an axis or a diagonal, the
@@ -67,7 +67,8 @@ def locate(points: Any, frame: tuple[float, ...], us: Any, vs: Any) -> None:
 
 
 @compiled
-def _on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
+def on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
+    """Whether a point in cells of the table is on the map."""
     rows, columns = reach.shape
     return (u >= 1) & (u < columns - 1) & (v >= 1) & (v < rows - 1)  # all false for NaN
 
@@ -76,7 +77,7 @@ def _on_map(u: Scalar, v: Scalar, reach: Reach) -> Scalar:
 def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
     """Fill in whether points in cells lie in open ones."""
     for i in range(out.size):
-        out[i] = _on_map(us[i], vs[i], reach) and reach[int(vs[i]), int(us[i])] > 0
+        out[i] = on_map(us[i], vs[i], reach) and reach[int(vs[i]), int(us[i])] > 0
 
 
 @compiled
@@ -118,7 +119,7 @@ def cast(
 def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> Scalar:
     """How far a ray from within solid cells comes to open ones or to the edge; 0 from open ones."""
     rows, columns = reach.shape
-    if not _on_map(x, y, reach):
+    if not on_map(x, y, reach):
         return _NAN
     per_dx = _ONE / (dx if abs(dx) > _TINY else _TINY)
     per_dy = _ONE / (dy if abs(dy) > _TINY else _TINY)
@@ -135,138 +136,6 @@ def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> 
 
 
 @compiled
-def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
-    """Fill in whether a disc swept along each path meets no solid cell and stays on the map.
-
-    No point of a path of length d between places a and b away from all solid cells is nearer to
-    them than (a + b - d) / 2; only where the reach leaves it open are the cells looked at.
-
-    Args:
-        starts, ends: rows x and y (further rows are ignored), (2+, n), float32 or float64.
-        reach, frame: as ``cast``.
-        radius: of the disc.
-        out: (n,).
-    """
-    n, size = out.size, radius / frame[4]
-    u, v, to_u, to_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    locate(starts, frame, u, v)
-    locate(ends, frame, to_u, to_v)
-    for i in range(n):
-        out[i] = _on_map(u[i], v[i], reach) & _on_map(to_u[i], to_v[i], reach)
-        if out[i]:
-            before, after = reach[int(v[i]), int(u[i])], reach[int(to_v[i]), int(to_u[i])]
-            du, dv = to_u[i] - u[i], to_v[i] - v[i]
-            spare = np.float64(before) + np.float64(after) - 2.0 - 2.0 * size
-            if spare <= 0.0 or spare * spare <= du * du + dv * dv:
-                clear = (before > 0) & (after > 0)
-                out[i] = clear and _swept_clear(u[i], v[i], du, dv, size, reach)
-
-
-@compiled
-def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach: Reach) -> bool:
-    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map.
-
-    Row by row: what it covers of a row is as wide as the cells it touches there.
-    """
-    low, high = min(v, v + dv) - radius, max(v, v + dv) + radius
-    left, right = min(u, u + du) - radius, max(u, u + du) + radius
-    rows, columns = reach.shape
-    if left <= 1.0 or low <= 1.0 or right >= columns - 1.0 or high >= rows - 1.0:
-        return False
-    length = np.sqrt(du * du + dv * dv)
-    across_u = -dv / length * radius if length > 0.0 else 0.0
-    across_v = du / length * radius if length > 0.0 else 0.0
-    for row in range(int(np.ceil(low)) - 1, int(np.floor(high)) + 1):
-        first, last = np.inf, -np.inf
-        for end in range(2):  # the discs at both ends
-            centre_u, centre_v = u + end * du, v + end * dv
-            off = max(row - centre_v, centre_v - (row + 1.0), 0.0)
-            if off <= radius:
-                half = np.sqrt(radius * radius - off * off)
-                first, last = min(first, centre_u - half), max(last, centre_u + half)
-        for side in (-1.0, 1.0):  # the lines between them
-            side_u, side_v = u + side * across_u, v + side * across_v
-            if dv == 0.0:
-                if row <= side_v <= row + 1.0:
-                    first = min(first, side_u, side_u + du)
-                    last = max(last, side_u, side_u + du)
-            else:
-                one, two = (row - side_v) / dv, (row + 1.0 - side_v) / dv
-                enter, leave = max(min(one, two), 0.0), min(max(one, two), 1.0)
-                if enter <= leave:
-                    one, two = side_u + enter * du, side_u + leave * du
-                    first, last = min(first, one, two), max(last, one, two)
-        column, end_column = int(np.ceil(first)) - 1, int(np.floor(last))
-        while column <= end_column:
-            if reach[row, column] == 0:
-                return False
-            column += int(reach[row, column])  # all cells up to there are open
-    return True
-
-
-@compiled
-def first_contact(
-    start: tuple[float, float],
-    end: tuple[float, float],
-    reach: Reach,
-    frame: tuple[float, ...],
-    radius: float,
-) -> float:
-    """Share of the way at which a disc that starts clear of solid cells touches one; inf if never.
-
-    Its centre then meets the square grown by the radius: a slab along each axis, a circle around
-    each corner.
-    """
-    points = np.array(((start[0], end[0]), (start[1], end[1])))
-    us, vs = np.empty(2), np.empty(2)
-    locate(points, frame, us, vs)
-    u, v, du, dv, r = us[0], vs[0], us[1] - us[0], vs[1] - vs[0], radius / frame[4]
-    rows, columns = reach.shape
-    low = max(int(np.ceil(min(v, v + dv) - r)) - 1, 0)
-    high = min(int(np.floor(max(v, v + dv) + r)), rows - 1)
-    left = max(int(np.ceil(min(u, u + du) - r)) - 1, 0)
-    right = min(int(np.floor(max(u, u + du) + r)), columns - 1)
-    first = np.inf
-    for row in range(low, high + 1):
-        for column in range(left, right + 1):
-            if reach[row, column] == 0:
-                x, y = u - column, v - row  # seen from the square's lower left corner
-                first = min(first, _meets_box(x, y, du, dv, -r, 1.0 + r, 0.0, 1.0))
-                first = min(first, _meets_box(x, y, du, dv, 0.0, 1.0, -r, 1.0 + r))
-                for corner in range(4):
-                    cx, cy = x - corner % 2, y - corner // 2
-                    first = min(first, _meets_circle(cx, cy, du, dv, r))
-    return first
-
-
-@compiled
-def _meets_box(
-    x: float, y: float, dx: float, dy: float, left: float, right: float, low: float, high: float
-) -> float:
-    """Share of (dx, dy) at which a point from outside enters a rectangle; inf if never."""
-    enter, leave = 0.0, 1.0
-    for at, way, least, most in ((x, dx, left, right), (y, dy, low, high)):
-        if way == 0.0:
-            if not least <= at <= most:
-                return np.inf
-        else:
-            one, two = (least - at) / way, (most - at) / way
-            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
-    return enter if enter <= leave else np.inf
-
-
-@compiled
-def _meets_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
-    """Share of (dx, dy) at which a point from outside enters a circle around 0; inf if never."""
-    square, nears = dx * dx + dy * dy, -(x * dx + y * dy)
-    root = nears * nears - square * (x * x + y * y - radius * radius)
-    if not (nears > 0.0 and root >= 0.0):
-        return np.inf
-    share = max(nears - np.sqrt(root), 0.0) / square
-    return share if share <= 1.0 else np.inf
-
-
-@compiled
 def distances(
     points: Any, reach: Reach, up: Runs, down: Runs, frame: tuple[float, ...], out: Singles
 ) -> None:
@@ -279,7 +148,7 @@ def distances(
     locate(points, frame, u, v)
     rows, columns = reach.shape
     for i in range(n):
-        if _on_map(u[i], v[i], reach):
+        if on_map(u[i], v[i], reach):
             out[i] = cell * np.sqrt(_nearest(u[i], v[i], reach, up, down))
         else:
             beside = max(1.0 - u[i], u[i] - (columns - 1.0), 0.0)

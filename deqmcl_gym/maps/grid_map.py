@@ -10,13 +10,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import grid_file, grid_kernels, grid_walls, stride_kernels
+from deqmcl_gym.maps import disc_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Point
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
@@ -167,6 +167,22 @@ class GridMap:
         """See ``Map.collides``."""
         return ~self._feasible(_rows(starts, 2), _rows(ends, 2), radius)
 
+    def rolled_out(
+        self, poses: Singles, moves: Singles, radius: float, *, kept: int
+    ) -> tuple[Singles, Ints]:
+        """See ``RollOuts.rolled_out``."""
+        paths = np.empty((kept, *poses.shape), np.float32)
+        hits = np.empty(poses.shape[1], np.int32)
+        size = float(radius)
+        disc_kernels.roll_out(poses, moves, self._reach, self._frame, size, hits, paths)
+        return paths, hits
+
+    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        """See ``RollOuts.collisions_along``."""
+        hits = np.empty(poses.shape[1], np.int32)
+        disc_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
+        return hits
+
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
         centres = _rows(points, 2)
@@ -189,7 +205,7 @@ class GridMap:
         self, start: tuple[float, float], end: tuple[float, float], radius: float
     ) -> float | None:
         """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
-        share = grid_kernels.first_contact(start, end, self._reach, self._frame, radius)
+        share = disc_kernels.first_contact(start, end, self._reach, self._frame, radius)
         return share if share < math.inf else None
 
     @cached_property
@@ -199,9 +215,14 @@ class GridMap:
         thresholds = repr((self.free_thresh, self.occupied_thresh))
         return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
 
+    @cached_property
+    def cells(self) -> tuple[Any, ...]:
+        """A ``disc_kernels.Cells``, as a plain tuple: for kernels that drive in it."""
+        return (self._reach, *self._runs, self._frame)
+
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
-        grid_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
+        disc_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
 
     def _check_resolved(self) -> None:

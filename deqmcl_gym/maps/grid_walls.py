@@ -1,9 +1,11 @@
-"""The outline of solid cells: faces joined to straight walls, and walls to polygons."""
+"""The outline of solid cells: faces joined to straight walls, and walls to closed outlines."""
 
 from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.maps import outline_kernels
+from deqmcl_gym.maps.polygons import close_pairs, crossings, edges_of, folds_back, signed_area
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 
 
@@ -38,66 +40,87 @@ def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
     return line[starts], np.where(forth, first, last), np.where(forth, last, first)
 
 
-def polygons_of(faces: Floats, cells: Floats) -> tuple[Floats, list[Floats]]:
-    """Return the outline of the largest open region, and those of what stands in it, (k, 2) each.
+def outlines_of(solid: Bools) -> list[Indices]:
+    """Return the outline of the largest open region, then those of what stands in it.
+
+    Regions are of cells that share a face; all others count as solid. Where four faces meet, at two
+    solid cells that touch by a corner, an outline turns right, around the solid cell. As the region
+    holds together without that corner, no outline comes through a point twice.
 
     Args:
-        faces: as ``faces_of`` returns them.
-        cells: what its corners are returned as: the points at all corners of cells, (rows + 1,
-            columns + 1, 2).
+        solid: as ``faces_of``.
 
-    Where four faces meet, at two solid cells that touch by a corner, an outline turns right, around
-    the solid cell: no outline crosses itself.
+    Returns:
+        Corners in cells from the lower left one, (k, 2) each.
     """
-    rings = _rings(faces)
-    areas = np.array([_area(ring) for ring in rings])
-    outer = rings[int(areas.argmax())]
-    regions = [rings[k] for k in np.flatnonzero(areas > 0)]
-    obstacles = []
-    for k in np.flatnonzero(areas < 0):
-        beside = _beside(rings[k])
-        around = [region for region in regions if _contains(region, beside)]
-        if min(around, key=_area) is outer:
-            obstacles.append(rings[k])
-    place = [ring.astype(int) for ring in (outer, *obstacles)]
-    first, *others = (cells[ring[:, 1], ring[:, 0]] for ring in place)
-    return first, others
+    rings = _rings(faces_of(~outline_kernels.largest_region(solid)))
+    return sorted(
+        rings, key=lambda ring: -signed_area(ring.astype(np.float64))
+    )  # all but the first are negative
 
 
-def _rings(faces: Floats) -> list[Floats]:
+def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:
+    """Leave out corners of outlines, so that none is farther than ``tolerance`` from what it was.
+
+    Corners come back where an outline would vanish, touch itself or cross another one.
+
+    Args:
+        outlines: as ``outlines_of`` returns them.
+        tolerance: in cells.
+        apart: least distance of two edges of an outline that share no corner, in cells.
+    """
+    kept = [np.arange(len(outline)) == 0 for outline in outlines]
+    amiss, before = [np.ones(len(outline), np.bool_) for outline in outlines], 0
+    while (count := sum(map(np.count_nonzero, kept))) > before:
+        before = count
+        for outline, some, bad in zip(outlines, kept, amiss, strict=True):
+            if bad.any():
+                outline_kernels.keep_more(outline.astype(np.float64), tolerance, bad, some)
+        for some, bad, found in zip(kept, amiss, _amiss(outlines, kept, apart), strict=True):
+            bad[:] = False
+            bad[some] = found
+    return [outline[some] for outline, some in zip(outlines, kept, strict=True)]
+
+
+def _amiss(outlines: list[Indices], kept: list[Bools], apart: float) -> list[Bools]:
+    """Which edges between corners kept make an outline no polygon, or cross another one."""
+    polygons = [o[some].astype(np.float64) for o, some in zip(outlines, kept, strict=True)]
+    sizes = np.array([len(polygon) for polygon in polygons])
+    whose = np.repeat(np.arange(sizes.size), sizes)
+    ends = np.cumsum(sizes)
+    following = np.arange(1, whose.size + 1)
+    following[ends - 1] = ends - sizes
+    edges = np.vstack([edges_of(polygon) for polygon in polygons])
+    folds = folds_back(edges, edges[following], apart)
+    amiss = (sizes < 3)[whose] | folds
+    amiss[following[folds]] = True
+    pairs = close_pairs(edges, apart)
+    one, other = whose[pairs].T
+    neighbours = (following[pairs] == pairs[:, ::-1]).any(axis=1)
+    crossed = np.isfinite(crossings(edges, pairs)).all(axis=1)
+    amiss[pairs[np.where(one == other, ~neighbours, crossed)]] = True
+    return np.split(amiss, ends[:-1])
+
+
+def _rings(faces: Floats) -> list[Indices]:
     """Join faces, end to start, to closed outlines."""
-    starts: dict[tuple[float, float], list[int]] = {}
-    for k, (x, y) in enumerate(faces[:, :2].tolist()):
-        starts.setdefault((x, y), []).append(k)
-    along, ends = faces[:, 2:] - faces[:, :2], [(x, y) for x, y in faces[:, 2:].tolist()]
-    unused, rings = np.ones(len(faces), np.bool_), []
+    along = (faces[:, 2:] - faces[:, :2]).tolist()
+    leaving: dict[tuple[float, ...], list[int]] = {}
+    for k, start in enumerate(map(tuple, faces[:, :2].tolist())):
+        leaving.setdefault(start, []).append(k)
+
+    def after(k: int, end: tuple[float, ...]) -> int:
+        dx, dy = along[k]  # to the right, if there are two ways on
+        return max(leaving[end], key=lambda o: dy * along[o][0] - dx * along[o][1])
+
+    following = [after(k, end) for k, end in enumerate(map(tuple, faces[:, 2:].tolist()))]
+    unused, rings = [True] * len(faces), []
     for first in range(len(faces)):
         ring, k = [], first
         while unused[k]:
             unused[k] = False
             ring.append(k)
-            dx, dy = along[k]
-            # to the right, if there are two ways on
-            k = max(starts[ends[k]], key=lambda o: dy * along[o, 0] - dx * along[o, 1])
+            k = following[k]
         if ring:
-            rings.append(faces[ring, :2])
+            rings.append(faces[ring, :2].astype(np.intp))
     return rings
-
-
-def _area(ring: Floats) -> float:
-    x, y = ring.T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-
-
-def _beside(ring: Floats) -> Floats:
-    """Return the centre of the open cell beside the start of an outline."""
-    (x, y), (to_x, to_y) = ring[0], ring[1]
-    dx, dy = np.sign(to_x - x), np.sign(to_y - y)
-    return np.array([x + (dx - dy) / 2, y + (dy + dx) / 2])
-
-
-def _contains(ring: Floats, point: Floats) -> bool:
-    """Whether an outline goes around the centre of a cell: how many walls are to its right."""
-    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
-    crossed = (x0 == x1) & (x0 > point[0]) & ((y0 > point[1]) != (y1 > point[1]))
-    return int(crossed.sum()) % 2 == 1

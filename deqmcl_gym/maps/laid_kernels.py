@@ -13,7 +13,7 @@ _ZERO = np.float32(0.0)
 
 
 @compiled
-def _put(rows: Singles, point: Singles, out: Singles) -> None:
+def put(rows: Singles, point: Singles, out: Singles) -> None:
     """Fill in (x, y) + R(θ) p, (2+, n), for rows x, y, cos θ, sin θ, (4, n)."""
     px, py = point[0], point[1]
     x, y, cosines, sines = rows[0], rows[1], rows[2], rows[3]
@@ -24,7 +24,7 @@ def _put(rows: Singles, point: Singles, out: Singles) -> None:
 
 
 @compiled
-def _directed(poses: Singles, out: Singles) -> None:
+def directed(poses: Singles, out: Singles) -> None:
     """Fill in rows x, y, cos θ, sin θ, (4, n), of poses (3, n)."""
     out[:2] = poses[:2]
     sincos32(poses[2], out[3], out[2])
@@ -40,9 +40,9 @@ def laid(poses: Singles, path: Singles, out: Singles) -> None:
         out: rows x, y of each point, (k, 2, n).
     """
     rows = np.empty((4, poses.shape[1]), np.float32)
-    _directed(poses, rows)
+    directed(poses, rows)
     for k in range(len(path)):
-        _put(rows, path[k], out[k])
+        put(rows, path[k], out[k])
 
 
 @compiled
@@ -85,13 +85,13 @@ def collisions(
     for start in range(0, n, BLOCK):
         size = min(BLOCK, n - start)
         rows, hits = np.empty((4, size), np.float32), out[start : start + size]
-        _directed(poses[:, start : start + size].copy(), rows)
+        directed(poses[:, start : start + size].copy(), rows)
         here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
         before, after = np.empty(size, np.float32), np.empty(size, np.float32)
-        _put(rows, path[0], here)
+        put(rows, path[0], here)
         look_up(here, grid, squares[:size], before)
         for step in range(len(path) - 1):
-            _put(rows, path[step + 1], there)
+            put(rows, path[step + 1], there)
             look_up(there, grid, squares[:size], after)
             dx, dy = path[step + 1, 0] - path[step, 0], path[step + 1, 1] - path[step, 1]
             needed = np.sqrt(dx * dx + dy * dy) + (radius + radius)

@@ -4,7 +4,7 @@ from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Point = tuple[float, float]
@@ -100,4 +100,38 @@ class Map(Protocol):
 
     def distance(self, points: ArrayLike) -> Singles:
         """Distance of ``points``, (n, 2+), to the nearest wall, on whichever side, (n,)."""
+        ...
+
+
+@runtime_checkable
+class RollOuts(Protocol):
+    """What a map may offer besides: ``collides`` for many steps in one pass, with the same bits."""
+
+    def rolled_out(
+        self, poses: Singles, moves: Singles, radius: float, *, kept: int
+    ) -> tuple[Singles, Ints]:
+        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
+
+        Args:
+            poses: rows x, y, θ, (3, n) float32.
+            moves: distances and turns of each step, (F, 2, n) float32.
+            radius: of the disc.
+            kept: F to return the poses after each step, 1 for those after the last alone.
+
+        Returns:
+            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        """
+        ...
+
+    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        """How many steps of a path collide if it is laid from each pose: ``collides``, in one pass.
+
+        Args:
+            poses: rows x, y, θ, (3, n) float32.
+            path: points as seen from the pose, (k + 1, 2) float32, k ≥ 1.
+            radius: of the disc.
+
+        Returns:
+            (n,).
+        """
         ...

@@ -15,7 +15,7 @@ from deqmcl_gym.maps.map import Box, Caster, Point
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, shown
+from deqmcl_gym.validation import InputError, number, shown
 
 _ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
 _FARTHEST = 1e9  # px: float64 is 1e-7 px coarse there
@@ -59,17 +59,25 @@ class PolygonMap:
             )
 
     @classmethod
-    def from_grid(cls, grid: GridMap) -> "PolygonMap":
-        """Return the largest open region of a map of cells, its outline and what stands in it.
+    def from_grid(cls, grid: GridMap, tolerance: float = 0.0) -> "PolygonMap":
+        """Return the largest open region of a map of cells: its outline and what stands in it.
 
-        Exact, corner by corner. Regions that are walled off from it count as solid.
+        Regions that share no cell's face with it count as solid.
+
+        Args:
+            grid: a map of cells.
+            tolerance: how far an outline may be from that of the cells at most, m; 0 for all their
+                corners. Where two outlines would come to cross, both stay closer.
         """
-        rows, columns = grid.solid.shape
-        corners = np.stack(np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)), axis=-1)
-        cells = grid.placed(corners.reshape(-1, 2)).reshape(rows + 1, columns + 1, 2)
-        outer, obstacles = grid_walls.polygons_of(grid_walls.faces_of(grid.solid), cells)
-        solid = tuple(obstacle.tolist() for obstacle in obstacles)
-        return cls(outer=outer.tolist(), obstacles=solid, unit=grid.unit)
+        number("tolerance", tolerance, low=0)
+        outlines = grid_walls.outlines_of(grid.solid)
+        if tolerance > 0.0:
+            apart = 2 * _ZERO_LENGTH * pixel(grid.unit)
+            outlines = grid_walls.thinned(
+                outlines, tolerance / grid.resolution, apart / grid.resolution
+            )
+        outer, *obstacles = (grid.placed(outline).tolist() for outline in outlines)
+        return cls(outer=outer, obstacles=tuple(obstacles), unit=grid.unit)
 
     @cached_property
     def bounds(self) -> Box:
@@ -101,17 +109,7 @@ class PolygonMap:
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last alone.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
-        """
+        """See ``RollOuts.rolled_out``."""
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
@@ -120,16 +118,7 @@ class PolygonMap:
         return _moved(paths, self.datum, -1), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """How many steps of a path collide if it is laid from each pose: ``collides``, in one pass.
-
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            path: points as seen from the pose, (k + 1, 2) float32, k ≥ 1.
-            radius: of the disc.
-
-        Returns:
-            (n,).
-        """
+        """See ``RollOuts.collisions_along``."""
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         laid_kernels.collisions(

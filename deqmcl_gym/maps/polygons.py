@@ -7,7 +7,7 @@ import numpy as np
 
 from deqmcl_gym.maps import polygon_kernels
 from deqmcl_gym.maps.map import Box
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, digits, shown
 
 Polygon = Sequence[tuple[float, float]]
@@ -43,19 +43,19 @@ def parse_polygon(
             f"{name} has the corner {_point(corners[far[0]])}, but coordinates of more than "
             f"{farthest:g} are too coarse in float64: move the floor plan towards (0, 0)."
         )
-    edges = _edges(corners)
+    edges = edges_of(corners)
     lengths = np.sqrt(((edges[:, 2:] - edges[:, :2]) ** 2).sum(axis=1))
     if (short := np.flatnonzero(lengths < shortest)).size:
         raise InputError(
             f"{name} has an edge of zero length at {_point(corners[short[0]])}: name each corner "
             "once; the last corner is joined to the first by itself."
         )
-    _check_simple(name, edges, lengths, shortest)
+    _check_simple(name, edges, shortest)
     return tuple((x, y) for x, y in corners.tolist())
 
 
-def _check_simple(name: str, edges: Floats, lengths: Floats, shortest: float) -> None:
-    if (folds := np.flatnonzero(_folds_back(edges, lengths, shortest))).size:
+def _check_simple(name: str, edges: Floats, shortest: float) -> None:
+    if (folds := np.flatnonzero(folds_back(edges, np.roll(edges, -1, axis=0), shortest))).size:
         corner = (folds[0] + 1) % len(edges)
         raise InputError(
             f"{name} folds back on itself at corner {corner}, {_point(edges[corner, :2])}: leave "
@@ -79,14 +79,14 @@ def _check_simple(name: str, edges: Floats, lengths: Floats, shortest: float) ->
         )
 
 
-def _folds_back(edges: Floats, lengths: Floats, least: float) -> Any:
-    """Whether each edge and the next one lie on each other, (S,)."""
-    along, after = edges[:, 2:] - edges[:, :2], np.roll(edges[:, 2:] - edges[:, :2], -1, axis=0)
-    next_lengths = np.roll(lengths, -1)
+def folds_back(edges: Floats, following: Floats, least: float) -> Bools:
+    """Whether edges (S, 4) and those that follow them lie on each other, (S,)."""
+    along, after = edges[:, 2:] - edges[:, :2], following[:, 2:] - following[:, :2]
+    longer = np.sqrt(np.maximum((along**2).sum(axis=1), (after**2).sum(axis=1)))
     across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
-    back = (along * after).sum(axis=1) < 0.0
     # how far the far end of the shorter edge is from the longer one
-    return back & (across < least * np.maximum(lengths, next_lengths))
+    folds: Bools = ((along * after).sum(axis=1) < 0.0) & (across < least * longer)
+    return folds
 
 
 def close_pairs(edges: Floats, within: float) -> Indices:
@@ -129,7 +129,7 @@ def oriented_edges(polygon: Polygon, *, solid: bool) -> Floats:
     """Return the edges (S, 4), counterclockwise, or clockwise around something ``solid``."""
     corners = np.array(polygon)
     clockwise = signed_area(corners) < 0
-    return _edges(corners if clockwise == solid else corners[::-1])
+    return edges_of(corners if clockwise == solid else corners[::-1])
 
 
 def as_box(polygon: Polygon) -> Box | None:
@@ -147,7 +147,8 @@ def signed_area(points: Floats) -> float:
     return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
 
 
-def _edges(corners: Floats) -> Floats:
+def edges_of(corners: Floats) -> Floats:
+    """Return the edges (S, 4) of a polygon, (S, 2)."""
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 

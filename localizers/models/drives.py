@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import RollOuts
 from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.models.motion import OdometryMotion
 
@@ -21,7 +21,7 @@ class ChargedDrives:
     """
 
     motion: OdometryMotion
-    floor_plan: PolygonMap
+    floor_plan: RollOuts
     radius: float
     beta: float
 

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from deqmcl_gym.maps import Map, PolygonMap
+from deqmcl_gym.maps import Map, RollOuts
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import number
 from localizers.models.drives import ChargedDrives
@@ -40,7 +40,7 @@ class FreeSpace:
 
     def walk(self, motion: object) -> ChargedDrives | None:
         """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        if not isinstance(motion, OdometryMotion) or not isinstance(self.floor_plan, PolygonMap):
+        if not isinstance(motion, OdometryMotion) or not isinstance(self.floor_plan, RollOuts):
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from deqmcl_gym.maps import Map, PolygonMap
+from deqmcl_gym.maps import Map, RollOuts
 from deqmcl_gym.maps.laid_kernels import laid
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Ints, Singles
@@ -56,7 +56,7 @@ class PlanSensor:
         poses, path = np.ascontiguousarray(states, np.float32), path_of(plan)[first:]
         if len(path) < 2:
             return np.zeros(poses.shape[1], np.int32)
-        if isinstance(self.floor_plan, PolygonMap):
+        if isinstance(self.floor_plan, RollOuts):
             return self.floor_plan.collisions_along(poses, path, self.radius)
         block = max(1, _BLOCK // len(path))
         starts = range(0, poses.shape[1], block)

@@ -8,6 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_vector_parity import both, run_beside
 
 import deqmcl_gym
 from deqmcl_gym import GridMap
@@ -53,6 +54,17 @@ def test_a_lap_by_waypoints_is_driven_to_its_end_without_a_contact(path):
 
 def test_the_environment_checker_has_nothing_to_say(path):
     check_env(RoomEnv(floor_plan=path, lap={"waypoints": WAYPOINTS}), skip_render_check=True)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6])
+def test_many_rooms_in_it_are_as_many_single_ones(yaw):
+    grid = GridMap(occupancy=hall(), resolution=0.05, origin=(0, 0, yaw))
+    corners = tuple(map(tuple, grid.placed(20 * np.array(WAYPOINTS)).tolist()))
+    contacts, _ = run_beside(
+        *both(3, floor_plan=grid, lap={"waypoints": corners}, robot={"max_distance": 0.5}),
+        steps=300, planned=0.3, seed=1,
+    )  # fmt: skip
+    assert contacts > 50
 
 
 @settings(max_examples=40, deadline=None)
