@@ -21,7 +21,7 @@ _InFlight = dict[Future[Outcome], tuple[str, T, float]]  # key, trial, when it w
 
 
 def outcomes(
-    jobs: Iterable[tuple[str, T]], engine: Engine, run: Callable[[T, str], Outcome] = attempt
+    jobs: Iterable[tuple[str, T]], engine: Engine, run: Callable[..., Outcome] = attempt
 ) -> Generator[tuple[str, Outcome], None, None]:
     """Run (key, trial) pairs by ``run(trial, key)``; yield (key, outcome) as they finish.
 

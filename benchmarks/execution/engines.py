@@ -6,14 +6,12 @@ from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
 from benchmarks.trials.plugins import guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +73,7 @@ class Where:
 
     @contextmanager
     def engine(
-        self, trials: Collection[T], guest_of: Callable[[T], str] = guest_of
+        self, trials: Collection[object], guest_of: Callable[..., str] = guest_of
     ) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs.
 

@@ -4,18 +4,19 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.replay.scoring import FOUND, NEAR, Played, Row
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, picture
 from benchmarks.tables.stats import wilson
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Floats, Indices
 
 Looks = Mapping[str, Look]
 
 _SIDE = 700  # cells of a drawn map
-_WALL = (119, 119, 119)
+_WALL = (160, 160, 160)
 _POINTS = 300  # of a curve
 _LEAST = 0.01  # m: where the axis of errors begins
 
@@ -30,11 +31,11 @@ def trajectory_chart(row: Row, floor_plan: Map, look: Look, number: int) -> Pict
     axes.imshow(
         _drawn(floor_plan), extent=(x0, x1, y0, y1), origin="lower", interpolation="nearest"
     )
-    x, y, _ = played.track.best.T
-    axes.plot(x, y, color=look.color, linewidth=1.1, label=row.localizer)
     if played.known.size:
         x, y, _ = played.track.truth[played.known].T
-        axes.plot(x, y, "--", color=INK, linewidth=0.8, label="reference")
+        axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
+    x, y, _ = played.track.best.T
+    axes.plot(x, y, color=look.color, linewidth=1.0, label=row.localizer)
     unit = floor_plan.unit
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
     axes.grid(visible=False)
@@ -59,6 +60,7 @@ def error_chart(row: Row, look: Look, top: float, number: int) -> Picture:
     axes.plot(way[at], middle, color=look.color, linewidth=1.0)
     axes.axhline(NEAR[FOUND][0], color=INK, linewidth=0.8, linestyle=":")
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=(_LEAST, top), xlim=(0, None), xlabel="driven, m", ylabel="position error, m")
     axes.set_title(row.localizer, loc="left")
     return picture(
@@ -113,11 +115,11 @@ def _error(played: Played) -> Floats:
     return played.errors.translation
 
 
-def _chosen(n: int) -> Floats:
+def _chosen(n: int) -> Indices:
     return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
 
 
-def _drawn(floor_plan: Map) -> Floats:
+def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
     """Return an image of the walls, RGBA, transparent elsewhere."""
     x0, y0, x1, y1 = floor_plan.bounds
     step = max(x1 - x0, y1 - y0) / _SIDE

@@ -1,7 +1,7 @@
 """How well runs went: of one, and of a localizer's over all seeds. Lengths are in m."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -101,8 +101,8 @@ class Played:
     def _metre(self) -> float:
         return metre(self.run.setting.log)
 
-    def _in_metres(self, of: type) -> PoseErrors:
-        found: PoseErrors = of(self.track.best, self.track.truth)  # type: ignore[call-arg]
+    def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors]) -> PoseErrors:
+        found = of(self.track.best, self.track.truth)
         return PoseErrors(translation=found.translation / self._metre, rotation=found.rotation)
 
 
