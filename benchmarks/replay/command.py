@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -44,14 +45,15 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     own_folder(out, "replay")
+    said = _warned([*warnings, disagreement(setting)])
     played, failures = _played(runs, out, where)
     rows = rows_of(runs, played)
-    said = [*warnings, *_of_agreement(setting, rows)]
+    said += _warned([_misfit(setting, rows)])
     failed = [f"{key}: {why}" for key, why in failures.items()]
     with doing(f"writing the report in {out}"):
         files = write_part(out, "replay", _contents(setting, rows, said, failed, command))
     referenced = bool(setting.log.referenced.size)
-    texts = [overview(setting), *facts(setting), plain(results_table(rows, referenced)), *said]
+    texts = [overview(setting), *facts(setting), plain(results_table(rows, referenced))]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
@@ -84,17 +86,20 @@ def _played(
     return played, {key: failures[key] for key in runs if key in failures}
 
 
-def _of_agreement(setting: Setting, rows: Sequence[Row]) -> list[str]:
-    """Return the warning that log and map do not fit, if they do not."""
-    if setting.log.referenced.size:
-        floor_plan = setting.env().floor_plan
-        assert floor_plan is not None
-        said = disagreement(setting, floor_plan)
-    else:
-        shares = [played.agreement[1] for row in rows for played in row.played]
-        where = "from where the best run takes the robot to be"
-        said = misfit_words(max(shares), where) if shares else None
-    return [] if said is None else [f"Warning: {said}"]
+def _warned(warnings: Sequence[str | None]) -> list[str]:
+    """Say on stderr what is not None, and return it."""
+    said = [f"Warning: {warning.rstrip('.')}." for warning in warnings if warning is not None]
+    for warning in said:
+        print(f"deqmcl: {warning}", file=sys.stderr)
+    return said
+
+
+def _misfit(setting: Setting, rows: Sequence[Row]) -> str | None:
+    """Return the warning that log and map do not fit, where no reference has told it."""
+    shares = [played.agreement[1] for row in rows for played in row.played]
+    if setting.log.referenced.size or not shares:
+        return None
+    return misfit_words(max(shares), "from where the best run takes the robot to be")
 
 
 def _contents(

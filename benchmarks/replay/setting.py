@@ -146,7 +146,7 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
     return float(within), float(well)
 
 
-def disagreement(setting: Setting, floor_plan: Map) -> str | None:
+def disagreement(setting: Setting) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
     known = setting.log.referenced
     if not known.size:
@@ -154,6 +154,8 @@ def disagreement(setting: Setting, floor_plan: Map) -> str | None:
     looked = known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(np.intp))]
     part = setting.log.of_records(looked)
     assert part.reference is not None
+    floor_plan = setting.env().floor_plan
+    assert floor_plan is not None
     _, share = agreement(part, floor_plan, part.reference)
     return misfit_words(share, "from the reference poses")
 
