@@ -23,9 +23,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)")
     add(
         "--localizers",
-        default="mcl,amcl,dead-reckoning",
+        default="mcl,amcl",
         metavar="A,B,…",
-        help="methods, comma-separated (mcl,amcl,dead-reckoning)",
+        help="methods, comma-separated (mcl,amcl)",
     )
     add(
         "--start",

@@ -15,8 +15,8 @@ from deqmcl_gym.numerics.types import Floats, Indices
 
 Looks = Mapping[str, Look]
 
-_SIDE = 700  # cells of a drawn map
-_WALL = (160, 160, 160)
+_SIDE = 500  # cells of a drawn map
+_WALL, _SOLID = (140, 140, 140, 255), (140, 140, 140, 50)
 _POINTS = 300  # of a curve
 _LEAST = 0.01  # m: where the axis of errors begins
 
@@ -120,7 +120,7 @@ def _chosen(n: int) -> Indices:
 
 
 def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
-    """Return an image of the walls, RGBA, transparent elsewhere."""
+    """Return an image of the walls and of what is solid, RGBA, transparent where it is free."""
     x0, y0, x1, y1 = floor_plan.bounds
     step = max(x1 - x0, y1 - y0) / _SIDE
     columns, rows = math.ceil((x1 - x0) / step), math.ceil((y1 - y0) / step)
@@ -128,6 +128,6 @@ def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
     ys = y0 + (y1 - y0) * (np.arange(rows) + 0.5) / rows
     points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
     image = np.zeros((rows, columns, 4), np.uint8)
-    near = floor_plan.distance(points).reshape(rows, columns) <= 0.75 * step
-    image[near] = (*_WALL, 255)
+    image[~floor_plan.free(points).reshape(rows, columns)] = _SOLID
+    image[floor_plan.distance(points).reshape(rows, columns) <= 0.8 * step] = _WALL
     return image
