@@ -10,9 +10,10 @@ from benchmarks.console import doing
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.files import own_folder, utf8, write_part
+from benchmarks.replay.agreement import disagreement, misfit_words
 from benchmarks.replay.running import Run, attempt, guest_of
 from benchmarks.replay.scoring import Played, Row, rows_of
-from benchmarks.replay.setting import Setting, disagreement, misfit_words
+from benchmarks.replay.setting import Setting
 from benchmarks.replay.tables import plain, results_csv, results_table, trials_csv
 from benchmarks.replay.words import facts, overview
 from benchmarks.report import load, no_report

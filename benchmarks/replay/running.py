@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.execution.apart import parameters
+from benchmarks.replay.agreement import agreement
 from benchmarks.replay.playing import replay
-from benchmarks.replay.setting import Setting, agreement, robot_of
+from benchmarks.replay.setting import Setting, robot_of
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.spec import Params, frozen
 from deqmcl_gym.validation import InputError, in_words, integer

@@ -1,6 +1,5 @@
 """What is replayed: a log on a map, and what the localizers are told of it."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -14,7 +13,6 @@ from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.units import PIXELS, pixel
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import (
     GaussianPrior,
@@ -29,9 +27,6 @@ from localizers.models.beams import BEAM_MODELS, BeamDensity
 START = 0.2, 0.1  # m and rad: standard deviations of a start that is known
 SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
 NOISE = {"drive": 0.2, "turn": 0.2, "drift": 0.2}  # of a motion that nothing is known of; rad/m
-AGREE = (0.1, 0.3)  # m that a beam may be off
-FEW = 0.4  # share of beams within the larger one below which log and map do not fit
-_LOOKED_AT = 200  # reference poses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,47 +123,6 @@ def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
 def metre(log: Log) -> float:
     """Return a metre in the log's unit."""
     return pixel(log.unit) / PIXELS["m"]
-
-
-def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
-    """Share of the beams with a return that are within 0.1 m and 0.3 m of what the map says.
-
-    Args:
-        log: n records.
-        floor_plan: the map.
-        poses: from where each scan is taken to be seen, (n, 3).
-    """
-    expected = floor_plan.ranges(poses, log.scanner.bearings)
-    seen = np.isfinite(log.ranges)
-    with np.errstate(invalid="ignore"):
-        off = np.abs(expected - log.ranges)[seen] / metre(log)
-    within, well = ((off <= most).mean() if off.size else math.nan for most in AGREE)
-    return float(within), float(well)
-
-
-def disagreement(setting: Setting) -> str | None:
-    """Return the warning that log and map do not fit, by the reference; None if they do."""
-    known = setting.log.referenced
-    if not known.size:
-        return None
-    looked = known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(np.intp))]
-    part = setting.log.of_records(looked)
-    assert part.reference is not None
-    floor_plan = setting.env().floor_plan
-    assert floor_plan is not None
-    _, share = agreement(part, floor_plan, part.reference)
-    return misfit_words(share, "from the reference poses")
-
-
-def misfit_words(share: float, where: str) -> str | None:
-    """Return the warning for a share of beams that agree with the map; None if they are enough."""
-    if not share < FEW:
-        return None
-    return (
-        f"log and map do not fit: seen {where}, only {share:.0%} of the beams are within "
-        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, and "
-        "the map's resolution and origin."
-    )
 
 
 def _check_inside(log: Log, floor_plan: Map) -> None:
