@@ -8,7 +8,17 @@ that ``deqmcl --help`` stays fast.
 from collections.abc import Sequence
 from types import ModuleType
 
-from benchmarks.commands import check, new_localizer, paper, phase, report, run, speed, sweep
+from benchmarks.commands import (
+    check,
+    new_localizer,
+    paper,
+    phase,
+    replay,
+    report,
+    run,
+    speed,
+    sweep,
+)
 from benchmarks.commands import list as list_
 
 COMMANDS: Sequence[ModuleType] = (
@@ -17,6 +27,7 @@ COMMANDS: Sequence[ModuleType] = (
     report,
     list_,
     run,
+    replay,
     phase,
     check,
     new_localizer,

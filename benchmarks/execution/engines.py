@@ -11,7 +11,6 @@ from typing import Any
 from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
 from benchmarks.trials.plugins import guest_of
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
 
 
@@ -73,8 +72,14 @@ class Where:
             _factory(self.executor)
 
     @contextmanager
-    def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
+    def engine(
+        self, trials: Collection[object], guest_of: Callable[..., str] = guest_of
+    ) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs.
+
+        Args:
+            trials: what is to be run.
+            guest_of: says of each whose code it runs, "" if only ours.
 
         Raises:
             InputError: it cannot be had.
@@ -86,7 +91,9 @@ class Where:
                 yield Engine(executor=executor, slots=self.jobs or threads, timeout=timeout)
         elif self.executor == "process":
             workers = max(1, min(self.jobs or available_cpus(), len(trials)))
-            with Processes(workers, timeout=self.timeout, guest_of=_guest_of) as executor:
+            with Processes(
+                workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
+            ) as executor:
                 if workers == 1 and self.timeout is None:
                     yield Engine(executor=ThisProcess(executor), slots=1)
                 else:  # one trial waits beside the workers, so that none waits for the store
@@ -120,10 +127,6 @@ class ThisProcess(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
-
-
-def _guest_of(trial: Trial, *_: Any) -> str:
-    return guest_of(trial)
 
 
 def available_cpus() -> int:

@@ -41,9 +41,11 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     cells = np.floor(at[:, :2] / (CELL * pixel(unit))).astype(np.int64)
     turned = (arrays.wrapped(at[:, 2]) + np.pi) * (SECTORS / (2 * np.pi))
     sectors = np.floor(turned).astype(np.int64) % SECTORS
-    keys, cell = np.unique(np.column_stack([cells, sectors]), axis=0, return_inverse=True)
-    heaviest = keys[np.bincount(cell.reshape(-1), weights).argmax()]
-    apart = (sectors - heaviest[2] + 1) % SECTORS
-    near = (np.abs(cells - heaviest[:2]) <= 1).all(axis=1) & (apart <= 2)
+    column, row = (cells - cells.min(axis=0)).T
+    number = (column * (row.max() + 1) + row) * SECTORS + sectors  # one integer sorts quickly
+    _, first, cell = np.unique(number, return_index=True, return_inverse=True)
+    heaviest = first[np.bincount(cell, weights).argmax()]
+    apart = (sectors - sectors[heaviest] + 1) % SECTORS
+    near = (np.abs(cells - cells[heaviest]) <= 1).all(axis=1) & (apart <= 2)
     share = float(weights[near].sum())
     return Cluster(mean_pose(at[near], weights[near] / share), share)

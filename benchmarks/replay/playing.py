@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -40,12 +39,10 @@ class Track:
     seconds: Floats
     unit: str
 
-    def write(self, folder: Path) -> None:
-        """Write ``estimate.tum`` and, if there is one, ``reference.tum``, for evo."""
-        Trajectory(self.times, self.means).write(folder / "estimate.tum")
-        known = np.isfinite(self.truth[:, 0])
-        if known.any():
-            Trajectory(self.times[known], self.truth[known]).write(folder / "reference.tum")
+    @property
+    def tum(self) -> bytes:
+        """The best clusters as a TUM file, for evo."""
+        return Trajectory(self.times, self.best).tum
 
 
 def played(
@@ -79,6 +76,8 @@ def replay(env: LogEnv, localizer: Localizer, prior: Prior, rng: np.random.Gener
         points = moment.belief.points()
         if points is None:
             raise RuntimeError("the belief has no points of the present pose.")
+        if not all(np.isfinite(part).all() for part in points):
+            raise RuntimeError(f"the belief at record {moment.step} is not finite.")
         means.append(mean_pose(*points))
         best.append(best_cluster(*points, unit=unit).mean)
         truth.append(moment.truth)

@@ -3,8 +3,9 @@
 import json
 from base64 import b64encode
 from importlib.resources import files
+from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmarks.files import command_line
@@ -17,16 +18,10 @@ from benchmarks.tables.table_1 import full_name
 
 def html(story: Story) -> str:
     """Return report.html."""
-    here = files("benchmarks.report")
-    engine = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
-    engine.filters["base64"] = lambda content: b64encode(content).decode()
-    template = engine.from_string((here / "page.html.jinja").read_text(encoding="utf-8"))
     results = story.results
-    return template.render(
-        style=Markup(_variables() + (here / "page.css").read_text(encoding="utf-8")),
+    return page(
+        "report/page.html.jinja",
+        title=results.title,
         results=results,
         sections=story.sections,
         panels=story.panels,
@@ -46,6 +41,26 @@ def html(story: Story) -> str:
         environment=json.dumps(results.environment, indent=2),
         pictured=PICTURED,
     )
+
+
+def page(template: str, **values: Any) -> str:
+    """Return a page of the house's style.
+
+    Args:
+        template: a file of the package ``benchmarks`` that extends report/frame.html.jinja.
+        values: what it shows; ``title`` for one.
+    """
+    engine = Environment(
+        autoescape=True,
+        loader=PackageLoader("benchmarks", "."),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
+    engine.filters["base64"] = lambda content: b64encode(content).decode()
+    css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
+    return engine.get_template(template).render(style=Markup(_variables() + css), **values)
 
 
 def _variables() -> str:

@@ -50,10 +50,15 @@ class Trajectory:
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
 
-    def write(self, path: str | PathLike[str]) -> None:
-        """Write a TUM file: ``t x y 0 0 0 sin(θ/2) cos(θ/2)`` a line, all digits."""
+    @property
+    def tum(self) -> bytes:
+        """A TUM file of it: ``t x y 0 0 0 sin(θ/2) cos(θ/2)`` a line, all digits."""
         rows = np.column_stack([self.times, self.poses]).tolist()
-        write_bytes(Path(path), "".join(_line(*row) for row in rows).encode())
+        return "".join(_line(*row) for row in rows).encode()
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write a TUM file."""
+        write_bytes(Path(path), self.tum)
 
 
 def read_tum(path: str | PathLike[str]) -> Trajectory:

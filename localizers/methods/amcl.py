@@ -184,7 +184,7 @@ def amcl(
     if z_hit + z_rand <= 0:
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
     plan, lidar = robot.floor_plan, robot.lidar
-    px = pixel(plan.unit)
+    px, power = pixel(plan.unit), getattr(robot.scan, "power", 1.0)
     scan: Scan
     if laser_model_type == "robot":
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
@@ -199,6 +199,7 @@ def amcl(
             rand=rand,
             sigma=_sigma(robot, sigma_hit),
             decay=number("lambda_short", decay, low=0, above=True),
+            power=power,
         )
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=beam)
     else:
@@ -210,6 +211,7 @@ def amcl(
             hit=z_hit / (z_hit + z_rand),
             farthest=10 * sigma if laser_likelihood_max_dist is None else laser_likelihood_max_dist,
             cell=_field_cell(plan) if field_cell is None else field_cell,
+            power=power,
         )
     return AdaptiveLocalizer(
         robot,

@@ -46,13 +46,28 @@ class BeamDensity(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _HitOrAnything:
+class _Tempered:
+    """p(o | ô)^power: beams that depend on each other tell less than as many independent ones.
+
+    Attributes:
+        power: in (0, 1]; 1 is Bayes' rule for independent beams.
+    """
+
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        number("scan.power", self.power, low=0, high=1, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _HitOrAnything(_Tempered):
     """A beam hits what it should, with normal noise σ, or, a share u of all, measures anything."""
 
     sigma: float = field(default=100.0, metadata=LENGTH)
     uniform: float = 0.05
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         number("scan.sigma", self.sigma, low=0, above=True)
         number("scan.uniform", self.uniform, low=0, high=1)
 
@@ -70,11 +85,12 @@ class GaussianUniform(_HitOrAnything):
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range, (n, B) per unit of length."""
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
-        return (1 - self.uniform) * hit + self.uniform / max_range
+        density: Floats = (1 - self.uniform) * hit + self.uniform / max_range
+        return density**self.power
 
     def least_density(self, max_range: float) -> float:
         """Return that of a beam far from what it should be."""
-        return self.uniform / max_range
+        return float((self.uniform / max_range) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
@@ -83,11 +99,11 @@ class GaussianUniform(_HitOrAnything):
         beam_kernels.gaussian_uniform(
             ranges, expected.T, self.sigma, hit, floor, -math.inf, math.inf, math.inf, out
         )
-        return out
+        return self.power * out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a beam that hits what it should, (n, B) each."""
-        return expected, np.full_like(expected, self.sigma**2)
+        return expected, np.full_like(expected, self.sigma**2 / self.power)
 
 
 @final
@@ -112,11 +128,12 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
         floor, atom = self._anything(max_range)
-        return (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
+        density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
+        return density**self.power
 
     def least_density(self, max_range: float) -> float:
         """Return that of a beam far from what it should be, inside or at an end."""
-        return min(self._anything(max_range))
+        return float(min(self._anything(max_range)) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
@@ -125,7 +142,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         beam_kernels.gaussian_uniform(
             ranges, expected.T, self.sigma, 1 - self.uniform, floor, 0.0, max_range, atom, out
         )
-        return out
+        return self.power * out
 
     def _anything(self, max_range: float) -> tuple[float, float]:
         """Return v, the uniform share's density, and its mass at either end."""
@@ -147,12 +164,12 @@ class CensoredGaussianUniform(_HitOrAnything):
             + self.sigma * (expected * slope - max_range * normal_pdf(high))
             + max_range**2 * at_max
         )
-        return mean, square - mean**2
+        return mean, (square - mean**2) / self.power
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class BeamModel:
+class BeamModel(_Tempered):
     """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand.
 
     Attributes:
@@ -169,6 +186,7 @@ class BeamModel:
     decay: float = field(default=0.01, metadata=PER_LENGTH)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         shares = {name: getattr(self, name) for name in ("hit", "short", "max", "rand")}
         for name, share in shares.items():
             number(f"scan.{name}", share, low=0, high=1)
@@ -194,11 +212,11 @@ class BeamModel:
             + self.max * at_max
             + self.rand * ~at_max / max_range
         )
-        return density
+        return density**self.power
 
     def least_density(self, max_range: float) -> float:
         """Return that of a beam far from what it should be, below max_range or at it."""
-        return min(self.rand / max_range, self.max)
+        return float(min(self.rand / max_range, self.max) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
@@ -207,7 +225,7 @@ class BeamModel:
         beam_kernels.four_parts(
             ranges, expected.T, shares, self._width(max_range), self.decay, nearest, max_range, out
         )
-        return out
+        return self.power * out
 
     def _width(self, max_range: float) -> float:
         return min(self.sigma, _WIDEST * max_range)
@@ -222,7 +240,7 @@ class BeamModel:
         inside = normal_cdf(high) - normal_cdf(low)
         shift = (normal_pdf(low) - normal_pdf(high)) / inside
         spread = 1 + (low * normal_pdf(low) - high * normal_pdf(high)) / inside - shift**2
-        return seen + sigma * shift, sigma**2 * spread
+        return seen + sigma * shift, sigma**2 * spread / self.power
 
 
 BEAM_MODELS: Mapping[str, type[GaussianUniform | CensoredGaussianUniform | BeamModel]] = (

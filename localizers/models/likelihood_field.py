@@ -31,6 +31,7 @@ class LikelihoodField:
         hit: h, share of the beams that end at a wall.
         farthest: largest distance told apart.
         cell: edge of the table's cells; d is right to one cell.
+        power: exponent of the likelihood, in (0, 1], for beams that depend on each other.
     """
 
     floor_plan: Map
@@ -39,11 +40,13 @@ class LikelihoodField:
     cell: float
     hit: float = 0.5
     farthest: float = math.inf
+    power: float = 1.0
 
     def __post_init__(self) -> None:
         number("sigma_hit", self.sigma, low=0, above=True)
         number("hit", self.hit, low=0, high=1)
         number("laser_likelihood_max_dist", self.farthest, low=0, above=True, finite=False)
+        number("scan.power", self.power, low=0, high=1, above=True)
         number("field_cell", self.cell, low=0, above=True)
         rows, columns = self._shape
         if rows * columns > _MAX_CELLS:
@@ -72,6 +75,7 @@ class LikelihoodField:
             (float(self.sigma), peak, floor, float(self.farthest)),
             out,
         )
+        out *= self.power
         ahead = np.empty((1, out.size), np.float32)  # any beam tells whether a pose is outside
         self.floor_plan.caster.cast(poses, _AHEAD, ahead)
         scan_kernels.fill_where_nan(ahead[0], int(usable.sum()) * self._outside, out)

@@ -80,7 +80,7 @@ def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
     np.testing.assert_equal(seen[2], seen[0])
 
 
-def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap, tmp_path):
+def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap):
     room, log = lap
     env = LogEnv(log=log, map=room.floor_plan)
     setup = scenario("sharp")
@@ -90,8 +90,7 @@ def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap, tmp_path):
     np.testing.assert_array_equal(track.truth, log.reference)
     assert track.way[-1] == pytest.approx(np.abs(log.actions[:, 0]).sum())
     assert np.median(np.hypot(*(track.means - track.truth)[:, :2].T)) < 20
-    track.write(tmp_path)
-    assert len((tmp_path / "estimate.tum").read_text().splitlines()) == len(log)
+    assert len(track.tum.splitlines()) == len(log)
 
 
 def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():

@@ -6,9 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, RobotModel
+from localizers.methods.amcl import LASER_MODELS, amcl
 from localizers.models.beams import beam_model
 
 MAX = 400.0
@@ -149,3 +151,43 @@ def test_nan_in_a_scan_or_among_the_exact_ranges_is_no_likelihood(model):
     told = model.log_likelihood(np.array([90.0, 60.0]), expected, MAX)
     assert np.isnan(told).tolist() == [False, True, True]
     assert np.isnan(model.log_likelihood(np.array([90.0, np.nan]), expected, MAX)).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("power", [1.0, 0.5, 0.1])
+def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, power):
+    plain, tempered = model(sigma=20.0), model(sigma=20.0, power=power)
+    rng = np.random.default_rng(0)
+    expected = rng.uniform(1, 500, (40, 7)).astype(np.float32)
+    ranges = np.append(rng.uniform(0, MAX, 6), MAX)
+    whole = plain.log_likelihood(ranges, expected, MAX)
+    np.testing.assert_array_equal(tempered.log_likelihood(ranges, expected, MAX), power * whole)
+    logs = np.log(tempered.density(ranges, expected.astype(np.float64), MAX)).sum(axis=1)
+    np.testing.assert_allclose(logs, power * whole, rtol=1e-6)
+    assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
+    variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
+    assert variances[1] == variances[0] / power
+
+
+def test_amcl_takes_the_power_of_the_robots_scan_model_for_its_own():
+    hall = GridMap(
+        occupancy=np.pad(np.zeros((40, 60), np.int8), 1, constant_values=100), resolution=0.1
+    )
+    lidar = Lidar(beams=5, max_range=8.0, sigma=0.1)
+    ranges = np.array([1.0, 2.0, 1.5, 2.5, 1.0])
+    states = np.array([[2.0, 3.0], [1.0, 2.0], [0.0, 1.0]], np.float32)
+    found = []
+    for power in (1.0, 0.25):
+        scan = GaussianUniform(sigma=0.2, power=power)
+        robot = RobotModel(floor_plan=hall, lidar=lidar, scan=scan)
+        found += [
+            [amcl(robot, laser_model_type=kind)._scan.log_likelihood(states, ranges)]
+            for kind in LASER_MODELS
+        ]
+    np.testing.assert_allclose(found[3:], 0.25 * np.array(found[:3]))
+
+
+@pytest.mark.parametrize("power", [0, 1.1, -1, float("nan")])
+def test_a_power_outside_its_range_is_refused(power):
+    with pytest.raises(InputError, match=r"^scan\.power is "):
+        GaussianUniform(power=power)

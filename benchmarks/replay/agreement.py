@@ -1,0 +1,55 @@
+"""How well scans fit a map, and the warning where they do not: another floor, another scale."""
+
+import math
+
+import numpy as np
+
+from benchmarks.replay.setting import Setting, metre
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats
+
+AGREE = (0.1, 0.3)  # m that a beam may be off
+FEW = 0.4  # share of beams within the larger one below which log and map do not fit
+_LOOKED_AT = 200  # reference poses
+
+
+def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
+    """Share of the beams with a return that are within 0.1 m and 0.3 m of what the map says.
+
+    Args:
+        log: n records.
+        floor_plan: the map.
+        poses: from where each scan is taken to be seen, (n, 3).
+    """
+    expected = floor_plan.ranges(poses, log.scanner.bearings)
+    seen = np.isfinite(log.ranges)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(expected - log.ranges)[seen] / metre(log)
+    within, well = ((off <= most).mean() if off.size else math.nan for most in AGREE)
+    return float(within), float(well)
+
+
+def disagreement(setting: Setting) -> str | None:
+    """Return the warning that log and map do not fit, by the reference; None if they do."""
+    known = setting.log.referenced
+    if not known.size:
+        return None
+    looked = known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(np.intp))]
+    part = setting.log.of_records(looked)
+    assert part.reference is not None
+    floor_plan = setting.env().floor_plan
+    assert floor_plan is not None
+    _, share = agreement(part, floor_plan, part.reference)
+    return misfit_words(share, "from the reference poses")
+
+
+def misfit_words(share: float, where: str) -> str | None:
+    """Return the warning for a share of beams that agree with the map; None if they are enough."""
+    if not share < FEW:
+        return None
+    return (
+        f"log and map do not fit: seen {where}, only {share:.0%} of the beams are within "
+        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, and "
+        "the map's resolution and origin."
+    )

@@ -1,0 +1,133 @@
+"""The charts of a replay: trajectories on the map, errors and localized runs over distance."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.replay.scoring import FOUND, NEAR, Played, Row
+from benchmarks.report.style import INK, Look
+from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.tables.stats import wilson
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats, Indices
+
+Looks = Mapping[str, Look]
+
+_SIDE = 500  # cells of a drawn map
+_WALL, _SOLID = (140, 140, 140, 255), (140, 140, 140, 50)
+_POINTS = 300  # of a curve
+_LEAST = 0.01  # m: where the axis of errors begins
+
+
+def trajectory_chart(row: Row, floor_plan: Map, look: Look, number: int) -> Picture:
+    """The median run of a localizer on the map, and the reference."""
+    played = row.middle
+    x0, y0, x1, y1 = floor_plan.bounds
+    width = 4.8
+    height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
+    figure, axes = canvas(width, height, legend_of=(row.localizer, "reference"))
+    axes.imshow(
+        _drawn(floor_plan), extent=(x0, x1, y0, y1), origin="lower", interpolation="nearest"
+    )
+    if played.known.size:
+        x, y, _ = played.track.truth[played.known].T
+        axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
+    x, y, _ = played.track.best.T
+    axes.plot(x, y, color=look.color, linewidth=1.0, label=row.localizer)
+    unit = floor_plan.unit
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
+    axes.grid(visible=False)
+    return picture(
+        figure,
+        name=f"trajectory-{number}",
+        title=row.localizer,
+        caption=f"Best cluster of the median run, seed {played.run.seed}.",
+        alt=f"Trajectory of {row.localizer} on the map",
+    )
+
+
+def error_chart(row: Row, look: Look, top: float, number: int) -> Picture:
+    """Position error of a localizer over the distance driven."""
+    first = row.played[0]
+    way = first.way[first.known]
+    at = _chosen(len(way))
+    errors = np.array([_error(played)[at] for played in row.played])
+    figure, axes = canvas(3.2, 2.3, top=0.28)
+    low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
+    axes.fill_between(way[at], low, high, color=look.color, alpha=0.25, lw=0)
+    axes.plot(way[at], middle, color=look.color, linewidth=1.0)
+    axes.axhline(NEAR[FOUND][0], color=INK, linewidth=0.8, linestyle=":")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=(_LEAST, top), xlim=(0, None), xlabel="driven, m", ylabel="position error, m")
+    axes.set_title(row.localizer, loc="left")
+    return picture(
+        figure,
+        name=f"error-{number}",
+        title=f"Error over distance: {row.localizer}",
+        caption="",
+        alt=f"Position error of {row.localizer} over the distance driven",
+    )
+
+
+def localized_chart(rows: Sequence[Row], looks: Looks) -> Picture:
+    """Share of runs that are localized for good over the distance driven."""
+    figure, axes = canvas(4.8, 2.9, legend_of=[row.localizer for row in rows])
+    end = max(float(played.way[-1]) for row in rows for played in row.played)
+    for row in rows:
+        found = sorted(
+            played.metres_to_localize
+            for played in row.played
+            if math.isfinite(played.metres_to_localize)
+        )
+        way = [0.0, *found, end]
+        shares = np.arange(len(found) + 1) / row.seeds
+        shares = np.append(shares, shares[-1])
+        low, high = np.array([wilson(float(share), row.seeds) for share in shares]).T
+        color = looks[row.localizer].color
+        axes.fill_between(way, 100 * low, 100 * high, step="post", color=color, alpha=0.15, lw=0)
+        axes.step(way, 100 * shares, where="post", color=color, label=row.localizer)
+    axes.set(xlabel="driven, m", xlim=(0, end), ylabel="localized for good, % of runs")
+    axes.set_ylim(0, 102)
+    return picture(
+        figure,
+        name="localized",
+        title="Localized",
+        caption="Share of runs whose best cluster is within 1 m and 30° from there to the end. "
+        "Bands: Wilson's 95 % interval.",
+        alt="Share of runs that are localized for good over the distance driven",
+    )
+
+
+def error_charts(rows: Sequence[Row], looks: Looks) -> list[Picture]:
+    """Error over distance, a chart per localizer, on one scale."""
+    tops = [_error(played).max() for row in rows for played in row.played]
+    top = 1.3 * max(*tops, 1.0)
+    return [
+        error_chart(row, looks[row.localizer], top, number) for number, row in enumerate(rows, 1)
+    ]
+
+
+def _error(played: Played) -> Floats:
+    assert played.errors is not None
+    return played.errors.translation
+
+
+def _chosen(n: int) -> Indices:
+    return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
+
+
+def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
+    """Return an image of the walls and of what is solid, RGBA, transparent where it is free."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    step = max(x1 - x0, y1 - y0) / _SIDE
+    columns, rows = math.ceil((x1 - x0) / step), math.ceil((y1 - y0) / step)
+    xs = x0 + (x1 - x0) * (np.arange(columns) + 0.5) / columns
+    ys = y0 + (y1 - y0) * (np.arange(rows) + 0.5) / rows
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    image = np.zeros((rows, columns, 4), np.uint8)
+    image[~floor_plan.free(points).reshape(rows, columns)] = _SOLID
+    image[floor_plan.distance(points).reshape(rows, columns) <= 0.8 * step] = _WALL
+    return image

@@ -1,0 +1,54 @@
+"""report.html of a replay."""
+
+import json
+from collections.abc import Sequence
+
+import matplotlib as mpl
+
+from benchmarks.files import command_line
+from benchmarks.replay.charts import error_charts, localized_chart, trajectory_chart
+from benchmarks.replay.scoring import Row
+from benchmarks.replay.setting import Setting
+from benchmarks.replay.tables import evo_table, results_table
+from benchmarks.replay.words import facts, overview
+from benchmarks.report.html import page
+from benchmarks.report.style import looks
+from benchmarks.report.svg import HOUSE_STYLE
+from benchmarks.trials.provenance import environment
+
+
+def report(
+    setting: Setting,
+    rows: Sequence[Row],
+    warnings: Sequence[str],
+    failed: Sequence[str],
+    command: Sequence[str],
+) -> str:
+    """Return report.html."""
+    there = [row for row in rows if row.played]
+    referenced = bool(setting.log.referenced.size)
+    look = looks(row.localizer for row in there)
+    floor_plan = setting.env().floor_plan
+    assert floor_plan is not None
+    with mpl.rc_context(HOUSE_STYLE):
+        trajectories = [
+            trajectory_chart(row, floor_plan, look[row.localizer], number)
+            for number, row in enumerate(there, 1)
+        ]
+        errors = error_charts(there, look) if referenced and there else []
+        localized = localized_chart(there, look) if errors else None
+    return page(
+        "replay/page.html.jinja",
+        title=f"Replay of {setting.log.source}",
+        overview=overview(setting),
+        facts=facts(setting),
+        warnings=warnings,
+        results=results_table(rows, referenced),
+        trajectories=trajectories,
+        errors=errors,
+        localized=localized,
+        evo=evo_table(there) if errors else None,
+        failed=failed,
+        command=command_line(command),
+        environment=json.dumps(environment(), indent=2),
+    )

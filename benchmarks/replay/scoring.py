@@ -1,0 +1,194 @@
+"""How well runs went: of one, and of a localizer's over all seeds. Lengths are in m."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.replay.errors import PoseErrors, absolute, relative_errors
+from benchmarks.replay.playing import Track
+from benchmarks.replay.running import Run
+from benchmarks.replay.setting import metre
+from benchmarks.tables.stats import wilson
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
+
+NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
+FOUND = "1m"  # from where on metres to localize are counted
+_LAST = 0.25  # share of the records in which a success is localized throughout
+_LOST_STEPS, _LOST = 20, 1.0  # records, m: as ``benchmarks.setup.thresholds``
+
+
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """A run that has come to its end.
+
+    Attributes:
+        run: what was run.
+        track: what it believed.
+        agreement: share of its beams within 0.1 m and 0.3 m of the map.
+    """
+
+    run: Run
+    track: Track
+    agreement: tuple[float, float]
+
+    @cached_property
+    def known(self) -> Indices:
+        """The records with a reference, in order."""
+        return np.flatnonzero(np.isfinite(self.track.truth[:, 0]))
+
+    @cached_property
+    def way(self) -> Floats:
+        """Metres driven at each record."""
+        way: Floats = self.track.way / self._metre
+        return way
+
+    @cached_property
+    def errors(self) -> PoseErrors | None:
+        """APE of the best clusters at the records with a reference, m; None without any."""
+        return self._in_metres(absolute) if self.known.size else None
+
+    @cached_property
+    def relative(self) -> PoseErrors | None:
+        """RPE from record to record, m; None without two references."""
+        return self._in_metres(relative_errors) if self.known.size > 1 else None
+
+    def localized(self, near: str) -> Bools:
+        """Whether the best cluster is within a distance and an angle of ``NEAR``, (known,)."""
+        distance, angle = NEAR[near]
+        assert self.errors is not None
+        is_near: Bools = (self.errors.translation <= distance) & (self.errors.rotation <= angle)
+        return is_near
+
+    def success(self, near: str) -> float:
+        """1 if localized in every record of the last 25 %, else 0; NaN without a reference."""
+        last = self.known >= math.floor((1 - _LAST) * len(self.track.times))
+        return float(self.localized(near)[last].all()) if last.any() else math.nan
+
+    @property
+    def metres_to_localize(self) -> float:
+        """Metres driven from where on it stays localized; inf if it never does, NaN: unknown."""
+        if self.errors is None:
+            return math.nan
+        lost = np.flatnonzero(~self.localized(FOUND))
+        first = lost[-1] + 1 if lost.size else 0
+        return float(self.way[self.known[first]]) if first < self.known.size else math.inf
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Its numbers by column."""
+        return {
+            **_errors_of([self]),
+            **{f"success_{near}": self.success(near) for near in reversed(NEAR)},
+            "lost": self._lost,
+            "metres_to_localize": self.metres_to_localize,
+            "ape_rmse": math.nan if self.errors is None else self.errors.rmse,
+            "rpe_rmse": math.nan if self.relative is None else self.relative.rmse,
+            "agreement_01": self.agreement[0],
+            "agreement_03": self.agreement[1],
+            "ms_per_step": float(1000 * np.median(self.track.seconds[1:])),
+        }
+
+    @property
+    def _lost(self) -> float:
+        if self.errors is None:
+            return math.nan
+        return float(self.errors.translation[-_LOST_STEPS:].mean() > _LOST)
+
+    @property
+    def _metre(self) -> float:
+        return metre(self.run.setting.log)
+
+    def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors]) -> PoseErrors:
+        found = of(self.track.best, self.track.truth)
+        return PoseErrors(translation=found.translation / self._metre, rotation=found.rotation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A localizer's runs.
+
+    Attributes:
+        localizer: its name.
+        played: those that came to their end, by seed.
+        failed: how many did not; they count as no success.
+    """
+
+    localizer: str
+    played: Sequence[Played]
+    failed: int = 0
+
+    @property
+    def seeds(self) -> int:
+        """How many runs there are."""
+        return len(self.played) + self.failed
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Its numbers by column.
+
+        Errors are those of all records of all runs; success and lost are shares of the runs, metres
+        to localize the median of the runs, of which those that never localize are the largest;
+        all else is the mean over runs.
+        """
+        each = [played.scores for played in self.played]
+        if not each:
+            return {}
+        found = {name: float(np.mean([scores[name] for scores in each])) for name in each[0]}
+        done = len(each) / self.seeds
+        shares = {f"success_{near}": found[f"success_{near}"] * done for near in NEAR}
+        low, high = wilson(shares[f"success_{FOUND}"], self.seeds)
+        metres = [scores["metres_to_localize"] for scores in each] + [math.inf] * self.failed
+        return {
+            **found,
+            **_errors_of(self.played),
+            **shares,
+            f"success_{FOUND}_low": low,
+            f"success_{FOUND}_high": high,
+            "metres_to_localize": _median(metres),
+        }
+
+    @property
+    def middle(self) -> Played:
+        """The run of the median error, or without a reference of the median agreement."""
+        by = "agreement_03" if self.played[0].errors is None else "position_median"
+        ordered = sorted(self.played, key=lambda played: played.scores[by])
+        return ordered[(len(ordered) - 1) // 2]
+
+
+def rows_of(runs: Mapping[str, Run], played: Mapping[str, Played]) -> list[Row]:
+    """Return a row per localizer, in the order in which they were named."""
+    names = list(dict.fromkeys(run.localizer for run in runs.values()))
+    return [
+        Row(
+            localizer=name,
+            played=[
+                played[key] for key, run in runs.items() if run.localizer == name and key in played
+            ],
+            failed=sum(run.localizer == name and key not in played for key, run in runs.items()),
+        )
+        for name in names
+    ]
+
+
+def _errors_of(played: Sequence[Played]) -> dict[str, float]:
+    """Return quantiles over all records with a reference: m, m, rad."""
+    errors = [one.errors for one in played if one.errors is not None]
+    if not errors:
+        return dict.fromkeys(("position_median", "position_p95", "heading_median"), math.nan)
+    position = np.concatenate([one.translation for one in errors])
+    heading = np.concatenate([one.rotation for one in errors])
+    return {
+        "position_median": float(np.median(position)),
+        "position_p95": float(np.quantile(position, 0.95)),
+        "heading_median": float(np.median(heading)),
+    }
+
+
+def _median(values: Sequence[float]) -> float:
+    """Return the median; the larger of the two in the middle if it is infinite."""
+    ordered = sorted(values)
+    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return low if low == high else (low + high) / 2

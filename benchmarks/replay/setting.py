@@ -1,0 +1,216 @@
+"""What is replayed: a log on a map, and what the localizers are told of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.replay.noise import motion_noise
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.logs import Log
+from deqmcl_gym.logs.motion import composed
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.units import PIXELS, pixel
+from deqmcl_gym.validation import InputError, one_of, pose
+from localizers import (
+    GaussianPrior,
+    GaussianUniform,
+    OdometryMotion,
+    Prior,
+    RobotModel,
+    UniformPrior,
+)
+from localizers.models.beams import BEAM_MODELS, BeamDensity
+
+START = 0.2, 0.1  # m and rad: standard deviations of a start that is known
+SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
+NOISE = {"drive": 0.2, "turn": 0.2, "drift": 0.2}  # of a motion that nothing is known of; rad/m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A log on a map.
+
+    Attributes:
+        log: the records that are played, as seen from the scanner's place.
+        map: path of its yaml.
+        start: (x, y, θ) of the scanner, about which the first pose is known; None: nothing is.
+        motion, scan: the noise that the localizers assume.
+        noise: where that of the motion is from.
+    """
+
+    log: Log
+    map: str
+    start: tuple[float, float, float] | None
+    motion: OdometryMotion
+    scan: BeamDensity
+    noise: str
+
+    def env(self) -> LogEnv:
+        """Return the log as an environment."""
+        return LogEnv(log=self.log, map=self.map)
+
+    @property
+    def metre(self) -> float:
+        """A metre in the log's unit."""
+        return metre(self.log)
+
+
+def setting_of(
+    log: Log,
+    floor_plan: str | Path,
+    *,
+    start: str | None = None,
+    every: str | tuple[float, float] | None = "0.2m,5deg",
+    max_beams: int | None = 60,
+    motion: str | None = None,
+    scan: str | None = None,
+) -> Setting:
+    """Return what is to be replayed.
+
+    Args:
+        log: read from a file, with its reference if there is one.
+        floor_plan: path of the map's yaml.
+        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        every, max_beams: see ``LogEnv``.
+        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
+        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+
+    Raises:
+        InputError: something of it is refused.
+    """
+    if start is None:
+        if log.reference is None:
+            raise InputError(
+                f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
+            )
+        start = "reference"
+    if start == "reference":
+        if not log.referenced.size:
+            raise InputError(f"--start is reference, but {log.source} has none: give --reference.")
+        log = log.segment(int(log.referenced[0]))
+    env = LogEnv(log=log, map=floor_plan, every=every, max_beams=max_beams)
+    assert env.floor_plan is not None
+    _check_inside(env.log, env.floor_plan)
+    noise, told = _motion(env.log, motion)
+    return Setting(
+        log=env.log,
+        map=str(floor_plan),
+        start=_start(start, log, env),
+        motion=noise,
+        scan=_scan(scan, metre(log)),
+        noise=told,
+    )
+
+
+def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
+    """Return what localizers are made for, and p(x_0)."""
+    assert env.floor_plan is not None
+    robot = RobotModel(
+        floor_plan=env.floor_plan, lidar=env.lidar, motion=setting.motion, scan=setting.scan
+    )
+    if setting.start is None:
+        return robot, UniformPrior(floor_plan=env.floor_plan, radius=robot.radius)
+    position, heading = START
+    prior = GaussianPrior(
+        mean=setting.start, sd_position=position * setting.metre, sd_heading=heading
+    )
+    return robot, prior
+
+
+def metre(log: Log) -> float:
+    """Return a metre in the log's unit."""
+    return pixel(log.unit) / PIXELS["m"]
+
+
+def _check_inside(log: Log, floor_plan: Map) -> None:
+    """Refuse a map that the log leaves, as far as that is known."""
+    if log.reference is None:
+        return
+    x0, y0, x1, y1 = floor_plan.bounds
+    x, y = log.reference[log.referenced, :2].T
+    outside = (x < x0) | (x > x1) | (y < y0) | (y > y1)
+    if outside.any():
+        first = log.referenced[outside.argmax()]
+        raise InputError(
+            f"the reference leaves the map at {log.times[first]:.2f} s, at ({x[outside][0]:.2f}, "
+            f"{y[outside][0]:.2f}), and is outside at {int(outside.sum()):,} of {outside.size:,} "
+            f"records, but the map reaches from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}): give "
+            "the map of this log, and the reference in its frame."
+        )
+
+
+def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | None:
+    if start == "global":
+        return None
+    if start == "reference":
+        first = env.record.reference if env.reset() else None
+        assert first is not None
+        return first
+    given = _numbers(start)
+    if given is None or len(given) != 3:
+        raise InputError(
+            f"--start is {start!r}, but must be reference, global, or a pose x,y,θ in m and rad, "
+            "as in --start=-1.5,2,0.3."
+        )
+    at = np.array([pose("--start", given)])
+    assert env.floor_plan is not None
+    if not env.floor_plan.free(at)[0]:
+        raise InputError(
+            f"--start is ({given[0]:g}, {given[1]:g}), but that is no free space on the map: give "
+            "a pose where the robot can be."
+        )
+    x, y, heading = composed(at, np.array([*log.scanner.mounting, 0.0]))[0].tolist()
+    return x, y, heading
+
+
+def _motion(log: Log, given: str | None) -> tuple[OdometryMotion, str]:
+    """Return the motion's noise, and where it is from."""
+    if given is not None:
+        keys = _keys("--motion", given, [field.name for field in fields(OdometryMotion)])
+        return replace(_unknown_motion(log), **keys), "given"
+    if log.reference is not None:
+        return motion_noise(log), "estimated from the log's odometry and its reference"
+    return _unknown_motion(log), "assumed, as there is no reference: --motion says otherwise"
+
+
+def _unknown_motion(log: Log) -> OdometryMotion:
+    return OdometryMotion(**{**NOISE, "drift": NOISE["drift"] / metre(log)})
+
+
+def _scan(given: str | None, metre: float) -> BeamDensity:
+    words = dict(_pairs("--scan", given or ""))
+    kind = BEAM_MODELS[one_of("beam model", words.pop("kind", "gaussian-uniform"), BEAM_MODELS)]
+    keys = _keys("--scan", words, [field.name for field in fields(kind)])
+    lengths: Mapping[str, float] = {"sigma": SIGMA * metre}
+    if kind is not GaussianUniform and "decay" in {field.name for field in fields(kind)}:
+        lengths = {**lengths, "decay": 0.5 / metre}
+    return kind(**{**lengths, **keys})
+
+
+def _keys(what: str, given: str | Mapping[str, str], names: list[str]) -> dict[str, Any]:
+    """Return "name=number,…" as numbers by name."""
+    found: dict[str, Any] = {}
+    for name, word in _pairs(what, given) if isinstance(given, str) else given.items():
+        one_of(f"name in {what}", name, names)
+        values = _numbers(word)
+        if values is None or len(values) != 1:
+            raise InputError(f"{what} has {name}={word}, but {name} must be a number.")
+        found[name] = values[0]
+    return found
+
+
+def _pairs(what: str, given: str) -> list[tuple[str, str]]:
+    pairs = [tuple(map(str.strip, part.split("=", 1))) for part in given.split(",") if part.strip()]
+    if any(len(pair) != 2 for pair in pairs):
+        raise InputError(f"{what} is {given!r}, but must be name=number, comma-separated.")
+    return pairs  # type: ignore[return-value]
+
+
+def _numbers(text: str) -> list[float] | None:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        return None
