@@ -90,7 +90,7 @@ def rival_tables(panel: Panel) -> list[Table]:
 
 
 def gap_table(panel: Panel) -> Table | None:
-    """The errors on the limit's worlds, the limit first; None if there is no limit."""
+    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
     header = ["method", "belief about", "error e", "SD between runs on a world"]
     header += ["gap to the limit, 95 % interval", "worlds"]
     lines = [
@@ -105,8 +105,8 @@ def gap_table(panel: Panel) -> Table | None:
         for row in panel.gaps
     ]
     caption = (
-        "Error minus the limit's on the same worlds. The limit is what ever more particles "
-        "converge to, as far as its own runs agree."
+        "Error minus the limit's on the same worlds. Below each limit stand the methods with its "
+        "target. The limit is what ever more particles converge to, as far as its own runs agree."
     )
     return Table(caption, header, lines) if lines else None
 

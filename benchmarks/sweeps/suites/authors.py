@@ -3,7 +3,7 @@
 from types import MappingProxyType
 
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Limit
+from benchmarks.sweeps.suites.limits import limits_of
 from benchmarks.sweeps.suites.parts import axis, method, methods, noises
 from benchmarks.trials.spec import frozen
 
@@ -36,7 +36,7 @@ AUTHOR_SUITES = MappingProxyType(
             trials=20,
             filter_seeds=2,
             vary=(axis(params__particles=(300, 1000)),),
-            limit=Limit(method=method("mcl-plan", particles=100_000, keep=0.0)),
+            limits=limits_of(methods("mcl-map", "mcl-plan")),
         ),
         "authors": Sweep(
             title="Whose plan? The truth's, one of before the start, the estimate's, a stale one",
