@@ -10,7 +10,7 @@ from benchmarks.trials.clouds import Task
 from deqmcl_gym.numerics.types import Floats, Reals
 from localizers.models.plan_sensor import PlanSensor
 
-SIGNALS = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
+SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
 
 
 def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
