@@ -38,6 +38,35 @@ AUTHOR_SUITES = MappingProxyType(
             vary=(axis(params__particles=(300, 1000)),),
             limits=limits_of(methods("mcl-map", "mcl-plan")),
         ),
+        "equal-time": Sweep(
+            title="The plan as a sensor, or its time spent on particles: scenario guided",
+            localizers=(
+                method("mcl-plan", particles=1_000),
+                # as many as take its time: 8,000 for 0.3 ms, by `deqmcl speed`
+                *(method(name, particles=8_000) for name in ("mcl-map", "mcl")),
+            ),
+            scenario="guided",
+            baseline="mcl-map",
+            trials=200,
+        ),
+        "plan-validity": Sweep(
+            title="A latent 'the plan is about this robot': does it notice a stale plan?",
+            localizers=(
+                *methods("mcl-map"),
+                *(_EXACT, method("mcl-plan", keep=0.0, validity=0.01)),
+            ),
+            baseline="mcl-map",
+            trials=40,
+            params=frozen({"particles": 300}),
+            vary=(
+                axis(scenario=("guided", "guided-stale")),
+                axis(
+                    world__lidar__beams=_BEAMS[:2],
+                    world__lidar__sigma=_SIGMAS[:2],
+                    assumed__scan__sigma=_SIGMAS[:2],
+                ),
+            ),
+        ),
         "authors": Sweep(
             title="Whose plan? The truth's, one of before the start, the estimate's, a stale one",
             localizers=methods("mcl-map", "mcl-plan", "mcl-pilots", "dead-reckoning"),
