@@ -26,7 +26,7 @@ def read(pose, **reading):
 
 
 def test_a_plan_conflicts_if_it_collides_from_the_true_pose():
-    signals = {"tempering": 0.5, "feasible": 0.25, "log_evidence": -2.0}
+    signals = {"tempering": 0.5, "feasible": 0.25, "log_evidence": -2.0, "valid": 0.75}
     kept = [signals[name] for name in SIGNALS]
     assert read(IN_THE_OPEN, **signals) == [0.0, *kept]
     assert read(AT_THE_WALL, **signals) == [1.0, *kept]
