@@ -28,7 +28,11 @@ def markdown(story: Story, folder: str) -> str:
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
     if len(panels) > 1:
-        glances = (tables.glance_table(panels), tables.detection_glance(panels))
+        glances = (
+            tables.glance_table(panels),
+            tables.detection_glance(panels),
+            tables.validity_table(panels),
+        )
         parts += ["## At a glance", *(_table("", glance) for glance in glances if glance)]
     for section in story.sections:
         parts += _section(section, folder)

@@ -9,7 +9,9 @@ from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
+from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.rivals import rivals
+from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.metrics import LEVELS
@@ -29,7 +31,7 @@ def verdict_table(panel: Panel) -> Table:
     """The errors at x_t, and how they compare with the baseline's."""
     at = panel.thresholds
     header = ["method", "error e (SD)", "difference to the baseline, 95 % interval", "wins"]
-    header += ["Wilcoxon p, Holm", "lost runs, 95 % interval", "worlds"]
+    header += ["Wilcoxon p, Holm", "lost runs, 95 % interval", "worlds", "ms per step"]
     lines = [
         [
             panel.labels[row.method],
@@ -40,13 +42,15 @@ def verdict_table(panel: Panel) -> Table:
             f"{percent(row.lost.mean)} of {row.runs} "
             f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
             str(row.worlds),
+            fixed(milliseconds_per_step(panel.records[row.method])),
         ]
         for row in panel.present
     ]
     caption = (
         "Error of the belief about the present, x[t], and how it compares with the baseline on the "
         f"same worlds. Lost: position error above {at.lost:g} {at.unit} on average over the last "
-        f"{at.lost_steps} states; its interval counts every world as one case."
+        f"{at.lost_steps} states; its interval counts every world as one case. ms per step: the "
+        "method's own time, median over runs, of the machine that ran them."
     )
     return Table(f"{caption}{_with(panel)}", header, lines)
 
@@ -90,7 +94,7 @@ def rival_tables(panel: Panel) -> list[Table]:
 
 
 def gap_table(panel: Panel) -> Table | None:
-    """The errors on the limit's worlds, the limit first; None if there is no limit."""
+    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
     header = ["method", "belief about", "error e", "SD between runs on a world"]
     header += ["gap to the limit, 95 % interval", "worlds"]
     lines = [
@@ -105,8 +109,8 @@ def gap_table(panel: Panel) -> Table | None:
         for row in panel.gaps
     ]
     caption = (
-        "Error minus the limit's on the same worlds. The limit is what many more "
-        "particles would give, as far as its own runs agree."
+        "Error minus the limit's on the same worlds. Below each limit are the methods with its "
+        "target. The limit is what many more particles would give, as far as its own runs agree."
     )
     return Table(caption, header, lines) if lines else None
 
@@ -198,6 +202,41 @@ def detection_glance(panels: Sequence[Panel]) -> Table | None:
         "½ is chance; n/a where no step, or every one, is far off."
     )
     return Table(caption, ["setting", *labels], lines)
+
+
+def validity_table(panels: Sequence[Panel]) -> Table | None:
+    """The AUROC of what filters make of plans; None if none reads plans, or none conflicts."""
+    rows = [row for row in validities(panels) if any(map(_tells, row.signals.values()))]
+    if not rows:
+        return None
+    names = list(dict.fromkeys(name for row in rows for name in row.signals))
+    lines = []
+    for row in rows:
+        first, *_ = row.panels
+        found = next(filter(_tells, row.signals.values()))
+        scenarios = ", ".join(panel.setting.scenario for panel in row.panels)
+        lines.append(
+            [
+                ", ".join([scenarios, *first.title.split(", ")[1:]]),
+                row.label,
+                *(_auroc(row.signals.get(name, Auroc())) for name in names),
+                percent(found.far_steps, 1),
+            ]
+        )
+    caption = (
+        "AUROC of what a filter makes of a plan against whether the plan, laid from the true pose, "
+        "collides. feasible: share of the belief from which it does not; tempering: λ; "
+        "log_evidence: of the belief with the plan over that without; log_evidence_20: its mean "
+        "over 20 steps; valid: P(about this robot); quality: P(not lost) by the scans. 1: a plan "
+        "in conflict always has the smaller value; ½: chance. The scenarios of a line are taken "
+        "together."
+    )
+    header = ["scenarios", "method", *names, "steps in conflict"]
+    return Table(caption, header, lines)
+
+
+def _tells(found: Auroc) -> bool:
+    return not math.isnan(found.auroc.mean)
 
 
 def _with(panel: Panel) -> str:

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, utf8, written
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.csv_files import gaps_csv, results_csv, timings_csv, trials_csv
+from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.panels import panels
+from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
@@ -108,6 +109,8 @@ def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
     }
     if any(panel.gaps for panel in compared):
         tables["gaps.csv"] = gaps_csv(compared)
+    if read := validities(compared):
+        tables["plans.csv"] = plans_csv(read)
     if no_report() is not None:
         return {name: utf8(text) for name, text in tables.items()}
     load()

@@ -9,7 +9,7 @@ from typing import TypeVar
 from tqdm import tqdm
 
 from benchmarks.files import command_line, own_folder, write_part
-from benchmarks.speed import rays, steps, trials, worlds
+from benchmarks.speed import rays, replanned, steps, trials, worlds
 from benchmarks.speed.figure import Measured, measured
 from benchmarks.speed.plots import scaling_plot
 from benchmarks.speed.scaling import Scaling, curves, scaled
@@ -26,7 +26,7 @@ from benchmarks.trials.provenance import environment
 
 T = TypeVar("T")
 
-FIGURES = (*rays.FIGURES, *steps.FIGURES, *trials.FIGURES, *worlds.FIGURES)
+FIGURES = (*rays.FIGURES, *steps.FIGURES, *replanned.FIGURES, *trials.FIGURES, *worlds.FIGURES)
 PEERS = (*rays.PEERS, *steps.PEERS)
 
 

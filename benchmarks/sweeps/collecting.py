@@ -1,10 +1,11 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from benchmarks.setup import documents
 from benchmarks.sweeps import manifest
@@ -13,6 +14,7 @@ from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables.gap import LimitRuns
 from benchmarks.trials.spec import Trial, unworded
 from deqmcl_gym.validation import InputError
 
@@ -42,13 +44,17 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
 
 
 def of_sweep(sweep: Sweep, results: Results) -> Results:
-    """Return the results with the trials of the limit set apart, and with the sweep's baseline."""
-    compared = {named(trial.canonical()) for trial in sweep.compared()}
-    limits = {named(trial.canonical()) for trial in sweep.limits()}
+    """Return the results with the trials of limits set apart, and with the sweep's baseline."""
+    by_name = [(named(record["trial"]), record) for record in results.records]
+
+    def finished(trials: Iterable[Trial]) -> list[dict[str, Any]]:
+        asked = {named(trial.canonical()) for trial in trials}
+        return [record for name, record in by_name if name in asked]
+
     return replace(
         results,
-        records=[record for record in results.records if named(record["trial"]) in compared],
-        limits=[record for record in results.records if named(record["trial"]) in limits],
+        records=finished(sweep.compared()),
+        limits=[LimitRuns(limit.of, finished(sweep.limiting(limit))) for limit in sweep.limits],
         baseline=sweep.baseline,
     )
 

@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,7 +37,7 @@ class Sweep:
         filter_seeds: runs of each method on each world.
         vary: axes; the last one turns fastest.
         baseline: localizer that the report compares the others with.
-        limit: what the optimality gap is measured from; None if it is not asked for.
+        limits: what optimality gaps are measured from, each for the methods of its target.
         takes: names of the parameters that a localizer of a name takes; None: any.
     """
 
@@ -54,7 +54,7 @@ class Sweep:
     filter_seeds: int = 1
     vary: tuple[Axis, ...] = field(default=())
     baseline: str = BASELINE
-    limit: Limit | None = None
+    limits: tuple[Limit, ...] = ()
     takes: Takes = field(default=takes, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -73,13 +73,13 @@ class Sweep:
         for axis in self.vary:
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
-        methods = [*self.localizers, *([self.limit.method] if self.limit else [])]
-        for method in methods:
-            self.takes(_label("localizer", method.name))
+        for name in self.names:
+            self.takes(_label("localizer", name))
         if self.baseline != BASELINE:
             one_of("baseline", self.baseline, [method.name for method in self.localizers])
-        if self.limit is not None:
-            integer("trials of the limit", self.limit.trials, low=1, high=self.trials)
+        _refuse_two_limits(self.limits)
+        for limit in self.limits:
+            integer("trials of the limit", limit.trials, low=1, high=self.trials)
         if self.combinations > MOST:
             raise InputError(
                 f"the sweep has {self.combinations:,} trials, more than {MOST:,}: vary less, or "
@@ -91,8 +91,13 @@ class Sweep:
         """How many trials are asked for, counted without listing them; equal ones count twice."""
         points = math.prod(len(axis) for axis in self.vary)
         runs = len(self.localizers) * self.trials * self.filter_seeds
-        limit = 0 if self.limit is None else self.limit.trials * self.limit.filter_seeds
-        return points * (runs + limit)
+        return points * (runs + sum(limit.trials * limit.filter_seeds for limit in self.limits))
+
+    @property
+    def names(self) -> list[str]:
+        """Every localizer that it names."""
+        limits = [name for limit in self.limits for name in (limit.method.name, *limit.of)]
+        return list(dict.fromkeys([*(method.name for method in self.localizers), *limits]))
 
     def compared(self) -> Iterator[Trial]:
         """Yield the trials of the methods: by setting, then method, world, filter seed."""
@@ -100,20 +105,19 @@ class Sweep:
             for method in self.localizers:
                 yield from self._runs(base, method, self.trials, self.filter_seeds)
 
-    def limits(self) -> Iterator[Trial]:
-        """Yield the trials of the limit, in the same order."""
-        if (limit := self.limit) is not None:
-            for base in self._points():
-                yield from self._runs(base, limit.method, limit.trials, limit.filter_seeds)
+    def limiting(self, limit: Limit) -> Iterator[Trial]:
+        """Yield the trials of one of its limits, in the same order."""
+        for base in self._points():
+            yield from self._runs(base, limit.method, limit.trials, limit.filter_seeds)
 
     def listed(self) -> Iterator[Trial]:
-        """Yield all combinations: the methods', then the limit's."""
-        return itertools.chain(self.compared(), self.limits())
+        """Yield all combinations: the methods', then the limits'."""
+        return itertools.chain(self.compared(), *map(self.limiting, self.limits))
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        limit = self.limit and replace(self.limit, trials=1, filter_seeds=1)
-        return replace(self, trials=1, filter_seeds=1, limit=limit).listed()
+        limits = tuple(replace(limit, trials=1, filter_seeds=1) for limit in self.limits)
+        return replace(self, trials=1, filter_seeds=1, limits=limits).listed()
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""
@@ -125,9 +129,8 @@ class Sweep:
         further: dict[str, Any] = {}
         if self.baseline != BASELINE:
             further["baseline"] = self.baseline
-        if (limit := self.limit) is not None:
-            runs = {"trials": limit.trials, "filter_seeds": limit.filter_seeds}
-            further["limit"] = _jsonable_method(limit.method) | runs
+        if self.limits:
+            further["limit"] = [_jsonable_limit(limit) for limit in self.limits]
         return {
             "title": self.title,
             "localizers": [_jsonable_method(method) for method in self.localizers],
@@ -215,6 +218,22 @@ def _label(kind: str, name: str) -> str:
             f"formula: write ./{name} if it is a file, or rename it."
         )
     return name
+
+
+def _refuse_two_limits(limits: Sequence[Limit]) -> None:
+    """Refuse limits of which a method could have two."""
+    held = [name for limit in limits for name in limit.of or ("",)]
+    for name in held:
+        if held.count(name) > 1:
+            what = f"{name!r} is named in the of of" if name else "of is missing in"
+            raise InputError(
+                f"{what} {held.count(name)} limits: a localizer has one limit, that of its target."
+            )
+
+
+def _jsonable_limit(limit: Limit) -> dict[str, Any]:
+    runs = {"trials": limit.trials, "filter_seeds": limit.filter_seeds}
+    return _jsonable_method(limit.method) | {"of": list(limit.of)} | runs
 
 
 def _jsonable_method(method: Method) -> dict[str, Any]:

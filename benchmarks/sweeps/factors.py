@@ -1,4 +1,4 @@
-"""What a sweep is made of: methods, axes along which settings vary, the limit."""
+"""What a sweep is made of: methods, axes along which settings vary, limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,11 +25,14 @@ class Limit:
 
     Attributes:
         method: with its particles, which no axis changes.
+        of: localizers with its target, which are held against it; (): all that no other limit
+            names.
         trials: worlds of each setting, the first ones.
         filter_seeds: runs on each; from two on they tell how near it is to its own limit.
     """
 
     method: Method
+    of: tuple[str, ...] = ()
     trials: int = 20
     filter_seeds: int = 2
 

@@ -69,11 +69,10 @@ class Manifest:
 
 def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
-    methods = [*sweep.localizers, *([sweep.limit.method] if sweep.limit else [])]
     return Manifest(
         sweep=sweep.canonical(),
         made=provenance(sweep.cells()),
-        parameters={method.name: sweep.takes(method.name) for method in methods},
+        parameters={name: sweep.takes(name) for name in sweep.names},
         command=command,
         environment=environment(),
     )

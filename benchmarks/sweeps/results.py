@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
 
 
@@ -31,7 +32,7 @@ class Results:
         records: finished trials in the sweep's order, as the store keeps them: ``trial``,
             ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
             ``key``, ``seconds``.
-        limits: those of the sweep's limit, which are compared with nothing.
+        limits: those of the sweep's limits, which are only what gaps are measured from.
         baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
         missing: trials that neither finished nor failed yet.
@@ -48,12 +49,12 @@ class Results:
     planned: int
     command: list[str]
     environment: dict[str, Any]
-    limits: list[dict[str, Any]] = field(default_factory=list)
+    limits: list[LimitRuns] = field(default_factory=list)
     baseline: str = BASELINE
     left_out: dict[str, str] = field(default_factory=dict)
 
     @property
     def finished(self) -> list[dict[str, Any]]:
-        """All finished trials; one that is the limit's, too, once."""
-        own = {id(record) for record in self.records}
-        return [*self.records, *(record for record in self.limits if id(record) not in own)]
+        """All finished trials; one that is a limit's, too, once."""
+        limits = (record for limit in self.limits for record in limit.records)
+        return list({id(record): record for record in (*self.records, *limits)}.values())

@@ -16,6 +16,7 @@ from benchmarks.files import (
     writable_folder,
     write_text,
 )
+from benchmarks.trials.plans import SIGNALS
 from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -197,7 +198,17 @@ def _unlike(content: dict[str, Any], folder: str) -> str | None:
         return f"has a curve or qualities of another length than its {str(steps)[:20]} steps"
     if not all(key.removeprefix("-").isdecimal() for key in content["profile"]):
         return "has a profile of no offsets"
-    return None
+    return _unlike_plan(content.get("plan"), steps)
+
+
+def _unlike_plan(plan: Any, steps: int) -> str | None:
+    """Say where what was made of plans, if any was read, is not as it is kept."""
+    if plan is None:
+        return None
+    why = misfit(plan, {name: [_NUMBER] for name in ("conflict", *SIGNALS)}, "plan")
+    if why is None and any(len(column) != steps for column in plan.values()):
+        return f"has readings of the plan of another length than its {str(steps)[:20]} steps"
+    return why
 
 
 def _checksum(content: dict[str, Any]) -> str:

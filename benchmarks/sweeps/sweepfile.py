@@ -81,7 +81,7 @@ def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> S
         params=frozen(documents.dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
-        limit=_limit(given["limit"]) if "limit" in given else None,
+        limits=_limits(given.get("limit", [])),
         takes=takes,
         **plain,
     )
@@ -107,14 +107,20 @@ def _method(entry: Any) -> Method:
     return _named("an entry of localizers", table)
 
 
+def _limits(entry: Any) -> tuple[Limit, ...]:
+    """Return the limits of one table [limit], or of several [[limit]]."""
+    return tuple(map(_limit, entry if isinstance(entry, list) else [entry]))
+
+
 def _limit(entry: Any) -> Limit:
     table = documents.table(
-        "limit", entry, "a table [limit] with name, params, trials, filter_seeds"
+        "limit", entry, "a table [limit] with name, params, of, trials, filter_seeds"
     )
     for key in table:
-        one_of("key in limit", key, ("name", "params", "trials", "filter_seeds"))
+        one_of("key in limit", key, ("name", "params", "of", "trials", "filter_seeds"))
+    of = [documents.text("of in limit", name) for name in _list("of in limit", table.get("of", []))]
     runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
-    return Limit(method=_named("limit", table), **runs)
+    return Limit(method=_named("limit", table), of=tuple(of), **runs)
 
 
 def _named(what: str, table: Mapping[str, Any]) -> Method:

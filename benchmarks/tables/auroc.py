@@ -43,6 +43,11 @@ def auroc_of(records: Sequence[Record]) -> Auroc:
         (np.concatenate([q for q, _ in own]), np.concatenate([far for _, far in own]))
         for _, own in sorted(runs.items())
     ]
+    return auroc_of_steps(worlds)
+
+
+def auroc_of_steps(worlds: Sequence[Steps]) -> Auroc:
+    """Return how well a number ranks steps, given by world: those that are far have a smaller."""
     every = np.concatenate([far for _, far in worlds]) if worlds else np.empty(0, bool)
     if not every.size:
         return Auroc()

@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks.tables.comparison import AVERAGED, RANGED, Comparison
 from benchmarks.tables.pairing import Method, Record, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import thawed
@@ -43,6 +44,22 @@ def gaps_csv(panels: Iterable[Panel]) -> str:
         for row in panel.gaps
     )
     return csv_text([*_PANEL, "limit", "limit_params", *plain, "gap", "gap_low", "gap_high"], lines)
+
+
+def plans_csv(rows: Iterable[Validity]) -> str:
+    """Return plans.csv: a line per setting, method and signal; scenarios taken together."""
+    lines = (
+        [
+            " ".join(panel.setting.scenario for panel in row.panels),
+            *_panel(row.panels[0])[1:],
+            *_method(row.method),
+            *(signal, *found.auroc, found.far_steps, found.far_worlds),
+        ]
+        for row in rows
+        for signal, found in row.signals.items()
+    )
+    found = ("auroc", "auroc_low", "auroc_high", "conflict_steps", "conflict_worlds")
+    return csv_text(["scenarios", *_PANEL[1:], "signal", *found], lines)
 
 
 def trials_csv(records: Iterable[Record]) -> str:

@@ -1,4 +1,4 @@
-"""How far every method is from the limit, over the worlds that both have run."""
+"""How far every method is from the limit of its target, over the worlds that both have run."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,9 +20,22 @@ from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.trials.spec import Params
 
 
+@dataclass(frozen=True)
+class LimitRuns:
+    """A limit as far as it has run.
+
+    Attributes:
+        of: localizers that are held against it; (): all that no other limit names.
+        records: its finished trials, on all settings.
+    """
+
+    of: tuple[str, ...]
+    records: list[Record]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """One method of a panel at one offset, against the limit at that offset; NaN: not known.
+    """One method of a panel at one offset, against its limit at that offset; NaN: not known.
 
     Attributes:
         method, offset: of what.
@@ -46,11 +59,30 @@ def gaps(
     setting: Setting,
     swept: Params,
     methods: Mapping[Method, list[Record]],
-    limits: Iterable[Record],
+    limits: Sequence[LimitRuns],
 ) -> list[Gap]:
-    """Hold the methods of a panel against the limit; the limit itself comes first."""
+    """Hold the methods of a panel against their limits; each limit comes before its methods."""
+    named = {name for limit in limits for name in limit.of}
+    rows = []
+    for limit in limits:
+        own = {
+            method: records
+            for method, records in methods.items()
+            if (method.localizer in limit.of if limit.of else method.localizer not in named)
+        }
+        rows += _gaps_to(limit.records, setting, swept, own)
+    return rows
+
+
+def _gaps_to(
+    limit_records: Iterable[Record],
+    setting: Setting,
+    swept: Params,
+    methods: Mapping[Method, list[Record]],
+) -> list[Gap]:
+    """Hold methods against one limit, which may differ between values of what is swept."""
     theirs: dict[Method, list[Record]] = {}
-    for record in limits:
+    for record in limit_records:
         if setting_of(record) == setting:
             theirs.setdefault(method_of(record), []).append(record)
     held = {method: limit_of(swept, method, list(theirs)) for method in methods}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.tables.comparison import Comparison, compared
-from benchmarks.tables.gap import Gap, gaps
+from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.pairing import (
     BASELINE,
     Method,
@@ -30,7 +30,7 @@ class Panel:
         swept: value of each parameter that is swept in the setting.
         labels: what each method is called, in the order of the results.
         rows: every method against the baseline, at all offsets.
-        gaps: every method against the limit, where there is one.
+        gaps: every method against the limit of its target, where there is one.
         records: finished trials by method.
         thresholds: far and lost, and the unit of length.
     """
@@ -52,7 +52,7 @@ class Panel:
 
 
 def panels(
-    records: Iterable[Record], baseline: str = BASELINE, limits: Sequence[Record] = ()
+    records: Iterable[Record], baseline: str = BASELINE, limits: Sequence[LimitRuns] = ()
 ) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
+from benchmarks.trials.plans import plan_record
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
 from deqmcl_gym.numerics.types import Floats
 
@@ -32,7 +33,7 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 
 
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
-    """Return a trial's result as JSON-able values: scores, error curves, qualities, counts."""
+    """Return a trial's result as JSON-able values: scores, curves, qualities, counts, plans."""
     return {
         "unit": trace.unit,
         "thresholds": asdict(thresholds),
@@ -49,7 +50,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
         "steps_done": trace.steps,
         "scans_used": trace.scans_used,
         "events": trace.events,
-    }
+    } | plan_record(trace.plans[1:])
 
 
 def profile(trace: Trace, lag: int) -> dict[int, float]:

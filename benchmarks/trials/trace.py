@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import METRICS
+from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from localizers import Belief, quality_of
 from localizers.models.scan_kernels import count_usable
@@ -51,6 +52,7 @@ class Trace:
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
+        plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
@@ -63,6 +65,7 @@ class Trace:
     scans_used: int
     seconds: float
     quality: Floats
+    plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
@@ -75,7 +78,7 @@ class Trace:
 def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> Trace:
     """Run an episode to its end and keep its trace at these offsets."""
     asked = tuple(offsets)
-    lap = _Lap(task.max_range)
+    lap = _Lap(task)
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
@@ -88,16 +91,18 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> T
         scans_used=lap.scans_used,
         seconds=lap.seconds,
         quality=np.array(lap.quality),
+        plans=lap.plans,
         events=_events(lap.belief),
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 
 
 class _Lap:
-    """Collects the truth, qualities, and what is counted."""
+    """Collects the truth, qualities, readings of plans, and what is counted."""
 
-    def __init__(self, max_range: float) -> None:
-        self._max_range = max_range
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self.plans: list[list[float]] = []
         self.truth: list[Reals] = []
         self.quality: list[float] = []
         self.scans_used, self.seconds = 0, 0.0
@@ -108,10 +113,11 @@ class _Lap:
         self.truth.append(moment.truth)
         quality = quality_of(moment.belief)
         self.quality.append(np.nan if quality is None else quality)
+        self.plans.append(plan_row(moment.belief, moment.truth, self._task))
         if moment.step > 0:
             self.seconds += moment.seconds
             ranges = np.asarray(moment.ranges, np.float64)
-            self.scans_used += count_usable(ranges, self._max_range) > 0
+            self.scans_used += count_usable(ranges, self._task.max_range) > 0
 
 
 class _Beliefs:

@@ -57,6 +57,7 @@ class PlanReading(NamedTuple):
         tempering: λ in [0, 1], the power at which it was taken as evidence; NaN if it said nothing.
         feasible: P(the plan is feasible from x_t), over the belief before it; NaN likewise.
         log_evidence: log E[p(π_t | x_t, m)^λ], over the belief before it.
+        valid: P(plans are about this robot), where that is in doubt; NaN where it is not.
     """
 
     shown: Actions
@@ -64,6 +65,7 @@ class PlanReading(NamedTuple):
     tempering: float = math.nan
     feasible: float = math.nan
     log_evidence: float = 0.0
+    valid: float = math.nan
 
 
 class _Cloud(NamedTuple):
@@ -81,6 +83,8 @@ class _Cloud(NamedTuple):
             computed instead of queued, (n,). It multiplies the weights that are reported, not
             those the filter goes on with; None: nothing is looked ahead for.
         plan_reading: what the latest plan said, where plans are evidence of the present.
+        valid: P(plans are about this robot) given the path of each particle, (n,), where that is
+            in doubt; see ``plan_validity``.
     """
 
     queue: Queue
@@ -92,6 +96,7 @@ class _Cloud(NamedTuple):
     trust: Trust | None = None
     log_h: LogWeights | None = None
     plan_reading: PlanReading | None = None
+    valid: Floats | None = None
 
 
 class ParticleBelief(_Cloud):
@@ -156,6 +161,7 @@ class ParticleBelief(_Cloud):
             log_weights=left,
             log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
             log_h=None,
+            valid=None if self.valid is None else self.valid[ancestors],
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":

@@ -8,13 +8,18 @@ confirms it, and a stale one misleads.
 
 from dataclasses import replace
 
-from deqmcl_gym.validation import one_of
+from deqmcl_gym.validation import InputError, one_of
 from localizers.api import RobotModel
+from localizers.inference.lookahead import Lookahead
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import Known, PlanEvidence, nothing_known, steps_known
+from localizers.inference.plan_validity import DoubtedPlans
 from localizers.methods.family import Shared, method
 from localizers.methods.smoother import mcl_map_smoother
+from localizers.models.free_space import even_poses
 from localizers.models.plan_sensor import PlanSensor
+
+_ANYWHERE = 512  # poses that stand for free space
 
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
@@ -27,6 +32,7 @@ def mcl_plan(
     plan_beta: float = 10.0,
     keep: float = 0.8,
     charge: str = "always",
+    validity: float | None = None,
 ) -> ParticleFilter:
     """Return map-based MCL that takes ``lag`` = L steps of every plan as evidence.
 
@@ -35,9 +41,25 @@ def mcl_plan(
         plan_beta: β of a plan, per step of it that collides; 0 leaves map-based MCL.
         keep: κ, the share of the effective sample size that a plan leaves at least; 0 is exact.
         charge: "always"; or "new", each planned step once, when it comes into view.
+        validity: probability per step that plans become, or cease to be, about this robot; a
+            number takes the place of ``keep``, which must then be 0. None: they always are.
+
+    Raises:
+        InputError: ``validity`` is given beside a ``keep`` or a ``charge`` that it cannot have.
     """
     sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=plan_beta)
     known = CHARGES[one_of("charge", charge, CHARGES)]
-    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
+    evidence: Lookahead = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
+    if validity is not None:
+        if keep != 0 or charge != "always":
+            raise InputError(
+                f"validity is {validity!r}, keep {keep:g} and charge {charge!r}, but a plan that "
+                "is doubted is neither tempered nor charged in part: give keep = 0 and charge = "
+                "'always', or no validity."
+            )
+        anywhere = even_poses(robot.floor_plan, _ANYWHERE)
+        evidence = DoubtedPlans(
+            sensor=sensor, anywhere=anywhere, switching=validity, steps=shared.lag
+        )
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, lookahead=evidence, start=shared.start(sensor))

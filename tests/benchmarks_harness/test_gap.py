@@ -12,7 +12,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Limit, Method
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.csv_files import gaps_csv
-from benchmarks.tables.gap import limit_of
+from benchmarks.tables.gap import LimitRuns, limit_of
 from benchmarks.tables.pairing import Method as Named
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
@@ -26,8 +26,27 @@ def limit_run(world, error, *, seed=0, **setting):
     return finished("mcl-pilots", world, error, filter_seed=seed, params=MANY, **setting)
 
 
-def gaps(records, limits):
-    return [row for panel in panels(records, limits=limits) for row in panel.gaps]
+def gaps(records, *limits):
+    runs = [limit if isinstance(limit, LimitRuns) else LimitRuns((), limit) for limit in limits]
+    return [row for panel in panels(records, limits=runs) for row in panel.gaps]
+
+
+def test_each_method_is_held_against_the_limit_of_its_own_target():
+    unnamed = LimitRuns((), [limit_run(w, 10.0) for w in range(3)])
+    own = LimitRuns(
+        ("mcl-plan", "mcl"), [finished("mcl-plan", w, 4.0, params=MANY) for w in (0, 1)]
+    )
+    records = [r for name in ("mcl", "mcl-h", "mcl-plan") for r in trials(name, [12.0] * 3)]
+    for order in ((unnamed, own), (own, unnamed)):
+        found = {r.method: (r.limit.localizer, r.gap.mean, r.worlds) for r in gaps(records, *order)}
+        assert found == {
+            Named("mcl-pilots", frozen(MANY)): ("mcl-pilots", 0.0, 3),
+            Named("mcl-h"): ("mcl-pilots", 2.0, 3),
+            Named("mcl-plan", frozen(MANY)): ("mcl-plan", 0.0, 2),
+            Named("mcl"): ("mcl-plan", 8.0, 2),
+            Named("mcl-plan"): ("mcl-plan", 8.0, 2),
+        }
+    assert {row.method.localizer for row in gaps(records, own)} == {"mcl", "mcl-plan"}
 
 
 def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
@@ -75,7 +94,7 @@ def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels
     records += [finished("ekf", 0, 4.0)]
     limits = [finished("mcl-pilots", 0, e, params={"beta": b}) for b, e in ((1, 3.0), (10, 2.0))]
     named = ("swept", "method", "limit_params", "gap")
-    text = gaps_csv(panels(records, limits=limits))
+    text = gaps_csv(panels(records, limits=[LimitRuns((), limits)]))
     lines = [[line[name] for name in named] for line in parsed(text)]
     differences = {1: ("0.0", "2.0", "1.0"), 10: ("0.0", "3.0", "2.0")}
     assert lines == [
@@ -91,36 +110,43 @@ SWEEP = Sweep(
     trials=5,
     filter_seeds=3,
     params=frozen({"particles": 10}),
-    limit=Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),
+    limits=(Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),),
 )
 
 
 def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
-    limits = list(SWEEP.limits())
+    limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
     assert {t.params for t in limits} == {frozen(MANY)}
     records = [{"trial": t.canonical(), "scores": []} for t in SWEEP.distinct()]
     apart = of_sweep(SWEEP, results(records))
-    assert [len(apart.records), len(apart.limits), len(apart.finished)] == [30, 8, 38]
+    (limit,) = apart.limits
+    assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
 
 def test_an_axis_over_what_the_limit_fixes_runs_it_once():
     varied = {"vary": [{"params.particles": [10, 20, 30]}]}
     sweep = sweep_of(SWEEP.canonical() | varied, title="varied")
-    assert len({t.params for t in sweep.limits()}) == 1
+    assert len({t.params for t in sweep.limiting(*sweep.limits)}) == 1
     assert sweep.combinations - len(sweep.distinct()) == 2 * 8 + 2 * 15  # and dead reckoning
 
 
 def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
-    sweep = replace(SWEEP, limit=Limit(method=Method(name="mcl"), trials=2, filter_seeds=1))
+    sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
     records = [{"trial": t.canonical(), "scores": []} for t in sweep.distinct()]
     apart = of_sweep(sweep, results(records))
-    assert [len(apart.records), len(apart.limits), len(apart.finished)] == [30, 2, 30]
+    (limit,) = apart.limits
+    assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]
 
 
 def test_what_is_written_of_a_limit_is_read_again():
     assert sweep_of(SWEEP.canonical(), title="") == SWEEP
+    further = Limit(method=Method(name="mcl-map"), of=("mcl-map", "mcl-map-smoother"), trials=1)
+    several = replace(SWEEP, limits=(*SWEEP.limits, further))
+    assert sweep_of(several.canonical(), title="") == several
+    one = {"name": "mcl", "params": MANY, "trials": 2, "filter_seeds": 4}  # [limit], not [[limit]]
+    assert sweep_of(SWEEP.canonical() | {"limit": one}, title="") == SWEEP
 
 
 @pytest.mark.parametrize(
@@ -132,6 +158,13 @@ def test_what_is_written_of_a_limit_is_read_again():
         ({"limit": {"trials": 2}}, ["limit has no name"]),
         ({"limit": {"name": "mcl", "seeds": 2}}, ["'seeds'", "limit"]),
         ({"limit": 3}, ["limit", "3", "table"]),
+        ({"limit": [{"name": "mcl", "of": ["mlc"]}]}, ["'mlc'"]),
+        ({"limit": [{"name": "mcl", "of": "mcl"}]}, ["of in limit", "'mcl'", "list"]),
+        ({"limit": [{"name": "mcl"}, {"name": "mcl-map"}]}, ["of", "2 limits"]),
+        (
+            {"limit": [{"name": "mcl", "of": ["mcl"]}, {"name": "mcl-map", "of": ["mcl"]}]},
+            ["'mcl'", "2 limits"],
+        ),
         ({"baseline": "mcl-map"}, ["baseline", "'mcl-map'", "dead-reckoning"]),
         ({"baseline": 3}, ["baseline", "3"]),
     ],

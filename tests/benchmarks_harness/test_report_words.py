@@ -7,13 +7,14 @@ from report_cases import finished, paired, results, trial_of, trials
 
 from benchmarks.report import tables, words
 from benchmarks.report.tables import gap_table, rival_tables
+from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 
 ONE = (0,)
 
 
 def panel_of(records, limits=()):
-    (panel,) = panels(records, limits=limits)
+    (panel,) = panels(records, limits=[LimitRuns((), list(limits))] if limits else [])
     return panel
 
 
@@ -125,7 +126,7 @@ def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_
     assert past.lines[1][2] == "−12.00 (−12.00 to −12.00)"
 
 
-def test_the_gap_table_has_the_limit_first():
+def test_the_gap_table_has_a_limit_before_its_methods():
     limits = trials("mcl-pilots", [3.0, 4.0], params={"particles": 9})
     records = trials("mcl", [5.0, 6.0, 7.0])
     limit, mcl = gap_table(panel_of(records, limits)).lines

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks.speed import steps, trials, worlds
+from benchmarks.speed import replanned, steps, trials, worlds
 from benchmarks.speed.command import FIGURES, PEERS
 from benchmarks.speed.figure import Figure, Published, Side, measured
 from benchmarks.speed.lap import fan
@@ -64,7 +65,19 @@ def test_what_another_machine_did_stands_beside_ours_without_a_ratio():
 
 def test_docs_explain_every_figure():
     words = DOCS.read_text()
+    for who in ("pilots", "h"):  # rows that stand for three figures
+        words += "".join(f"`replanned_{who}_vs_map_step{n}k`" for n in (1, 10))
     assert [f.name for f in (*FIGURES, *PEERS) if f"`{f.name}`" not in words] == []
+
+
+def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
+    lap = replanned.replanned_lap()
+    plans = [lap.first, *(plan for _, _, plan in lap.steps)]
+    pairs = list(pairwise(plan for plan in plans if len(plan) > 1))
+    assert len(pairs) > 100
+    changed = [not np.array_equal(old[1:][: len(new)], new[: len(old) - 1]) for old, new in pairs]
+    assert np.mean(changed) > 0.95
+    assert all((plan[0] == step[1]).all() for plan, step in zip(plans, lap.steps, strict=False))
 
 
 def test_a_localizers_share_of_a_trial_is_the_time_that_the_trial_counts(monkeypatch):

@@ -20,6 +20,7 @@ from localizers.inference.lookahead import Pilots, Tabulated
 from localizers.inference.moves import RenewedFuture
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import PlanEvidence, nothing_known
+from localizers.inference.plan_validity import DoubtedPlans
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 from localizers.inference.start import InformedStart
 
@@ -181,6 +182,14 @@ def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> Parti
     return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
 
 
+def with_doubt(beta: float, switching=0.2, **parts) -> ParticleFilter:
+    everywhere = np.arange(STATES)[None]
+    doubted = DoubtedPlans(
+        sensor=RingPlans(beta), anywhere=everywhere, switching=switching, steps=FUTURE
+    )
+    return ring_filter(beta, past=PAST, lookahead=doubted, **parts)
+
+
 def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
     """With plans as evidence, or without: the start alone."""
     start = InformedStart(evidence=PlanEvidence(sensor=RingPlans(beta)), draws=draws)
@@ -193,15 +202,22 @@ def informed_throughout(beta: float, **parts) -> ParticleFilter:
 
 def looked_ahead(ring: ParticleFilter) -> int:
     """F: of the queue, or of the part that does without one."""
-    if isinstance(ring.lookahead, PlanEvidence):  # the present is all it is about
+    if isinstance(ring.lookahead, PlanEvidence | DoubtedPlans):  # the present is all it is about
         return 0
     return ring.future or getattr(ring.lookahead, "steps", 0)
 
 
-def gamma(t: int, commands: Plan, beta: float, shown: np.ndarray | None = None) -> np.ndarray:
+def gamma(
+    t: int,
+    commands: Plan,
+    beta: float,
+    shown: np.ndarray | None = None,
+    switching: float | None = None,
+) -> np.ndarray:
     """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
 
-    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5).
+    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5). With ``switching``, V_s is summed over,
+    too: plans are of x_s or of any state, and switch between both.
     """
     moved = np.zeros((STATES, STATES))  # of no command: p(x + k | x)
     for (noise, share), x in product(NOISE.items(), range(STATES)):
@@ -215,10 +231,26 @@ def gamma(t: int, commands: Plan, beta: float, shown: np.ndarray | None = None) 
             weight *= moved[before, (after - command) % STATES] * g[before, after]
             if s <= t:
                 weight *= SENSOR[after, OBSERVED[s - 1]]
-        if shown is not None:
+        if shown is not None and switching is None:
             weight *= shown[range(t + 1), path[: t + 1]].prod()
+        elif shown is not None:
+            weight *= sum(
+                chance(valid, switching)
+                * math.prod(
+                    shown[s, path[s]] if v else shown[s].mean() for s, v in enumerate(valid)
+                )
+                for valid in product((True, False), repeat=t + 1)
+            )
         total[range(len(path)), path] += weight
     return total
+
+
+def chance(valid: tuple[bool, ...], switching: float) -> float:
+    """p(V_0 … V_t); before the start plans are valid."""
+    return math.prod(
+        switching if before != after else 1 - switching
+        for before, after in pairwise((True, *valid))
+    )
 
 
 def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
@@ -234,6 +266,8 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
 def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
     """p(π_s | x_s) at s = 0 … 4 as this filter is meant to take it, (5, 5); None: it is not."""
     evidence, start, beta = ring.lookahead, ring.start, ring.feasibility.beta
+    if isinstance(evidence, DoubtedPlans):
+        return np.array([likely(plan[: evidence.steps], beta) for plan in drive.plans])
     if not isinstance(evidence, PlanEvidence) and not isinstance(start, InformedStart):
         return None
     figures = np.ones((STEPS + 1, STATES))
@@ -286,9 +320,10 @@ def z_scores(
     """
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores, shown = {}, plans_shown(meant or ring, drive)
+    switching = getattr((meant or ring).lookahead, "switching", None)
     for t, offset in runs[0]:
         commands = drive.commands(t, looked_ahead(ring))
-        exact = gamma(t, commands, ring.feasibility.beta, shown)[t + offset]
+        exact = gamma(t, commands, ring.feasibility.beta, shown, switching)[t + offset]
         seen = np.array([one[t, offset] for one in runs])
         error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
         # A value never seen must have no weight: an infinite score if it has some.

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Limit
+from benchmarks.sweeps.suites.limits import limits_of
 from benchmarks.sweeps.suites.parts import axis, method, methods, noises
 from benchmarks.trials.spec import frozen
 
@@ -36,13 +36,42 @@ AUTHOR_SUITES = MappingProxyType(
             trials=20,
             filter_seeds=2,
             vary=(axis(params__particles=(300, 1000)),),
-            limit=Limit(method=method("mcl-plan", particles=100_000, keep=0.0)),
+            limits=limits_of(methods("mcl-map", "mcl-plan")),
+        ),
+        "equal-time": Sweep(
+            title="The plan as a sensor, or its time spent on particles: scenario guided",
+            localizers=(
+                method("mcl-plan", particles=1_000),
+                # as many as take its time: 8,000 for 0.3 ms, by `deqmcl speed`
+                *(method(name, particles=8_000) for name in ("mcl-map", "mcl")),
+            ),
+            scenario="guided",
+            baseline="mcl-map",
+            trials=200,
+        ),
+        "plan-validity": Sweep(
+            title="A latent 'the plan is about this robot': does it notice a stale plan?",
+            localizers=(
+                *methods("mcl-map"),
+                *(_EXACT, method("mcl-plan", keep=0.0, validity=0.01)),
+            ),
+            baseline="mcl-map",
+            trials=40,
+            params=frozen({"particles": 300}),
+            vary=(
+                axis(scenario=("guided", "guided-stale")),
+                axis(
+                    world__lidar__beams=_BEAMS[:2],
+                    world__lidar__sigma=_SIGMAS[:2],
+                    assumed__scan__sigma=_SIGMAS[:2],
+                ),
+            ),
         ),
         "authors": Sweep(
             title="Who plans? From the true pose, before the start, from the estimate, or stale",
             localizers=methods("mcl-map", "mcl-plan", "mcl-pilots", "dead-reckoning"),
             baseline="mcl-map",
-            trials=25,
+            trials=40,
             params=frozen({"particles": 300}),
             vary=(
                 axis(scenario=("guided", "guided-before", "guided-estimate", "guided-stale")),
