@@ -1,10 +1,15 @@
 """The page, the Markdown and results.csv tell the same numbers."""
 
+import math
 import re
 from html import unescape
 
 import pytest
-from report_cases import paired, parsed, results, written
+from report_cases import finished, paired, parsed, results, written
+
+from benchmarks.report import tables
+from benchmarks.tables.panels import panels
+from benchmarks.trials.scoring import SCORE_NAMES
 
 BASELINE = "mcl-map"  # neither the usual one nor the first
 
@@ -55,13 +60,13 @@ def verdict(row):
 
 
 @pytest.mark.parametrize(
-    ("name", "tables"), [("report.html", of_html), ("results.md", of_markdown)]
+    ("name", "tables_of"), [("report.html", of_html), ("results.md", of_markdown)]
 )
-def test_every_number_of_the_comparison_is_that_of_results_csv(folder, name, tables):
+def test_every_number_of_the_comparison_is_that_of_results_csv(folder, name, tables_of):
     rows = parsed((folder / "results.csv").read_text())
     assert {row["baseline"] for row in rows} == {BASELINE}
     assert {row["swept"] for row in rows} == {'{"particles":100}', '{"particles":300}'}
-    found = list(tables((folder / name).read_text(encoding="utf-8")))
+    found = list(tables_of((folder / name).read_text(encoding="utf-8")))
 
     def lines(column):
         return [line for table in found if column in table[0] for line in table[1:]]
@@ -70,3 +75,25 @@ def test_every_number_of_the_comparison_is_that_of_results_csv(folder, name, tab
     assert verdicts == [verdict(row) for row in rows if row["offset"] == "0"]
     assert [line[6] for line in lines("NEES (3)")] == [ranged(row, "nees", ".1f") for row in rows]
     assert [line[6] for line in lines("error, common states")] == [verdict(row)[2] for row in rows]
+
+
+# by header: the column of results.csv, and how it is written
+COLUMNS = {
+    "error, common states": ("error_window", 1.0, ".2f"),
+    "position RMSE, px": ("position_rmse", 1.0, ".2f"),
+    "heading RMSE, °": ("heading_rmse", 180 / math.pi, ".1f"),
+    "energy score, px": ("energy_score", 1.0, ".2f"),
+    "entropy, nats": ("entropy", 1.0, ".2f"),
+    "in walls": ("wall_share", 100.0, ".1f"),
+}
+
+
+def test_every_column_of_a_table_has_the_score_that_it_names():
+    scores = {name: place / 50 for place, name in enumerate(SCORE_NAMES, 1)}
+    records = [finished("mcl", world, 3.0, scores=scores) for world in range(2)]
+    (panel,) = panels(records)
+    for table in (tables.offsets_table(panel), tables.calibration_table(panel)):
+        for header, cell in zip(table.header, table.lines[0], strict=True):
+            if header in COLUMNS:
+                name, factor, form = COLUMNS[header]
+                assert cell.removesuffix(" %") == f"{factor * scores[name]:{form}}", header
