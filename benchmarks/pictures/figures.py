@@ -78,16 +78,17 @@ def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:
         return {}
     images = {}
     for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
-        seen = _error_and_spread(episode[step].belief, offset, episode[FIG_5_STATE].truth)
+        unit = camera.view.floor_plan.unit
+        seen = _error_and_spread(episode[step].belief, offset, episode[FIG_5_STATE].truth, unit)
         note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
         images[f"fig5_step{step}.png"] = png(camera.frame(episode[step], FIG_5_METHOD, note))
     return images
 
 
-def _error_and_spread(belief: Belief, offset: int, truth: Reals) -> str:
+def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> str:
     points = belief.points(offset)
     if points is None:
         return "n/a"
     (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
     error = state_error(row[None, :4], truth[None])[0]
-    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} px"
+    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} {unit}"

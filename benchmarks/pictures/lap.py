@@ -33,6 +33,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     own_folder(out, "run")
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     setup = scenario_of(trial)
+    unit = setup.world.floor_plan.unit
     film = _Film(camera, trial.localizer)
     trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
@@ -44,7 +45,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     tracks = {name: text.encode() for name, text in trajectories(trace).items()}
     files = {
         "lap.webp": webp(film.frames, 80),
-        "error.png": error_plot(curves, heading),
+        "error.png": error_plot(curves, heading, unit),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | tracks
@@ -53,7 +54,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         write(_log(film.moments, setup.room()), log)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
-        f"{row['position_rmse']:6.2f} px, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+        f"{row['position_rmse']:6.2f} {unit}, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
         for row in scores(trace, trial.lag, setup.thresholds)
     ]
     return "\n".join(

@@ -22,7 +22,7 @@ def require_plots() -> None:
         )
 
 
-def error_plot(curves: Curves, title: str) -> bytes:
+def error_plot(curves: Curves, title: str, unit: str) -> bytes:
     """Return error curves over the state's step as PNG."""
     from matplotlib.figure import Figure
 
@@ -34,7 +34,7 @@ def error_plot(curves: Curves, title: str) -> bytes:
         axes.plot(states, errors, label=f"belief about {name}", color=colors.get(name, fallback))
     axes.set(
         xlabel="step of the state estimated",
-        ylabel="error e (px and unitless mixed, eq. 4)",
+        ylabel=f"error e ({unit} and unitless mixed, eq. 4)",
         title=title,
         ylim=(0, None),
     )
