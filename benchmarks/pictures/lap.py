@@ -54,7 +54,8 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         write(_log(film.moments, setup.room()), log)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
-        f"{row['position_rmse']:6.2f} {unit}, heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+        f"{row['position_rmse']:6.2f} {unit}, "
+        f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
         for row in scores(trace, trial.lag, setup.thresholds)
     ]
     return "\n".join(
