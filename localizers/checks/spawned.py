@@ -38,9 +38,9 @@ class Spawned:
             self._process.join(1)
             code = self._process.exitcode
             raise LawBrokenError(
-                f"a process of its own ended without an answer, with exit code {code}"
+                f"a separate process ended without an answer, with exit code {code}"
             ) from None
-        raise LawBrokenError(f"a process of its own gave no answer in {timeout:g} s")
+        raise LawBrokenError(f"a separate process gave no answer within {timeout:g} s")
 
     def close(self) -> None:
         """Kill the process and all that it started."""

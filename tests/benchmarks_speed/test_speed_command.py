@@ -11,7 +11,8 @@ from benchmarks.speed import command
 from benchmarks.speed.figure import Published, Side
 from benchmarks.speed.timing import Effort, Job
 
-FILES = {"speed.csv", "scaling.csv", "speed.md", "scaling.png"}
+NAMED = {"speed.csv", "scaling.csv", "speed.md", "scaling.png"}
+FILES = {*NAMED, "written.json"}
 LEAST = Effort(repeats=1, seconds=0.0)
 TINY = command.Extent(figures=LEAST, scaling=LEAST, largest=100)
 CURVES = command.curves(largest=100)
@@ -48,7 +49,7 @@ def rows_of(path):
 def test_all_files_are_written_and_named_and_nothing_else(run):
     out, said = run
     assert {path.name for path in out.iterdir()} == FILES
-    assert all(name in said for name in FILES)
+    assert all(name in said for name in NAMED)
     height, width, _ = cv2.imread(str(out / "scaling.png")).shape
     assert min(height, width) > 300
 
@@ -101,13 +102,16 @@ def test_a_stop_while_the_curves_are_measured_leaves_the_old_files_as_they_were(
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "scaled", stop)
-    old = dict.fromkeys(FILES, "old")
-    for name, text in old.items():
-        (tmp_path / name).write_text(text)
-    with pytest.raises(KeyboardInterrupt):
+    def run():
         command.run_speed(tmp_path, extent=TINY, peers=False, command=["deqmcl", "speed"])
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == old
+
+    run()
+    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert set(old) == FILES
+    monkeypatch.setattr(command, "scaled", stop)
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_the_page_names_its_versions_and_a_command_that_a_shell_reads_back(few, tmp_path):

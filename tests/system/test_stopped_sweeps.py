@@ -127,7 +127,10 @@ def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, 
         os.killpg(running.process.pid, how)  # as a terminal does
     else:
         running.process.send_signal(how)
-    assert running.ended() == (code, "", "deqmcl: interrupted; finished trials are kept.\n")
+    ended, out, said = running.ended()
+    assert (ended, out) == (code, "")
+    assert said.endswith("deqmcl: interrupted; finished trials are kept.\n")
+    assert "Traceback" not in said
     assert len(trial_files(running.out)) == 2
     assert not (running.out / ".deqmcl.lock").exists()
 
