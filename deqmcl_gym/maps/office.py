@@ -40,7 +40,7 @@ class Office:
         integer("wings", self.wings, low=1, high=8)
         integer("corridors", self.corridors, low=1, high=6)
         number("corridor", self.corridor, low=0.8, high=10)
-        number("door", self.door, low=0.5, high=2)
+        number("door", self.door, low=0.5, high=1.5)
         if self.symmetric and self.wings % 2:
             raise InputError(
                 f"wings is {self.wings}, but a symmetric office has as many on either side of its "

@@ -68,7 +68,7 @@ class Routes:
         return np.array(kept)
 
     def _in_sight(self, start: Floats, ends: Floats, room: Floats) -> Bools:
-        """Whether discs of radii ``room``, less a cell for rounding, can go straight to ``ends``."""
+        """Whether discs of radii ``room``, less a cell, can go straight to ``ends``."""
         shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(ends - start).max() / self._cell)))
         ways = start + shares[:, None, None] * (ends - start)
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
@@ -95,7 +95,7 @@ class Routes:
 
     @cached_property
     def _room(self) -> Floats:
-        """Distance to the nearest wall at the centre of each cell; 0 where the robot does not fit."""
+        """Distance to walls at the centre of each cell; 0 where the robot does not fit."""
         x_low, y_low, x_high, y_high = self.floor_plan.bounds
         across, up = (
             low + self._cell * (np.arange(int((high - low) / self._cell)) + 0.5)
