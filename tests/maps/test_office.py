@@ -27,7 +27,7 @@ def test_a_robot_that_fits_through_the_doors_reaches_every_room(kind, seed):
     door = round(office.door / CELL)
     fits = cv2.erode(free, np.ones((door, door), np.uint8), anchor=(0, 0), borderValue=0)
     regions, _ = cv2.connectedComponents(free, connectivity=4)
-    of_robot, labels = cv2.connectedComponents(fits, connectivity=4)
+    of_robot, _ = cv2.connectedComponents(fits, connectivity=4)
     assert regions == of_robot == 2  # walls, and the one free region
     # all that is free is swept by the robot, a square as wide as a door
     swept = cv2.dilate(fits, np.ones((door, door), np.uint8), anchor=(door - 1, door - 1))
