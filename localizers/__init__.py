@@ -7,6 +7,7 @@ world. Plug-ins inherit nothing: see ``Localizer``; ``resolve`` says by which na
 
 from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of
 from localizers.beliefs import PointsBelief, PoseBelief
+from localizers.clusters import Cluster, best_cluster
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
@@ -17,6 +18,7 @@ __all__ = [
     "BeamModel",
     "Belief",
     "CensoredGaussianUniform",
+    "Cluster",
     "GaussianPrior",
     "GaussianUniform",
     "Localizer",
@@ -27,6 +29,7 @@ __all__ = [
     "RobotModel",
     "UniformPrior",
     "absolute_name",
+    "best_cluster",
     "make",
     "mean_pose",
     "names",

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.replay.clusters import best_cluster
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.numerics.types import Floats
-from localizers import Localizer, Prior
+from localizers import Localizer, Prior, best_cluster
 from localizers.api import mean_pose
 
 _NOWHERE = np.full(3, np.nan)

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from benchmarks.replay.clusters import best_cluster
 from benchmarks.replay.noise import motion_noise
 from benchmarks.replay.playing import played, replay
 from benchmarks.setup.names import scenario
@@ -18,7 +17,7 @@ from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.logs import Log, Scanner
 from deqmcl_gym.logs.motion import dead_reckoned
 from deqmcl_gym.validation import InputError
-from localizers import PointsBelief, make
+from localizers import PointsBelief, best_cluster, make
 
 
 class Spy:
