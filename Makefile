@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help paper test test-slow check format lint types contracts docs clean
+.PHONY: help paper test test-slow check format lint types contracts docs site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -20,7 +20,7 @@ test: $(READY)  ## Run the tests, without those of minutes
 test-slow: $(READY)  ## Run the statistical tests of minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
-check: format lint types contracts test docs  ## All that CI checks
+check: format lint types contracts test docs site release  ## All that CI checks
 
 format: $(READY)  ## Check the formatting (mend it: .venv/bin/ruff format)
 	$(BIN)/ruff format --check
@@ -37,6 +37,19 @@ contracts: $(READY)  ## Check who may import whom
 
 docs: $(READY)  ## Run the code of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs README.md docs
+
+site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
+	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site
+	cp build/site/README.html build/site/index.html
+
+release: $(READY)  ## Build wheel and sdist into dist, and use the wheel in a fresh environment
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist . >/dev/null
+	$(BIN)/python -m venv build/fresh --clear
+	build/fresh/bin/python -m pip install --quiet --disable-pip-version-check "$$(echo dist/*.whl)[report]"
+	cd "$$(mktemp -d)" && export PATH="$(CURDIR)/build/fresh/bin:$$PATH" && deqmcl --version \
+		&& deqmcl paper --trials 2 --out paper && deqmcl sweep quick --out quick \
+		&& deqmcl check mcl-plan && rm -r "$$PWD"
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": give one by make PYTHON=...")'

@@ -41,7 +41,7 @@ class Robot:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionNoise:
-    """ε_d ~ N(0, (drive |d|)²), ε_φ ~ N(0, (turn |φ| + drift |d|)²) on a command (d, φ).
+    """``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` on a command (d, φ).
 
     Attributes:
         drive: σ_dd, length per length.

@@ -16,7 +16,7 @@ from localizers.models import motion_kernels as kernels
 class OdometryMotion:
     """θ' = θ + φ + ε_φ; (x', y') = (x, y) + (d + ε_d)(cos θ', sin θ').
 
-    ε_d ~ N(0, (drive |d|)²), ε_φ ~ N(0, (turn |φ| + drift |d|)²), for an action a = (d, φ).
+    ``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` for an action a = (d, φ).
     Cf. Thrun et al. 2005, chapter 5. Two noises for three coordinates: there is no transition
     density. The defaults are what the filters of the paper preset assume.
 

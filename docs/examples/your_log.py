@@ -1,0 +1,80 @@
+"""
+Your log
+========
+
+A recorded log is a Gymnasium environment, too: ``deqmcl_gym/Log-v0`` plays its records. It reads
+CARMEN logs, ROS 1 and 2 bags, CSV and npz; this log is recorded from a simulated robot.
+"""
+
+import tempfile
+from pathlib import Path
+
+import gymnasium as gym
+import matplotlib.pyplot as plt
+import numpy as np
+
+import localizers
+from deqmcl_gym import GridMap, logs
+from deqmcl_gym.envs.recording import RecordLog
+
+folder = Path(tempfile.mkdtemp())
+cells = np.zeros((120, 180), np.int8)
+cells[[0, -1]] = cells[:, [0, -1]] = 100
+cells[40:80, 50:120] = 100
+cells[0:14, 60:80] = cells[106:, 130:150] = cells[60:70, 0:20] = 100
+GridMap(occupancy=cells, resolution=0.05).save(folder / "hall.yaml")
+
+env = RecordLog(
+    gym.make(
+        "deqmcl_gym/Room-v0",
+        floor_plan=str(folder / "hall.yaml"),
+        lap={"waypoints": [[1.4, 1.2], [7.4, 1.2], [7.4, 4.8], [1.4, 4.8]]},
+        lidar={"beams": 181, "field_of_view": np.pi, "max_range": 8.0, "sigma": 0.02},
+        noise={"drive": 0.1, "turn": 0.1, "drift": 0.1},
+        driver={},
+    )
+)
+_, info = env.reset(seed=0)
+while info["planned_count"]:
+    *_, info = env.step(info["planned_actions"][0])
+logs.write(env.log, folder / "lap.log.gz")
+
+# %%
+# Play it: the actions are the odometry, the observations are the scans.
+
+env = gym.make(
+    "deqmcl_gym/Log-v0",
+    log=str(folder / "lap.log.gz"),
+    map=str(folder / "hall.yaml"),
+    every="0.1m,5deg",
+    max_beams=60,
+)
+log = env.unwrapped
+robot = localizers.RobotModel(
+    floor_plan=log.floor_plan,
+    lidar=log.lidar,
+    motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.1),
+    scan=localizers.GaussianUniform(sigma=0.2),
+)
+localizer = localizers.make("mcl", robot)
+ranges, info = env.reset()
+prior = localizers.GaussianPrior(mean=(4.4, 1.2, 0.0), sd_position=0.2)
+localizer.reset(prior, info["planned_actions"], np.random.default_rng(0))
+way, odometry, terminated = [], [np.array([4.4, 1.2, 0.0])], False
+while not terminated:
+    ranges, _, terminated, _, info = env.step(log.next_action)
+    belief = localizer.update(ranges, info["action"], info["planned_actions"])
+    way.append(localizers.best_cluster(*belief.points(), unit="m").mean)
+    distance, turn = info["action"]
+    x, y, heading = odometry[-1]
+    heading += turn
+    odometry.append(
+        np.array([x + distance * np.cos(heading), y + distance * np.sin(heading), heading])
+    )
+
+plt.imshow(cells == 0, cmap="gray", origin="lower", extent=(0, 9, 0, 6))
+plt.plot(*np.array(odometry)[:, :2].T, "--", color="tab:gray", label="odometry alone")
+plt.plot(*np.array(way)[:, :2].T, color="tab:orange", label="mcl")
+plt.legend()
+plt.gca().set(xlabel="m", ylabel="m", aspect="equal")
+plt.show()

@@ -1,0 +1,118 @@
+"""How Sphinx makes the site: ``make site``. Its source is the whole clone, so that links hold."""
+
+import re
+from importlib.metadata import version as installed
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+
+project = "deqmcl-gym"
+author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
+version = release = installed("deqmcl-gym")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_gallery.gen_gallery",
+]
+root_doc = "README"
+include_patterns = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/**"]
+exclude_patterns = ["docs/examples/**", "**/sg_execution_times.*"]
+suppress_warnings = ["config.cache"]
+
+myst_heading_anchors = 4  # as GitHub names them
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
+html_math_renderer = "mathml"
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_format = "short"
+
+sphinx_gallery_conf = {
+    "examples_dirs": "docs/examples",
+    "gallery_dirs": "docs/gallery",
+    "filename_pattern": r"\.py",
+    "ignore_pattern": r"/_|/ppo|/learned",
+    "within_subsection_order": "FileNameSortKey",
+    "show_memory": False,
+    "write_computation_times": False,
+    "min_reported_time": 10**6,
+    "download_all_examples": False,
+    "abort_on_example_error": True,
+}
+
+html_theme = "furo"
+html_title = f"deqmcl-gym {release}"
+html_show_sphinx = False
+html_copy_source = False
+
+HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
+SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))
+
+
+def _tree(caption, *documents):
+    """A part of the table of contents; GitHub, which does not know it, is not shown it."""
+    options = [":hidden:", ":glob:", *([f":caption: {caption}"] if caption else [])]
+    return "\n".join(["", "```{toctree}", *options, *documents, "```", ""])
+
+
+CONTENTS = {
+    "README": _tree(
+        "Guide",
+        "docs/quickstart",
+        "docs/environment",
+        "docs/scenarios",
+        "docs/write-a-localizer",
+        "docs/sweeps",
+        "docs/reports",
+        "docs/your-map-your-log",
+        "docs/gallery/index",
+    )
+    + _tree(
+        "Results",
+        "docs/plan-sensor",
+        "docs/study",
+        "docs/phase",
+        "docs/classical",
+        "docs/speed",
+        "docs/reports/README",
+    )
+    + _tree(
+        "Reference",
+        "docs/site/api",
+        "docs/equations",
+        "docs/decisions/README",
+        "docs/README",
+        "CONTRIBUTING",
+        "CHANGELOG",
+    ),
+    "docs/decisions/README": _tree("", "0*"),
+    "docs/reports/README": _tree("", "*", "*/*"),
+}
+
+
+def _with_contents(app, document, source):
+    source[0] += CONTENTS.get(document, "")
+
+
+def _as_mathml(self, node, as_block):
+    """Formulas as browsers know them: no script, no network."""
+    text = HATS.sub(r"{\\hat \1}", node.astext())
+    for written, known in SPELLINGS:
+        text = text.replace(written, known)
+    formula = tex2mathml(text, as_block=as_block)
+    self.body.append(f'<div class="math">{formula}</div>' if as_block else formula)
+    raise nodes.SkipNode
+
+
+def setup(app):
+    """Add the contents, and formulas without a script."""
+    app.connect("source-read", _with_contents)
+    app.add_html_math_renderer(
+        "mathml",
+        (lambda writer, node: _as_mathml(writer, node, False), None),
+        (lambda writer, node: _as_mathml(writer, node, True), None),
+    )
