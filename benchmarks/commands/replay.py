@@ -1,10 +1,9 @@
 """``deqmcl replay``."""
 
 import argparse
-import warnings
 from collections.abc import Sequence
 
-from benchmarks.commands.shared import folder, localizers_named
+from benchmarks.commands.shared import folder, localizers_named, log_warnings
 from benchmarks.console import doing
 
 NAME = "replay"
@@ -65,8 +64,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from deqmcl_gym import logs
 
     where = Where(jobs=options.jobs)
-    with doing("reading the log and the map"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", logs.LogWarning)
+    with doing("reading the log and the map"), log_warnings() as said:
         log = logs.read(options.log, reference=options.reference)
         setting = setting_of(
             log,
@@ -77,7 +75,6 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             motion=options.motion,
             scan=options.scan,
         )
-    said = [str(one.message) for one in caught if issubclass(one.category, logs.LogWarning)]
     runs = runs_of(
         setting,
         localizers_named(options.localizers),

@@ -1,7 +1,10 @@
 """What ``paper``, ``run`` and ``phase`` take: one setting, and methods on it."""
 
 import argparse
-from collections.abc import Sequence
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +19,30 @@ def folder(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("it is empty: name a folder, as in results/mine")
     return Path(text)
+
+
+@contextmanager
+def log_warnings() -> Iterator[list[str]]:
+    """Collect what readers of logs warn of, each sentence once."""
+    from deqmcl_gym.logs import LogWarning
+
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LogWarning)
+        try:
+            yield said
+        finally:
+            words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
+            said += dict.fromkeys(words)
+
+
+@contextmanager
+def checking() -> Iterator[None]:
+    """Tell that all worlds and localizers are looked at, and what is wrong with their logs."""
+    with doing("checking every world and localizer"), log_warnings() as said:
+        yield
+    for sentence in said:
+        print(f"deqmcl: Warning: {sentence}", file=sys.stderr)
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +84,7 @@ def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int
         lag=integer("--lag", options.lag),
         particles=integer("--particles", options.particles, low=1),
     )
-    with doing("checking every world and localizer"):
+    with checking():
         check(sweep)
     return sweep
 

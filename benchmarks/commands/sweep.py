@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import folder, localizers_named
+from benchmarks.commands.shared import checking, folder, localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
@@ -81,7 +81,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
-    with doing("checking every world and localizer"):
+    with checking():
         sweeps = sweeps_named(options.suite, added)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)

@@ -98,7 +98,6 @@ def attempt(run: Run, key: str) -> Outcome:
             localizer = make(run.localizer, robot, **dict(run.params))
             seeds = np.random.SeedSequence(run.root, spawn_key=(run.seed,))
             track = replay(env, localizer, prior, np.random.default_rng(seeds))
-            assert env.floor_plan is not None
             agreed = agreement(env.log, env.floor_plan, track.best)
     except BaseException as error:
         if is_ctrl_c(error):

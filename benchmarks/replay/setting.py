@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.replay.noise import motion_noise
+from benchmarks.setup.log_scenario import check_inside
+from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import composed
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.units import PIXELS, pixel
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import (
@@ -92,8 +92,7 @@ def setting_of(
             raise InputError(f"--start is reference, but {log.source} has none: give --reference.")
         log = log.segment(int(log.referenced[0]))
     env = LogEnv(log=log, map=floor_plan, every=every, max_beams=max_beams)
-    assert env.floor_plan is not None
-    _check_inside(env.log, env.floor_plan)
+    check_inside(env.log, env.floor_plan)
     noise, told = _motion(env.log, motion)
     return Setting(
         log=env.log,
@@ -107,7 +106,6 @@ def setting_of(
 
 def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
     """Return what localizers are made for, and p(x_0)."""
-    assert env.floor_plan is not None
     robot = RobotModel(
         floor_plan=env.floor_plan, lidar=env.lidar, motion=setting.motion, scan=setting.scan
     )
@@ -125,23 +123,6 @@ def metre(log: Log) -> float:
     return pixel(log.unit) / PIXELS["m"]
 
 
-def _check_inside(log: Log, floor_plan: Map) -> None:
-    """Refuse a map that the log leaves, as far as that is known."""
-    if log.reference is None:
-        return
-    x0, y0, x1, y1 = floor_plan.bounds
-    x, y = log.reference[log.referenced, :2].T
-    outside = (x < x0) | (x > x1) | (y < y0) | (y > y1)
-    if outside.any():
-        first = log.referenced[outside.argmax()]
-        raise InputError(
-            f"the reference leaves the map at {log.times[first]:.2f} s, at ({x[outside][0]:.2f}, "
-            f"{y[outside][0]:.2f}), and is outside at {int(outside.sum()):,} of {outside.size:,} "
-            f"records, but the map reaches from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}): give "
-            "the map of this log, and the reference in its frame."
-        )
-
-
 def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | None:
     if start == "global":
         return None
@@ -156,7 +137,6 @@ def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | No
             "as in --start=-1.5,2,0.3."
         )
     at = np.array([pose("--start", given)])
-    assert env.floor_plan is not None
     if not env.floor_plan.free(at)[0]:
         raise InputError(
             f"--start is ({given[0]:g}, {given[1]:g}), but that is no free space on the map: give "

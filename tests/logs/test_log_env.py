@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
-from deqmcl_gym.envs.log import LogEnv, spacing
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.envs.recorded import spacing
 from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned, relative
