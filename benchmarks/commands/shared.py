@@ -45,6 +45,17 @@ def checking() -> Iterator[None]:
         print(f"deqmcl: Warning: {sentence}", file=sys.stderr)
 
 
+def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
+    """Add how many processes there are."""
+    help_ = f"{what} at a time (one per processor)"
+    parser.add_argument("--jobs", type=int, metavar="J", help=help_)
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add the root seed."""
+    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+
+
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     parser.add_argument(
@@ -53,7 +64,7 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+    add_seed(parser)
     parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 

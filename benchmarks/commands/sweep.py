@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import checking, folder, localizers_named
+from benchmarks.commands.shared import add_jobs, checking, folder, localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOCALIZER[,…]",
         help="further localizers",
     )
-    add("--jobs", type=int, metavar="J", help="trials at a time (one per processor)")
+    add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
     add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")

@@ -51,9 +51,17 @@ class Run:
 
 
 def runs_of(
-    setting: Setting, localizers: Sequence[str], *, particles: int, seeds: int, root: int
+    setting: Setting,
+    localizers: Sequence[str],
+    *,
+    particles: int,
+    seeds: int,
+    root: int,
+    own: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Run]:
     """Return all runs by their keys, those of one seed after another.
+
+    A localizer has its ``own`` parameters by its name, else as many particles as are asked for.
 
     Raises:
         InputError: an unknown localizer, one named twice, or a number out of range.
@@ -65,7 +73,7 @@ def runs_of(
         raise InputError("--localizers names none: name one or more, comma-separated.")
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    params = {name: frozen(_given(name, particles)) for name in localizers}
+    params = {name: frozen(own.get(name) or _given(name, particles)) for name in localizers}
     runs = [
         Run(
             setting=setting,

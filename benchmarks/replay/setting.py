@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.setup.log_scenario import check_inside
 from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.nav2 import Amcl
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import composed
@@ -58,49 +59,76 @@ class Setting:
         return metre(self.log)
 
 
-def setting_of(
-    log: Log,
-    floor_plan: str | Path,
-    *,
-    start: str | None = None,
-    every: str | tuple[float, float] | None = "0.2m,5deg",
-    max_beams: int | None = 60,
-    motion: str | None = None,
-    scan: str | None = None,
-) -> Setting:
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a user says of a replay; None is not said.
+
+    Attributes:
+        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        every, max_beams: see ``LogEnv``; None is 0.2 m or 5°, and 60.
+        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
+        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        otherwise: the start of a log without a reference, if none is said.
+    """
+
+    start: str | None = None
+    every: str | tuple[float, float] | None = None
+    max_beams: int | None = None
+    motion: str | None = None
+    scan: str | None = None
+    otherwise: str | None = None
+
+    def or_nav2(self, nav2: Amcl | None) -> "Told":
+        """Return this with what is not said from Nav2's parameters."""
+        if nav2 is None:
+            return self
+        motion = ",".join(f"{name}={value!r}" for name, value in vars(nav2.motion).items())
+        scan = f"sigma={nav2.sigma!r}"
+        return replace(
+            self,
+            every=nav2.every if self.every is None else self.every,
+            max_beams=nav2.max_beams if self.max_beams is None else self.max_beams,
+            motion=motion if self.motion is None else self.motion,
+            scan=scan if self.scan is None else f"{scan},{self.scan}",
+            otherwise=None if nav2.start is None else ",".join(map(repr, nav2.start)),
+        )
+
+
+def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     """Return what is to be replayed.
 
     Args:
         log: read from a file, with its reference if there is one.
         floor_plan: path of the map's yaml.
-        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
-        every, max_beams: see ``LogEnv``.
-        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
-        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        told: what a user says of it.
 
     Raises:
         InputError: something of it is refused.
     """
+    start = told.start or ("reference" if log.reference is not None else told.otherwise)
     if start is None:
-        if log.reference is None:
-            raise InputError(
-                f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
-            )
-        start = "reference"
+        raise InputError(
+            f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
+        )
     if start == "reference":
         if not log.referenced.size:
             raise InputError(f"--start is reference, but {log.source} has none: give --reference.")
         log = log.segment(int(log.referenced[0]))
-    env = LogEnv(log=log, map=floor_plan, every=every, max_beams=max_beams)
+    env = LogEnv(
+        log=log,
+        map=floor_plan,
+        every="0.2m,5deg" if told.every is None else told.every,
+        max_beams=60 if told.max_beams is None else told.max_beams,
+    )
     check_inside(env.log, env.floor_plan)
-    noise, told = _motion(env.log, motion)
+    noise, origin = _motion(env.log, told.motion)
     return Setting(
         log=env.log,
         map=str(floor_plan),
         start=_start(start, log, env),
         motion=noise,
-        scan=_scan(scan, metre(log)),
-        noise=told,
+        scan=_scan(told.scan, metre(log)),
+        noise=origin,
     )
 
 
