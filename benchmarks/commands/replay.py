@@ -28,6 +28,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--map", required=True, metavar="MAP.yaml", help="the map, as of ROS' map_server")
     add("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)")
     add(
+        "--read",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="how the log is read, as scan_topic=/front, base_frame=base, max_range=20 (once each)",
+    )
+    add(
         "--localizers",
         default="mcl,amcl",
         metavar="A,B,…",
@@ -73,9 +80,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
     from benchmarks.replay.running import runs_of
-    from benchmarks.replay.setting import Told, setting_of
+    from benchmarks.replay.setting import Told, reading_of, setting_of
     from benchmarks.setup.nav2 import read_nav2
-    from deqmcl_gym import logs
+    from deqmcl_gym.envs.recorded import log_of
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs)
@@ -90,8 +97,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         scan=options.scan,
     ).or_nav2(nav2)
     with doing("reading the log and the map"), log_warnings() as said:
-        farthest = None if nav2 is None else nav2.max_range
-        log = logs.read(options.log, reference=options.reference, max_range=farthest)
+        reading = {} if nav2 is None else {"max_range": nav2.max_range}
+        reading |= reading_of(options.read)
+        log = log_of(options.log, options.reference, reading)
         setting = setting_of(log, options.map, told)
     runs = runs_of(
         setting,

@@ -42,13 +42,12 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         for offset, kept in trace.offsets.items()
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    tracks = {name: text.encode() for name, text in trajectories(trace).items()}
     files = {
         "lap.webp": webp(film.frames, 80),
         "error.png": error_plot(curves, heading, unit),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
-    } | tracks
+    } | trajectories(trace)
     write_part(out, "run", files)
     if log is not None:
         write(_log(film.moments, setup.room()), log)

@@ -1,6 +1,6 @@
 """What is replayed: a log on a map, and what the localizers are told of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -130,6 +130,23 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
         scan=_scan(told.scan, metre(log)),
         noise=origin,
     )
+
+
+def reading_of(words: Sequence[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as arguments of ``logs.read``.
+
+    Raises:
+        InputError: a word of another form.
+    """
+    found: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
+        numbers = None if name.strip().endswith(("_topic", "_frame")) else _numbers(value)
+        one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+        found[name.strip()] = value.strip() if one is None else one
+    return found
 
 
 def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
