@@ -22,6 +22,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
-    from benchmarks.setup.nav2 import read_nav2
+    from benchmarks.replay.nav2 import read_nav2
 
     return read_nav2(options.params, options.node).toml

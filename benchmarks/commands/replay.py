@@ -79,9 +79,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
+    from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.running import runs_of
     from benchmarks.replay.setting import Told, reading_of, setting_of
-    from benchmarks.setup.nav2 import read_nav2
     from deqmcl_gym.envs.recorded import log_of
     from deqmcl_gym.validation import InputError
 

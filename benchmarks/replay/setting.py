@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.replay.nav2 import Amcl
 from benchmarks.setup.log_scenario import check_inside
 from benchmarks.setup.motion_noise import motion_noise
-from benchmarks.setup.nav2 import Amcl
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import composed

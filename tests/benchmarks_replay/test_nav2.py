@@ -10,7 +10,7 @@ import yaml
 
 import localizers
 from benchmarks.cli import main
-from benchmarks.setup.nav2 import read_nav2
+from benchmarks.replay.nav2 import read_nav2
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
