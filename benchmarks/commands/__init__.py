@@ -10,6 +10,7 @@ from types import ModuleType
 
 from benchmarks.commands import (
     check,
+    from_nav2,
     new_localizer,
     paper,
     phase,
@@ -28,6 +29,7 @@ COMMANDS: Sequence[ModuleType] = (
     list_,
     run,
     replay,
+    from_nav2,
     phase,
     check,
     new_localizer,

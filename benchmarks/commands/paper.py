@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.commands.shared import (
+    add_jobs,
     add_setting,
     folder,
     localizers_named,
@@ -38,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )
-    parser.add_argument("--jobs", type=int, metavar="J", help="processes (one per processor)")
+    add_jobs(parser)
     parser.add_argument(
         "--out", type=folder, default=Path("results/paper"), metavar="DIR", help="(results/paper)"
     )

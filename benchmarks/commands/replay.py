@@ -1,10 +1,16 @@
 """``deqmcl replay``."""
 
 import argparse
-import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
-from benchmarks.commands.shared import folder, localizers_named
+from benchmarks.commands.shared import (
+    add_jobs,
+    add_seed,
+    folder,
+    localizers_named,
+    log_warnings,
+)
 from benchmarks.console import doing
 
 NAME = "replay"
@@ -22,6 +28,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--map", required=True, metavar="MAP.yaml", help="the map, as of ROS' map_server")
     add("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)")
     add(
+        "--read",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="how the log is read, as scan_topic=/front, base_frame=base, max_range=20 (once each)",
+    )
+    add(
         "--localizers",
         default="mcl,amcl",
         metavar="A,B,…",
@@ -34,14 +47,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--every",
-        default="0.2m,5deg",
         metavar="D,A",
         help="play a record whenever the robot has moved so far (0.2m,5deg)",
     )
-    add("--max-beams", type=int, default=60, metavar="B", help="beams used, evenly spread (60)")
+    add("--max-beams", type=int, metavar="B", help="beams used, evenly spread (60)")
     add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
-    add("--seed", type=int, default=0, help="root of all randomness (0)")
+    add_seed(parser)
     add(
         "--motion",
         metavar="drive=…,turn=…,drift=…",
@@ -52,7 +64,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="sigma=…,power=…,…",
         help="what a beam model assumes; kind=NAME chooses another (sigma=0.2, in m)",
     )
-    add("--jobs", type=int, metavar="J", help="runs at a time (one per processor)")
+    add(
+        "--nav2",
+        type=Path,
+        metavar="PARAMS.yaml",
+        help="Nav2's parameter file: says all of amcl, and what of the above is not given",
+    )
+    add("--node", metavar="NAME", help="whose parameters in it, as /robot1/amcl (the only amcl)")
+    add_jobs(parser, "runs")
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
@@ -60,29 +79,35 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
+    from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.running import runs_of
-    from benchmarks.replay.setting import setting_of
-    from deqmcl_gym import logs
+    from benchmarks.replay.setting import Told, reading_of, setting_of
+    from deqmcl_gym.envs.recorded import log_of
+    from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs)
-    with doing("reading the log and the map"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", logs.LogWarning)
-        log = logs.read(options.log, reference=options.reference)
-        setting = setting_of(
-            log,
-            options.map,
-            start=options.start,
-            every=options.every,
-            max_beams=options.max_beams,
-            motion=options.motion,
-            scan=options.scan,
-        )
-    said = [str(one.message) for one in caught if issubclass(one.category, logs.LogWarning)]
+    if options.node is not None and options.nav2 is None:
+        raise InputError("--node is given without --nav2: name the file that the node is in.")
+    nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    told = Told(
+        start=options.start,
+        every=options.every,
+        max_beams=options.max_beams,
+        motion=options.motion,
+        scan=options.scan,
+    ).or_nav2(nav2)
+    with doing("reading the log and the map"), log_warnings() as said:
+        reading = {} if nav2 is None else {"max_range": nav2.max_range}
+        reading |= reading_of(options.read)
+        log = log_of(options.log, options.reference, reading)
+        setting = setting_of(log, options.map, told)
     runs = runs_of(
         setting,
         localizers_named(options.localizers),
         particles=options.particles,
         seeds=options.seeds,
         root=options.seed,
+        own={} if nav2 is None else {"amcl": nav2.params},
     )
-    return run_replay(setting, runs, options.out, where, ["deqmcl", *given], said)
+    notes = said if nav2 is None else [*said, *nav2.notes]
+    return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)

@@ -1,7 +1,10 @@
 """What ``paper``, ``run`` and ``phase`` take: one setting, and methods on it."""
 
 import argparse
-from collections.abc import Sequence
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +21,41 @@ def folder(text: str) -> Path:
     return Path(text)
 
 
+@contextmanager
+def log_warnings() -> Iterator[list[str]]:
+    """Collect what readers of logs warn of, each sentence once."""
+    from deqmcl_gym.logs import LogWarning
+
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LogWarning)
+        try:
+            yield said
+        finally:
+            words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
+            said += dict.fromkeys(words)
+
+
+@contextmanager
+def checking() -> Iterator[None]:
+    """Tell that all worlds and localizers are looked at, and what is wrong with their logs."""
+    with doing("checking every world and localizer"), log_warnings() as said:
+        yield
+    for sentence in said:
+        print(f"deqmcl: Warning: {sentence}", file=sys.stderr)
+
+
+def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
+    """Add how many processes there are."""
+    help_ = f"{what} at a time (one per processor)"
+    parser.add_argument("--jobs", type=int, metavar="J", help=help_)
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add the root seed."""
+    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+
+
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     parser.add_argument(
@@ -26,7 +64,7 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+    add_seed(parser)
     parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
@@ -57,7 +95,7 @@ def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int
         lag=integer("--lag", options.lag),
         particles=integer("--particles", options.particles, low=1),
     )
-    with doing("checking every world and localizer"):
+    with checking():
         check(sweep)
     return sweep
 

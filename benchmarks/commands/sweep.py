@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import folder, localizers_named
+from benchmarks.commands.shared import add_jobs, checking, folder, localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOCALIZER[,…]",
         help="further localizers",
     )
-    add("--jobs", type=int, metavar="J", help="trials at a time (one per processor)")
+    add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
     add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
@@ -81,7 +81,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
-    with doing("checking every world and localizer"):
+    with checking():
         sweeps = sweeps_named(options.suite, added)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)

@@ -7,9 +7,9 @@ from benchmarks.files.writing import (
     is_temporary,
     utf8,
     writable_folder,
-    write_bytes,
     write_text,
 )
+from deqmcl_gym.files import write_bytes
 
 __all__ = [
     "UnreadableError",

@@ -1,16 +1,15 @@
 """A folder that can be written to; a file written whole or not at all."""
 
-import os
 import re
 import shlex
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from deqmcl_gym.files import PREFIX, SUFFIX, write_bytes
 from deqmcl_gym.validation import InputError
 
-_PREFIX, _SUFFIX = ".deqmcl-", ".tmp"
-_TEMPORARY = re.compile(r"\.deqmcl-[a-z0-9_]{8}\.tmp")
+_TEMPORARY = re.compile(f"{re.escape(PREFIX)}[a-z0-9_]{{8}}{re.escape(SUFFIX)}")
 
 
 def writable_folder(path: Path) -> Path:
@@ -65,21 +64,3 @@ def _bytes_of(character: str) -> str:
 def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     write_bytes(path, text.encode())
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: beside it first, then renamed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException as error:
-        Path(name).unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            error.filename = str(path)  # a full disk does not say which file
-        raise

@@ -11,7 +11,8 @@ from benchmarks.phase.precession import PERFECT, Lap
 from benchmarks.pictures.plots import require_plots
 from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import integer
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.validation import InputError, integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
 
@@ -34,6 +35,8 @@ def run_phase(
 
     own_folder(out, "phase")
     room = room_of(trials[0].scenario)
+    if not isinstance(room, RoomEnv):
+        raise InputError("phase needs a planned lap, which a log has not: choose another scenario.")
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
     laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two

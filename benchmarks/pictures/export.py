@@ -1,44 +1,26 @@
 """Traces for other tools: TUM trajectory files and one npz."""
 
 import io
-import math
-from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.trials.metrics import directions
 from benchmarks.trials.trace import Trace
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.logs import Trajectory
 
 
-def tum(states: Iterable[int], x: Floats, y: Floats, heading: Floats) -> str:
-    """Return a trajectory in the TUM format, as evo reads it: ``t tx ty tz qx qy qz qw``.
+def trajectories(trace: Trace) -> dict[str, bytes]:
+    """TUM files by name: the truth, and the estimates at each offset (means of the beliefs).
 
-    One step is one second; px take the place of metres; z, and rotations about x and y, are 0.
-
-    Args:
-        states: steps, (k,).
-        x, y: px, (k,).
-        heading: rad, (k,).
+    One step is one second; px take the place of metres in a room in px.
     """
-    lines = [
-        f"{state} {tx:.9g} {ty:.9g} 0 0 0 {math.sin(turn / 2):.12g} {math.cos(turn / 2):.12g}\n"
-        for state, tx, ty, turn in zip(
-            states, x.tolist(), y.tolist(), heading.tolist(), strict=True
-        )
-    ]
-    return "".join(lines)
-
-
-def trajectories(trace: Trace) -> dict[str, str]:
-    """TUM files by name: the truth, and the estimates at each offset (means of the beliefs)."""
-    x, y, heading = trace.truth.T
-    files = {"trajectory_truth.tum": tum(range(len(trace.truth)), x, y, heading)}
+    steps = np.arange(float(len(trace.truth)))
+    files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
     for offset, kept in trace.offsets.items():
-        estimated = directions(kept.means)
+        poses = np.column_stack([kept.means[:, :2], directions(kept.means)])
         name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
-        files[name] = tum(kept.states.tolist(), kept.means[:, 0], kept.means[:, 1], estimated)
+        files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
     return files
 
 

@@ -31,7 +31,7 @@ _FRAME_MILLISECONDS = 80
 def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
     """Return a camera for the room of a scenario, changed as ``world`` says."""
     room = room_of(scenario, world)
-    return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
+    return Camera(View(room.floor_plan, scale), room.radius, lag)
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:

@@ -10,6 +10,7 @@ from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import LAP_STRIDE, camera_of
 from benchmarks.pictures.frames import Camera, webp
 from benchmarks.pictures.plots import error_plot, require_plots
+from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
@@ -17,7 +18,6 @@ from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log, check_writable, write
 from deqmcl_gym.world.drawing import Image
 
@@ -33,7 +33,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     own_folder(out, "run")
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     setup = scenario_of(trial)
-    unit = setup.world.floor_plan.unit
+    unit = setup.unit
     film = _Film(camera, trial.localizer)
     trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
@@ -42,13 +42,12 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         for offset, kept in trace.offsets.items()
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    tracks = {name: text.encode() for name, text in trajectories(trace).items()}
     files = {
         "lap.webp": webp(film.frames, 80),
         "error.png": error_plot(curves, heading, unit),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
-    } | tracks
+    } | trajectories(trace)
     write_part(out, "run", files)
     if log is not None:
         write(_log(film.moments, setup.room()), log)
@@ -85,7 +84,7 @@ class _Film:
                 self.frames.append(self._camera.frame(moment, self._method))
 
 
-def _log(episode: Sequence[Moment], room: RoomEnv) -> Log:
+def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
     scans = [moment.ranges for moment in episode]
     actions = [moment.action for moment in episode[1:] if moment.action is not None]
     truth = [moment.truth for moment in episode]

@@ -39,7 +39,6 @@ def disagreement(setting: Setting) -> str | None:
     part = setting.log.of_records(looked)
     assert part.reference is not None
     floor_plan = setting.env().floor_plan
-    assert floor_plan is not None
     _, share = agreement(part, floor_plan, part.reference)
     return misfit_words(share, "from the reference poses")
 

@@ -29,7 +29,6 @@ def report(
     referenced = bool(setting.log.referenced.size)
     look = looks(row.localizer for row in there)
     floor_plan = setting.env().floor_plan
-    assert floor_plan is not None
     with mpl.rc_context(HOUSE_STYLE):
         trajectories = [
             trajectory_chart(row, floor_plan, look[row.localizer], number)

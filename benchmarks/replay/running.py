@@ -51,9 +51,17 @@ class Run:
 
 
 def runs_of(
-    setting: Setting, localizers: Sequence[str], *, particles: int, seeds: int, root: int
+    setting: Setting,
+    localizers: Sequence[str],
+    *,
+    particles: int,
+    seeds: int,
+    root: int,
+    own: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Run]:
     """Return all runs by their keys, those of one seed after another.
+
+    A localizer has its ``own`` parameters by its name, else as many particles as are asked for.
 
     Raises:
         InputError: an unknown localizer, one named twice, or a number out of range.
@@ -65,7 +73,7 @@ def runs_of(
         raise InputError("--localizers names none: name one or more, comma-separated.")
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    params = {name: frozen(_given(name, particles)) for name in localizers}
+    params = {name: frozen(own.get(name) or _given(name, particles)) for name in localizers}
     runs = [
         Run(
             setting=setting,
@@ -98,7 +106,6 @@ def attempt(run: Run, key: str) -> Outcome:
             localizer = make(run.localizer, robot, **dict(run.params))
             seeds = np.random.SeedSequence(run.root, spawn_key=(run.seed,))
             track = replay(env, localizer, prior, np.random.default_rng(seeds))
-            assert env.floor_plan is not None
             agreed = agreement(env.log, env.floor_plan, track.best)
     except BaseException as error:
         if is_ctrl_c(error):

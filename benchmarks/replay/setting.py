@@ -1,17 +1,18 @@
 """What is replayed: a log on a map, and what the localizers are told of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.replay.noise import motion_noise
+from benchmarks.replay.nav2 import Amcl
+from benchmarks.setup.log_scenario import check_inside
+from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import composed
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.units import PIXELS, pixel
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import (
@@ -58,56 +59,98 @@ class Setting:
         return metre(self.log)
 
 
-def setting_of(
-    log: Log,
-    floor_plan: str | Path,
-    *,
-    start: str | None = None,
-    every: str | tuple[float, float] | None = "0.2m,5deg",
-    max_beams: int | None = 60,
-    motion: str | None = None,
-    scan: str | None = None,
-) -> Setting:
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a user says of a replay; None is not said.
+
+    Attributes:
+        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        every, max_beams: see ``LogEnv``; None is 0.2 m or 5°, and 60.
+        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
+        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        otherwise: the start of a log without a reference, if none is said.
+    """
+
+    start: str | None = None
+    every: str | tuple[float, float] | None = None
+    max_beams: int | None = None
+    motion: str | None = None
+    scan: str | None = None
+    otherwise: str | None = None
+
+    def or_nav2(self, nav2: Amcl | None) -> "Told":
+        """Return this with what is not said from Nav2's parameters."""
+        if nav2 is None:
+            return self
+        motion = ",".join(f"{name}={value!r}" for name, value in vars(nav2.motion).items())
+        scan = f"sigma={nav2.sigma!r}"
+        return replace(
+            self,
+            every=nav2.every if self.every is None else self.every,
+            max_beams=nav2.max_beams if self.max_beams is None else self.max_beams,
+            motion=motion if self.motion is None else self.motion,
+            scan=scan if self.scan is None else f"{scan},{self.scan}",
+            otherwise=None if nav2.start is None else ",".join(map(repr, nav2.start)),
+        )
+
+
+def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     """Return what is to be replayed.
 
     Args:
         log: read from a file, with its reference if there is one.
         floor_plan: path of the map's yaml.
-        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
-        every, max_beams: see ``LogEnv``.
-        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
-        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        told: what a user says of it.
 
     Raises:
         InputError: something of it is refused.
     """
+    start = told.start or ("reference" if log.reference is not None else told.otherwise)
     if start is None:
-        if log.reference is None:
-            raise InputError(
-                f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
-            )
-        start = "reference"
+        raise InputError(
+            f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
+        )
     if start == "reference":
         if not log.referenced.size:
             raise InputError(f"--start is reference, but {log.source} has none: give --reference.")
         log = log.segment(int(log.referenced[0]))
-    env = LogEnv(log=log, map=floor_plan, every=every, max_beams=max_beams)
-    assert env.floor_plan is not None
-    _check_inside(env.log, env.floor_plan)
-    noise, told = _motion(env.log, motion)
+    env = LogEnv(
+        log=log,
+        map=floor_plan,
+        every="0.2m,5deg" if told.every is None else told.every,
+        max_beams=60 if told.max_beams is None else told.max_beams,
+    )
+    check_inside(env.log, env.floor_plan)
+    noise, origin = _motion(env.log, told.motion)
     return Setting(
         log=env.log,
         map=str(floor_plan),
         start=_start(start, log, env),
         motion=noise,
-        scan=_scan(scan, metre(log)),
-        noise=told,
+        scan=_scan(told.scan, metre(log)),
+        noise=origin,
     )
+
+
+def reading_of(words: Sequence[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as arguments of ``logs.read``.
+
+    Raises:
+        InputError: a word of another form.
+    """
+    found: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
+        numbers = None if name.strip().endswith(("_topic", "_frame")) else _numbers(value)
+        one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+        found[name.strip()] = value.strip() if one is None else one
+    return found
 
 
 def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
     """Return what localizers are made for, and p(x_0)."""
-    assert env.floor_plan is not None
     robot = RobotModel(
         floor_plan=env.floor_plan, lidar=env.lidar, motion=setting.motion, scan=setting.scan
     )
@@ -125,23 +168,6 @@ def metre(log: Log) -> float:
     return pixel(log.unit) / PIXELS["m"]
 
 
-def _check_inside(log: Log, floor_plan: Map) -> None:
-    """Refuse a map that the log leaves, as far as that is known."""
-    if log.reference is None:
-        return
-    x0, y0, x1, y1 = floor_plan.bounds
-    x, y = log.reference[log.referenced, :2].T
-    outside = (x < x0) | (x > x1) | (y < y0) | (y > y1)
-    if outside.any():
-        first = log.referenced[outside.argmax()]
-        raise InputError(
-            f"the reference leaves the map at {log.times[first]:.2f} s, at ({x[outside][0]:.2f}, "
-            f"{y[outside][0]:.2f}), and is outside at {int(outside.sum()):,} of {outside.size:,} "
-            f"records, but the map reaches from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}): give "
-            "the map of this log, and the reference in its frame."
-        )
-
-
 def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | None:
     if start == "global":
         return None
@@ -156,7 +182,6 @@ def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | No
             "as in --start=-1.5,2,0.3."
         )
     at = np.array([pose("--start", given)])
-    assert env.floor_plan is not None
     if not env.floor_plan.free(at)[0]:
         raise InputError(
             f"--start is ({given[0]:g}, {given[1]:g}), but that is no free space on the map: give "

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from deqmcl_gym.envs.room import RoomEnv
+from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.maps.units import LENGTH, POSE
 from deqmcl_gym.validation import number, pose
 from localizers import GaussianPrior, Prior, UniformPrior
@@ -14,7 +14,8 @@ class Gaussian:
     """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
 
     Attributes:
-        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one.
+        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one, and
+            in a log its reference.
         sd_position: in x and in y, px.
         sd_heading: rad.
     """
@@ -29,9 +30,9 @@ class Gaussian:
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
 
-    def of(self, room: RoomEnv) -> Prior:
-        """Return p(x_0) in a room."""
-        mean = room.course.start if self.mean is None else self.mean
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last."""
+        mean = room.expected_start if self.mean is None else self.mean
         return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
 
 
@@ -39,9 +40,9 @@ class Gaussian:
 class Uniform:
     """x_0 is anywhere in free space, in any heading: global localization."""
 
-    def of(self, room: RoomEnv) -> Prior:
+    def of(self, room: TrialEnv) -> Prior:
         """Return p(x_0) in a room."""
-        return UniformPrior(floor_plan=room.floor_plan, radius=room.world.robot.radius)
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius)
 
 
 PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform})

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.units import pixel, scaled
 from deqmcl_gym.validation import InputError, one_of
@@ -20,7 +21,7 @@ T = TypeVar("T")
 
 _KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(own.name for own in fields(World))
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,27 +54,32 @@ class Scenario:
         parts = {name: value for name, value in self.env.items() if name in _PARTS}
         return WORLDS[one_of("preset", self.env["preset"], WORLDS)].changed(**parts)
 
-    def room(self) -> RoomEnv:
+    @property
+    def unit(self) -> str:
+        """Of all lengths."""
+        return self.world.floor_plan.unit
+
+    def room(self) -> TrialEnv:
         """Return the env, set up to run all planned steps."""
         return RoomEnv(**self.env, ends_at_goal=False)
 
-    def robot_model(self, room: RoomEnv) -> RobotModel:
+    def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for: the room's map and lidar, this noise."""
         return RobotModel(
             floor_plan=room.floor_plan,
             lidar=room.lidar,
-            radius=room.world.robot.radius,
+            radius=room.radius,
             motion=self.motion,
             scan=self.scan,
         )
 
-    def prior_in(self, room: RoomEnv) -> Prior:
-        """Return p(x_0) in a room."""
+    def prior_in(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last."""
         return self.prior.of(room)
 
     def changed(
-        self, world: Mapping[str, Any] = _NOTHING, assumed: Mapping[str, Any] = _NOTHING
-    ) -> "Scenario":
+        self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
+    ) -> Self:
         """Return this scenario with some values changed, by dotted name.
 
         If lengths are in another unit in the new world, those of this scenario are converted.
@@ -85,27 +91,32 @@ class Scenario:
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved = self._moved(_grouped(world, (*_PARTS, "horizon"), "part of the world"))
-        unit = moved.world.floor_plan.unit
-        groups = _grouped(assumed, ("motion", "scan", "prior"), "assumption")
+        moved = self._moved(world)
+        groups = grouped(assumed, ("motion", "scan", "prior"), "assumption")
         parts = {
-            part: _changed(part, getattr(moved, part), keys, unit) for part, keys in groups.items()
+            part: _changed(part, getattr(moved, part), keys, moved.unit)
+            for part, keys in groups.items()
         }
         return replace(moved, **parts)
 
-    def _moved(self, groups: Mapping[str, Any]) -> "Scenario":
+    def _moved(self, values: Mapping[str, Any]) -> Self:
         """Change the world; convert all other lengths if its unit is another one."""
-        if not groups:
+        if not values:
             return self
+        moved = replace(self, env=self._env_with(values))
+        factor = pixel(moved.unit) / pixel(self.unit)
+        return moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
+
+    def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the env's arguments with some changed, by dotted name."""
+        groups = grouped(values, (*_PARTS, "horizon"), "part of the world")
         world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
-        factor = pixel(world.floor_plan.unit) / pixel(self.world.floor_plan.unit)
-        ours = self if factor == 1.0 else scaled(self, factor)
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
-        return replace(ours, env={**self.env, **whole, **horizon})
+        return {**self.env, **whole, **horizon}
 
 
-def _grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict[str, Any]:
+def grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict[str, Any]:
     """Return values by dotted name as those of each part; one without a dot is the whole part.
 
     Raises:

@@ -9,11 +9,11 @@ from typing import Any
 from benchmarks.setup import documents
 from benchmarks.setup.scenario import Scenario
 from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.world_files import beside, file_digest, files_of
 from deqmcl_gym.validation import part
 from localizers.naming.digests import digest_of
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
-_MAP_FILES = ("floor_plan", "floor_plan.file")
 
 
 def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenario:
@@ -32,24 +32,21 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
         base = named(documents.text("base", given.get("base", "paper")), path)
         prior = documents.dotted("prior", given.get("prior", {}))
         assumed = documents.dotted("assumed", given.get("assumed", {}))
+        world = beside(path.parent, documents.dotted("env", given.get("env", {})))
         changed = base.changed(
-            world=_beside(path, documents.dotted("env", given.get("env", {}))),
+            world=world,
             assumed=assumed | {f"prior.{key}": value for key, value in prior.items()},
         )
+        files = "".join(map(file_digest, files_of(world)))
         return replace(
             changed,
             words=documents.text("words", given.get("words", path.stem)),
             agent=documents.text("agent", given.get("agent", base.agent)),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
-            source=sha256(f"{base.source}{digest_of(path, _texts(given))}".encode()).hexdigest(),
+            source=sha256(
+                f"{base.source}{digest_of(path, _texts(given))}{files}".encode()
+            ).hexdigest(),
         )
-
-
-def _beside(path: Path, world: dict[str, Any]) -> dict[str, Any]:
-    """Make the path of a map absolute, from the file's folder; ~ is the home folder."""
-    names = {name for name in _MAP_FILES if isinstance(world.get(name), str)}
-    files = {name: str(path.parent.absolute() / Path(world[name]).expanduser()) for name in names}
-    return world | files
 
 
 def _texts(value: Any) -> list[str]:

@@ -40,10 +40,11 @@ def replanned_lap() -> Replanned:
     """Drive the lap and record it."""
     setup = scenario("guided")
     room = setup.room()
-    _, info = room.reset(seed=0)
+    env = room.unwrapped
+    _, info = env.reset(seed=0)
     plans, steps, ended = [np.array(info["planned_actions"])], [], False
     while info["planned_count"] and not ended:
-        ranges, _, terminated, truncated, info = room.step(plans[-1][0])
+        ranges, _, terminated, truncated, info = env.step(plans[-1][0])
         plans.append(info["planned_actions"][: info["planned_count"]].copy())
         steps.append((ranges.copy(), info["action"].copy(), plans[-1]))
         ended = terminated or truncated

@@ -1,12 +1,14 @@
 """From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.files import utf8
 from benchmarks.setup import documents
+from benchmarks.setup.world_files import beside
 from benchmarks.sweeps.design import Sweep, Takes
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
@@ -54,7 +56,7 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
     given = documents.read(path, "sweep")
     with documents.errors_name(path):
         title = utf8(path.stem).decode()
-        sweep = with_localizers(sweep_of(given, title=title), added)
+        sweep = _beside(path.parent, with_localizers(sweep_of(given, title=title), added))
         _refuse_idle(sweep)
         return sweep
 
@@ -84,6 +86,20 @@ def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> S
         limits=_limits(given.get("limit", [])),
         takes=takes,
         **plain,
+    )
+
+
+def _beside(folder: Path, sweep: Sweep) -> Sweep:
+    """Make the paths of the files of worlds absolute, from the folder of the sweep file."""
+
+    def axis(values: Mapping[str, Any]) -> Axis:
+        world = beside(folder, {n.removeprefix("world."): value for n, value in values.items()})
+        return Axis(values=dict(zip(values, world.values(), strict=True)))
+
+    return replace(
+        sweep,
+        world=frozen(beside(folder, dict(sweep.world))),
+        vary=tuple(axis(one.values) for one in sweep.vary),
     )
 
 

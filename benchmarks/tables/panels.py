@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.setup.world_files import short
 from benchmarks.tables.comparison import Comparison, compared
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.pairing import (
@@ -154,7 +155,7 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     titles = {}
     for setting in settings:
         words = [f"scenario {setting.scenario}"]
-        words += [f"{name} {value}" for name, value in setting.world]
+        words += [f"{name} {short(name, value)}" for name, value in setting.world]
         words += [f"assumed {name} {value}" for name, value in setting.assumed]
         words += map(disturbance_words, setting.disturbance)
         words += [f"L {setting.lag}"] if several_lags else []

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from deqmcl_gym.logs import LogWarning
 from deqmcl_gym.validation import in_words
 from localizers.naming.isolation import is_ctrl_c
 
@@ -36,7 +38,11 @@ def attempt(trial: Trial, key: str) -> Outcome:
     other code, other libraries or another plug-in.
     """
     try:
-        with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
+        with (
+            contextlib.chdir(os.curdir),
+            warnings.catch_warnings(),
+        ):  # localizers may go
+            warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
             if key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "

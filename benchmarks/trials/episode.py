@@ -19,10 +19,10 @@ import numpy as np
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.spec import Params, Trial
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
@@ -59,10 +59,10 @@ def moments(
     *,
     seed: int,
 ) -> Iterator[Moment]:
-    """Run one episode until the env's plan is used up or the env ends it; yield each step.
+    """Run one episode until the env ends it; yield each step.
 
     Args:
-        env: a RoomEnv, or wrappers around one.
+        env: a ``TrialEnv``, or wrappers around one.
         agent: chooses the actions.
         localizer: fed with the env's scans and commands, and with the plan of whoever drives.
         prior: p(x_0), for the localizer.
@@ -70,19 +70,17 @@ def moments(
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    truth, shown = info.pop("truth"), _shown_plan(info)
-    own = agent.plan_at_reset(info)
-    given_plan = np.array(shown if own is None else own)
+    truth, own = info.pop("truth"), agent.plan_at_reset(info)
+    given_plan = np.array(_shown_plan(info) if own is None else own)
     started = time.perf_counter()
     belief = localizer.reset(prior, given_plan, rng)
     yield Moment(0, truth, ranges, belief, time.perf_counter() - started)
     step, ended = 0, False
-    while len(shown) and not ended:
+    while not ended:
         action, plan = agent.act(belief, info)
         ranges, _, terminated, truncated, info = env.step(action)
-        truth, shown = info.pop("truth"), _shown_plan(info)
-        step, ended = step + 1, terminated or truncated
-        ahead = shown if plan is None else plan
+        truth, step, ended = info.pop("truth"), step + 1, terminated or truncated
+        ahead = _shown_plan(info) if plan is None else plan
         given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()
         belief = localizer.update(*given)
@@ -90,11 +88,12 @@ def moments(
         yield Moment(step, truth, ranges, belief, seconds, info["action"])
 
 
-def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:
+def trial_moments(trial: Trial, room: TrialEnv | None = None) -> Iterator[Moment]:
     """Run a trial in its room, made here if none is given; yield each step."""
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
-    env = disturbed(room, trial.disturbance)
+    env = disturbed(room.unwrapped, trial.disturbance)
+    env.reset(seed=trial.world_seed)  # a prior may be around the start drawn here
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
@@ -110,7 +109,7 @@ def scenario_of(trial: Trial) -> Scenario:
     return scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
 
 
-def room_of(name: str, world: Params = ()) -> RoomEnv:
+def room_of(name: str, world: Params = ()) -> TrialEnv:
     """Return the world of a scenario, set up to run all planned steps.
 
     Args:
@@ -123,11 +122,11 @@ def room_of(name: str, world: Params = ()) -> RoomEnv:
     return scenario(name).changed(dict(world)).room()
 
 
-def task_of(room: RoomEnv) -> Task:
+def task_of(room: TrialEnv) -> Task:
     """Return what scoring must know of a room."""
     return Task(
         floor_plan=room.floor_plan,
-        radius=room.world.robot.radius,
+        radius=room.radius,
         max_range=room.lidar.max_range,
     )
 
@@ -140,7 +139,7 @@ def check_setting(trial: Trial) -> None:
     """
     setup = scenario_of(trial)
     room = setup.room()
-    disturbed(room, trial.disturbance).reset(seed=trial.world_seed)
+    disturbed(room.unwrapped, trial.disturbance).reset(seed=trial.world_seed)
     make_agent(setup.agent, setup.robot_model(room))
     setup.prior_in(room)
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import localizers
 from benchmarks.setup.names import plug_ins_of, scenario_digest
+from benchmarks.setup.world_files import file_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -38,6 +39,7 @@ def provenance_of(
     for trial in trials:
         digests[trial.localizer] = localizer(trial.localizer)
         digests[trial.scenario] = setup(trial.scenario)
+        digests |= {path: file_digest(path) for path in trial.files}
     plug_ins = {name: digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 

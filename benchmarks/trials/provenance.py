@@ -26,7 +26,8 @@ class Provenance:
     Attributes:
         code: see ``code_digest``.
         libraries: versions by name.
-        plug_ins: digests by name of localizers and scenarios that are not ours.
+        plug_ins: digests by name of localizers and scenarios that are not ours, and of the files
+            of worlds.
     """
 
     code: str
@@ -35,7 +36,8 @@ class Provenance:
 
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
-        used = [self.plug_ins.get(name, "") for name in (trial.localizer, trial.scenario)]
+        names = (trial.localizer, trial.scenario, *trial.files)
+        used = [self.plug_ins.get(name, "") for name in names]
         return trial.key("".join([self._shared, *used]))
 
     @cached_property

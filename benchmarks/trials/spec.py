@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.setup.world_files import files_of
+
 Params = tuple[tuple[str, Any], ...]
 
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
@@ -52,6 +54,11 @@ class Trial:
         """The seed for ``env.reset``: a function of (seed, trial), below 2**53."""
         sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
+
+    @property
+    def files(self) -> list[str]:
+        """Paths of what its world is read from, besides those that its scenario names."""
+        return files_of(dict(self.world))
 
     def filter_rng(self) -> np.random.Generator:
         """Return the localizer's stream: a function of (seed, trial, filter_seed).

@@ -1,29 +1,25 @@
 """LogEnv: a recorded log as a Gymnasium environment, ``deqmcl_gym/Log-v0``."""
 
-import math
-import re
 from collections.abc import Mapping
-from inspect import signature
 from os import PathLike
-from typing import Any, SupportsFloat, cast
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.envs.recorded import log_of, map_of, planned_of, segments_of, spacing
+from deqmcl_gym.logs.log import Pose
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, array, integer, one_of
-from deqmcl_gym.world.presets import WORLDS
 
-PLANS = ("odometry", "reference", "none")
 ON_MISMATCH = ("error", "warn", "ignore")
 HORIZON = 50
 _SAME = 1e-5  # of an action: single precision, and text of 6 digits
-_RADIUS = 8.0  # px: of the robot in a picture
+_RADIUS = 8.0  # px, of the robot
 _SIDE = 960  # image pixels of a picture without a map
 
 
@@ -63,14 +59,17 @@ class LogEnv(gym.Env[Singles, Singles]):
     no mounting: `env.unwrapped.lidar` is in their origin. If a scanner is not mounted in the
     robot's centre, that place moves sideways in a turn; `residuals` count it.
 
-    **Reward**: 0. **Terminated** after the last record, never truncated. **Randomness**: none.
-    **Options** of `reset`: none.
+    **Reward**: 0. **Terminated** after the last record, never truncated. **Randomness**: where a
+    `segment` begins, drawn at `reset`. **Options** of `reset`: none.
 
     Args:
         log: path of a log (see `deqmcl_gym.logs.read` for formats), or a `deqmcl_gym.logs.Log`.
         map: path of a map's yaml, a map, its corners as for `floor_plan` of `Room-v0`, or None. The
             env itself needs none; localizers find it as `env.unwrapped.floor_plan`.
         reference: path of a TUM trajectory in the frame of the map.
+        segment: how far an episode goes, by odometry, from a record drawn at reset from those that
+            have so much of the log to come, with a reference throughout if it has one; None plays
+            all of it.
         plan: what is planned: "odometry", "reference" (needs a pose at each record) or "none".
         horizon: how many planned actions `info` shows.
         every: (distance, angle rad) or "0.2m,5deg": play only records this far apart, by odometry,
@@ -89,8 +88,8 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     Attributes:
         log: the records that are played.
-        floor_plan: the map, for localizers; None without one.
         lidar: the scanner's geometry, for localizers.
+        radius: the robot's, for localizers, of which a log says nothing: 0.16 m.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -101,6 +100,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         log: str | PathLike[str] | logs.Log,
         map: Any = None,  # noqa: A002  # the word of everybody
         reference: str | PathLike[str] | logs.Trajectory | None = None,
+        segment: float | None = None,
         plan: str = "odometry",
         horizon: int = HORIZON,
         every: str | tuple[float, float] | None = None,
@@ -114,11 +114,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
         apart = None if every is None else spacing("every", every)
-        one_of("plan", plan, PLANS)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        whole = _read(log, reference, reading).segment(start, length)
+        whole = log_of(log, reference, reading).segment(start, length)
         played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
         self.log = played if max_beams is None else played.with_beams(max_beams)
         if len(self.log) < 2:
@@ -126,10 +125,11 @@ class LogEnv(gym.Env[Singles, Singles]):
                 f"{self.log.source} has {len(self.log)} record to play (of {len(whole):,} in the "
                 "segment), but needs 2 or more: choose a longer segment or a smaller every."
             )
-        self.floor_plan = _map(map, self.log)
-        self.lidar = self.log.scanner
+        self._map = None if map is None else map_of(map, self.log)
+        self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
+        self._segments = segments_of(self.log, segment)
         self._actions = self.log.actions.astype(np.float32)
-        planned = _planned(plan, self.log)
+        planned = planned_of(plan, self.log, self._segments)
         self._plan = np.vstack([planned, np.zeros((self._horizon, 2))]).astype(np.float32)
         self._planned = len(planned)
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
@@ -137,7 +137,32 @@ class LogEnv(gym.Env[Singles, Singles]):
         none = np.float32(2 * self.lidar.max_range)
         self._scans = np.where(np.isinf(self.log.ranges), none, self.log.ranges)
         self.observation_space = gym.spaces.Box(0.0, none, (self.lidar.beams,), np.float32)
-        self._step = -1
+        self._first = self._last = self._step = -1
+
+    @property
+    def floor_plan(self) -> Map:
+        """The map, for localizers.
+
+        Raises:
+            InputError: the env was made without one.
+        """
+        if self._map is None:
+            raise InputError("the env was made without a map: give map=….")
+        return self._map
+
+    @property
+    def expected_start(self) -> Pose:
+        """The reference pose of the first record of this episode, for priors.
+
+        Raises:
+            InputError: it has none.
+        """
+        at = self.log[self._begun - self.elapsed_steps].reference
+        if at is None:
+            raise InputError(
+                f"{self.log.source} has no reference pose where it begins: give a reference."
+            )
+        return at
 
     @property
     def record(self) -> logs.Record:
@@ -147,7 +172,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     @property
     def elapsed_steps(self) -> int:
         """Steps since reset."""
-        return self._begun
+        return self._begun - self._first
 
     @property
     def next_action(self) -> Singles:
@@ -156,7 +181,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         Raises:
             RuntimeError: there is no next step.
         """
-        if self._begun >= len(self._actions):
+        if self._begun >= self._last:
             raise RuntimeError("the log has ended: call reset() before step().")
         action: Singles = self._actions[self._begun]
         return action.copy()
@@ -164,7 +189,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
-        """Go to the first record; seeds change nothing.
+        """Go to the first record, or to that of a segment drawn anew.
 
         Raises:
             InputError: an option.
@@ -172,15 +197,17 @@ class LogEnv(gym.Env[Singles, Singles]):
         for key in options or ():
             one_of("reset option", key, ())
         super().reset(seed=seed)
-        self._step = 0
-        return self._scans[0].copy(), self._info(np.zeros(2, np.float32))
+        drawn = self.np_random.integers(len(self._segments)) if len(self._segments) > 1 else 0
+        self._first, self._last = self._segments[drawn].tolist()
+        self._step = self._first
+        return self._scans[self._step].copy(), self._info(np.zeros(2, np.float32))
 
     def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
         """Play the next record."""
         recorded = self.next_action
         self._compare(array("the action", action, (2,)), recorded)
         self._step += 1
-        ended = self._step == len(self._actions)
+        ended = self._step == self._last
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -197,13 +224,13 @@ class LogEnv(gym.Env[Singles, Singles]):
         known = log.referenced
         poses = log.odometry if log.reference is None else log.reference
         at = known if known.size else np.arange(len(log))
-        ground = self.floor_plan if known.size and self.floor_plan is not None else None
-        view = View(cast(PolygonMap, ground)) if ground is not None else _blank(poses[at], log.unit)
+        ground = self._map if known.size else None
+        view = _blank(poses[at], log.unit) if ground is None else View(ground)
         drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:
             drawing.beams(poses[step], self.lidar.bearings, log.ranges[step])
-            drawing.robot(poses[step], _RADIUS * pixel(log.unit))
-        return drawing.number(step).image
+            drawing.robot(poses[step], self.radius)
+        return drawing.number(self.elapsed_steps).image
 
     @property
     def _begun(self) -> int:
@@ -217,8 +244,8 @@ class LogEnv(gym.Env[Singles, Singles]):
             return
         given, meant = (f"({d:.6g}, {turn:.6g})" for d, turn in (action, recorded))
         sentence = (
-            f"the action of step {self._step + 1} is {given}, but {meant} was recorded: give "
-            "env.unwrapped.next_action"
+            f"the action of step {self.elapsed_steps + 1} is {given}, but {meant} was recorded: "
+            "give env.unwrapped.next_action"
         )
         if self._on_mismatch == "error":
             raise InputError(f'{sentence}, or make the env with on_mismatch="warn" or "ignore".')
@@ -226,75 +253,18 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     def _info(self, action: Singles) -> dict[str, Any]:
         step = self._step
+        count = max(0, min(self._horizon, self._planned - step, self._last - step))
+        planned = self._plan[step : step + self._horizon].copy()
+        planned[count:] = 0.0
         info: dict[str, Any] = {
-            "planned_actions": self._plan[step : step + self._horizon].copy(),
-            "planned_count": max(0, min(self._horizon, self._planned - step)),
+            "planned_actions": planned,
+            "planned_count": count,
             "action": action,
             "collided": False,
         }
         if self.log.reference is not None and np.isfinite(self.log.reference[step, 0]):
             info["truth"] = self.log.reference[step].copy()
         return info
-
-
-def spacing(what: str, given: object) -> tuple[float, float]:
-    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
-    if not isinstance(given, str):
-        distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
-        return distance, angle
-    found = {"length": math.inf, "angle": math.inf}
-    for part in given.split(","):
-        match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m|px|deg|°|rad)\s*", part)
-        kind = "length" if match and match[2] in ("m", "px") else "angle"
-        if match is None or math.isfinite(found[kind]):
-            raise InputError(
-                f'{what} is {given!r}, but must be a distance and an angle, such as "0.2m,5deg".'
-            )
-        value = float(match[1])
-        found[kind] = math.radians(value) if match[2] in ("deg", "°") else value
-    return found["length"], found["angle"]
-
-
-def _read(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
-    if not isinstance(given, logs.Log):
-        if not isinstance(given, str | PathLike):
-            raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
-        options = dict(reading or {})
-        for name in options:
-            one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})
-        return logs.read(given, **{"reference": reference, **options})
-    if reading:
-        raise InputError("reading is given, but the log has been read already: leave it out.")
-    return given if reference is None else logs.referenced(given, reference)
-
-
-def _map(given: Any, log: logs.Log) -> Map | None:
-    if given is None:
-        return None
-    found = (
-        given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
-    )
-    if found.unit != log.unit:
-        raise InputError(
-            f"the map is in {found.unit}, but {log.source} in {log.unit}: give a map in {log.unit}."
-        )
-    return found
-
-
-def _planned(plan: str, log: logs.Log) -> Floats:
-    if plan == "none":
-        return np.empty((0, 2))
-    if plan == "odometry":
-        return log.actions
-    poses = np.full((len(log), 3), np.nan) if log.reference is None else log.reference
-    known = np.isfinite(poses[:, 0])
-    if not known.all():
-        raise InputError(
-            f'plan is "reference", but {int((~known).sum()):,} of {len(log):,} records of '
-            f"{log.source} have no reference pose: choose a segment where all do by start and "
-            'length, or plan="odometry".'
-        )
-    return actions_of(poses)[0]
 
 
 def _blank(poses: Floats, unit: str) -> Any:

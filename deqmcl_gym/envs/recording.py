@@ -4,6 +4,7 @@ from typing import Any, SupportsFloat
 
 import gymnasium as gym
 
+from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import number
@@ -43,7 +44,7 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
             [info["action"] for info in self._infos[1:]],
             [info.get("truth", nowhere) for info in self._infos] if self._truth else None,
             room.lidar,
-            unit=room.log.unit if room.floor_plan is None else room.floor_plan.unit,
+            unit=room.log.unit if isinstance(room, LogEnv) else room.floor_plan.unit,
             step=self._seconds,
         )
 

@@ -85,6 +85,16 @@ class RoomEnv(gym.Env[Singles, Singles]):
         self._number = -1  # of the episode since the last seed
 
     @property
+    def radius(self) -> float:
+        """Of the robot's disc."""
+        return self.world.robot.radius
+
+    @property
+    def expected_start(self) -> Pose:
+        """The planned start (x, y, θ), which need not be the true one."""
+        return self.course.start
+
+    @property
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 

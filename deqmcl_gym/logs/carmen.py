@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.files import save
 from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
@@ -166,7 +166,7 @@ def write_carmen(log: Log, path: Path) -> None:
             f"ROBOTLASER1 {head} {len(ranges)} {scan} 0 {_words(*mount)} {odometry} 0 0 0 0 0 "
             f"{stamp}"
         )
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    save(path, ("\n".join(lines) + "\n").encode())
 
 
 def _kind(path: Path, messages: _Messages, asked: str | None) -> str:

@@ -60,7 +60,7 @@ def read(
         path: the file, or the folder of a ROS 2 bag.
         reference: a TUM file or a trajectory, of the map's frame and the log's clock.
         max_gap: see ``referenced``.
-        max_range: of the scanner, if it is less than the log says: ranges above it are none.
+        max_range: ranges above it are no measurements, as those above the scanner's own.
         mounting: of the scanner on the robot, x ahead, y left, turn in rad, instead of what the log
             says. A log that says nothing has it in the robot's centre.
         scanner: of CSV and npz without it.
@@ -136,10 +136,8 @@ def _ending(path: Path) -> str:
 def _changed(log: Log, max_range: float | None, mounting: tuple[float, float, float] | None) -> Log:
     scanner = log.scanner
     if max_range is not None:
-        high = scanner.max_range
-        scanner = replace(
-            scanner, max_range=number("max_range", max_range, low=0, high=high, above=True)
-        )
+        seen = number("max_range", max_range, low=0, above=True)
+        scanner = replace(scanner, max_range=min(seen, scanner.max_range))
     if mounting is not None:
         x, y, turn = array("mounting", mounting, (3,)).tolist()
         if abs(turn) > 2 * math.pi:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.files import save
 from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.scanner import Scanner
@@ -116,7 +116,7 @@ def write_csv(log: Log, path: Path) -> None:
         if log.reference is not None:
             values += record.reference or ("", "", "")
         lines.append(",".join(map(str, [*values, *record.ranges])))
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    save(path, ("\n".join(lines) + "\n").encode())
 
 
 def write_npz(log: Log, path: Path) -> None:
@@ -127,7 +127,7 @@ def write_npz(log: Log, path: Path) -> None:
     arrays |= {"scanner": np.array(log.scanner.json), "unit": np.array(log.unit)}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_bytes(path, buffer.getvalue())
+    save(path, buffer.getvalue())
 
 
 def _is_comment(line: str) -> bool:

@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.logs.files import write_bytes
+from deqmcl_gym.logs.files import save
 from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
@@ -58,7 +58,7 @@ class Trajectory:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write a TUM file."""
-        write_bytes(Path(path), self.tum)
+        save(Path(path), self.tum)
 
 
 def read_tum(path: str | PathLike[str]) -> Trajectory:

@@ -136,14 +136,20 @@ def _writes(call: ast.Call) -> bool:
 def _digest(files: Iterable[tuple[Path, Path]]) -> str | None:
     """Digest of files under the names they are to be known by; None if one cannot be read."""
     digest = hashlib.sha256()
+    for path, known in files:
+        if (content := content_digest(path)) is None:
+            return None
+        digest.update(f"{known.as_posix()}\0{content}\0".encode(errors="surrogateescape"))
+    return digest.hexdigest()
+
+
+def content_digest(path: Path) -> str | None:
+    """Digest of the content of one file; None: it cannot be read."""
     try:
-        for path, known in files:
-            seen = path.stat()
-            content = _content(path, seen.st_size, seen.st_mtime_ns)
-            digest.update(f"{known.as_posix()}\0{content}\0".encode(errors="surrogateescape"))
+        seen = path.stat()
+        return _content(path, seen.st_size, seen.st_mtime_ns)
     except OSError:
         return None
-    return digest.hexdigest()
 
 
 @lru_cache(maxsize=10_000)

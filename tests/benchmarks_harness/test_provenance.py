@@ -9,6 +9,7 @@ from benchmarks.trials import provenance
 
 RUN = """
 import sys
+import benchmarks.scenarios.log  # whose trials load a log
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial

@@ -241,7 +241,7 @@ def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name,
         find(name)
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", sorted({*scenario_names()} - {"log"}))
 def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name):
     found = scenario(name)
     room = found.room()

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from benchmarks.replay.noise import motion_noise
 from benchmarks.replay.playing import played, replay
+from benchmarks.setup.motion_noise import motion_noise
 from benchmarks.setup.names import scenario
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial

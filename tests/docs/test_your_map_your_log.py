@@ -12,6 +12,7 @@ from deqmcl_gym import logs
 
 PAGE = (Path(__file__).parents[2] / "docs" / "your-map-your-log.md").read_text()
 RECORD, REPLAY = re.findall(r"^```python notest\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+(STARTS,) = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 (COMMANDS,) = re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -28,6 +29,8 @@ def test_the_page_works_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     assert columns - {"_low", "_high", "inf"} <= set(found["mcl"])
     assert float(found["mcl"]["position_median"]) < 0.1
     assert float(found["mcl"]["success_1m"]) == float(found["amcl"]["success_1m"]) == 1
+    Path("starts.toml").write_text(STARTS)
+    assert main(["sweep", "starts.toml", "--dry-run"]) == 0, capsys.readouterr().err
     capsys.readouterr()
     exec(compile(REPLAY, "replay", "exec"), {})
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
-from deqmcl_gym.envs.log import LogEnv, spacing
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.envs.recorded import spacing
 from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned, relative
@@ -60,7 +61,9 @@ def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending
         env.step(np.zeros(2, np.float32))
 
 
-@pytest.mark.parametrize("options", [{}, {"plan": "none"}, {"map": SQUARE, "every": (0.2, 0.1)}])
+@pytest.mark.parametrize(
+    "options", [{}, {"plan": "none"}, {"map": SQUARE, "every": (0.2, 0.1)}, {"segment": 0.2}]
+)
 def test_the_env_checker_has_nothing_to_say(options):
     env = gym.make(LOG_ID, log=real(), on_mismatch="ignore", **options).unwrapped
     with warnings.catch_warnings():
@@ -288,3 +291,48 @@ def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():
     np.testing.assert_array_equal(env.log.actions.astype(np.float32)[0], said[1][1]["action"])
     assert len(env.log) == len(said)
     assert RecordLog(RoomEnv(), truth=False).reset(seed=0)
+
+
+PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records
+
+
+@given(st.floats(0.1, 0.4), st.integers(0, 2**31))
+def test_a_segment_goes_so_far_and_is_referenced_throughout(length, seed):
+    log = PATCHY
+    env = LogEnv(log=log, segment=length, horizon=5)
+    env.reset(seed=seed)
+    first = log.times.tolist().index(env.record.time)
+    assert env.expected_start == env.log[first].reference
+    said = played_from_here(env)
+    driven = np.abs(env.log.actions[first : first + len(said), 0])
+    assert driven[:-1].sum() < length <= driven.sum() + 1e-9
+    assert all("truth" in info for info in said)
+    left = len(said)
+    for t, info in enumerate(said, 1):
+        assert info["planned_count"] == min(5, left - t)
+        assert not info["planned_actions"][info["planned_count"] :].any()
+
+
+def played_from_here(env):
+    """What the env says at each step until it ends."""
+    said, ended = [], False
+    while not ended:
+        *_, ended, _, info = env.step(env.next_action)
+        said.append(info)
+    return said
+
+
+def test_segments_are_drawn_by_the_seed_alone():
+    dense = episode(60)
+    env = LogEnv(log=dense, segment=100.0)
+
+    def times(seed, count=8):
+        return [env.reset(seed=seed if k == 0 else None) and env.record.time for k in range(count)]
+
+    assert times(3) == times(3) != times(4)
+    assert len(set(times(3, 20))) > 5
+    with pytest.raises(InputError, match="no stretch as long as that with a reference"):
+        LogEnv(log=dense, segment=1e6)
+    with pytest.raises(InputError, match="segment is 0"):
+        LogEnv(log=dense, segment=0)
+    LogEnv(log=dense, segment=100.0, plan="reference")

@@ -35,8 +35,9 @@ def motion_noise(log: Log) -> OdometryMotion:
     moving = np.isfinite(done).all(axis=1) & (np.abs(meant).max(axis=1) > 0)
     if moving.sum() < _LEAST:
         raise InputError(
-            f"{log.source} has {int(moving.sum())} steps with a reference at both ends, but the "
-            f"noise of the motion needs {_LEAST}: give it instead."
+            f"{log.source} has {int(moving.sum())} steps with a reference at both ends, too few to "
+            f"estimate the noise of the motion, which needs {_LEAST}: give it by --motion, or in "
+            "a scenario by assumed.motion."
         )
     done, meant = done[moving], meant[moving]
     driven, turned = np.abs(meant).T

@@ -1,0 +1,248 @@
+"""Nav2's AMCL parameters in our words: what a user's robot assumes, for our ``amcl`` and others.
+
+Names, defaults and meaning are those of docs.nav2.org, "AMCL"; α is a share of variances there
+(nav2_amcl, differential_motion_model.cpp), a σ has its root here.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import yaml
+
+from benchmarks.files import UnreadableError, content_of
+from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.validation import InputError, boolean, number, one_of
+from localizers import GaussianUniform, OdometryMotion, RobotModel, make
+
+# Nav2's defaults of what is used here
+_DEFAULTS: Mapping[str, Any] = MappingProxyType(
+    {
+        "alpha1": 0.2, "alpha2": 0.2, "alpha3": 0.2, "update_min_d": 0.25, "update_min_a": 0.2,
+        "max_beams": 60, "laser_max_range": 100.0, "sigma_hit": 0.2,
+        "max_particles": 2000, "min_particles": 500, "pf_err": 0.05, "pf_z": 0.99,
+        "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0,
+        "resample_interval": 1, "laser_model_type": "likelihood_field", "z_hit": 0.5,
+        "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5, "lambda_short": 0.1,
+        "laser_likelihood_max_dist": 2.0,
+    }
+)  # fmt: skip
+_PARAMS = (*tuple(_DEFAULTS)[-14:], "max_beams")  # which ``amcl`` takes by the same names
+_MODELS = MappingProxyType(
+    {
+        "likelihood_field": "likelihood_field",
+        "likelihood_field_prob": "likelihood_field",
+        "beam": "beam",
+    }
+)
+_START = ("set_initial_pose", "initial_pose")
+_WITHOUT = MappingProxyType(
+    {
+        "alpha4": "drives are no noisier in a turn",
+        "alpha5": "a robot does not move sideways",
+        "laser_min_range": "the log says it",
+        "do_beamskip": "no beam is left out",
+        **dict.fromkeys(
+            ("beam_skip_distance", "beam_skip_error_threshold", "beam_skip_threshold"),
+            "no beam is left out",
+        ),
+    }
+)
+_ROS = "of ROS, not of the filter"
+_OF_ROS = (
+    "always_reset_initial_pose", "base_frame_id", "first_map_only", "freespace_downsampling",
+    "global_frame_id", "introspection_mode", "map_topic", "odom_frame_id", "robot_model_type",
+    "random_seed", "save_pose_rate", "scan_topic", "tf_broadcast", "transform_tolerance",
+    "use_sim_time", "service_introspection_mode", "qos_overrides", "bond_heartbeat_period",
+    "bond_timeout", "autostart_node", "start_type_description_service",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amcl:
+    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m.
+
+    Attributes:
+        source: where it was read.
+        params: of our ``amcl``.
+        motion: what is assumed of the odometry.
+        sigma: of a beam.
+        every: (distance, angle rad) between two updates.
+        max_beams, max_range: of a scan.
+        start: (x, y, θ) of the robot; None if it is not set.
+        unused: what has no counterpart, with the reason.
+    """
+
+    source: str
+    params: Mapping[str, Any]
+    motion: OdometryMotion
+    sigma: float
+    every: tuple[float, float]
+    max_beams: int
+    max_range: float
+    start: tuple[float, float, float] | None
+    unused: Mapping[str, str]
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the filter is not as AMCL has it, in a sentence; nothing if all is."""
+        left = [name for name, why in self.unused.items() if why != _ROS]
+        return [f"{self.source}: not used: {', '.join(left)}"] if left else []
+
+    @property
+    def toml(self) -> str:
+        """A sweep file without its log."""
+        distance, angle = self.every
+        motion = {name: round(value, 6) for name, value in vars(self.motion).items()}
+        at = [] if self.start is None else [self.start]
+        lines = [
+            f"# {self.source}",
+            *(f"# not used: {name}: {why}" for name, why in self.unused.items()),
+            *(f"# initial_pose: deqmcl replay --start={x},{y},{heading}" for x, y, heading in at),
+            'scenario = "log"',
+            'localizers = ["amcl"]',
+            "",
+            "[world]",
+            '# log = "robot.log.gz"',
+            '# map = "map.yaml"',
+            '# reference = "robot.tum"',
+            f'every = "{distance:g}m,{angle:g}rad"',
+            f"max_beams = {self.max_beams}",
+            f"reading.max_range = {self.max_range}",
+            "",
+            "[assumed]",
+            f"scan.sigma = {self.sigma}",
+            *(f"motion.{name} = {value}" for name, value in motion.items()),
+            "",
+            "[params]",
+            *(f"{name} = {json.dumps(value)}" for name, value in self.params.items()),
+        ]
+        return "\n".join(lines)
+
+
+def read_nav2(path: Path, node: str | None = None) -> Amcl:
+    """Read the AMCL parameters of a Nav2 parameter file.
+
+    Args:
+        path: of the yaml.
+        node: whose parameters, as "/robot1/amcl"; None is the only amcl in it.
+
+    Raises:
+        InputError: it cannot be read, has no such node or several, or a bad value.
+    """
+    nodes = dict(_nodes(_document(path), ""))
+    shared = nodes.pop("/**", {})
+    name = _chosen(path, nodes, node)
+    given = {**shared, **nodes[name]}
+    try:
+        return _amcl(f"{path}, node {name}", given)
+    except InputError as error:
+        raise InputError(f"{path}, node {name}: {error}") from None
+
+
+def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
+    said = {**_DEFAULTS, **{name: given[name] for name in _DEFAULTS if name in given}}
+    for name, default in _DEFAULTS.items():
+        if not isinstance(default, str):
+            said[name] = type(default)(number(name, said[name]))
+            if said[name] != given.get(name, default):
+                raise InputError(f"{name} is {given[name]!r}, but must be an integer.")
+    one_of("laser_model_type", said["laser_model_type"], _MODELS)
+    for name in ("alpha1", "alpha2", "alpha3"):
+        number(name, said[name], low=0)
+    unused = {name: why for name, why in _WITHOUT.items() if name in given}
+    unused |= {name: _ROS for name in sorted(_OF_ROS) if name in given}
+    known = {*_DEFAULTS, *_WITHOUT, *_OF_ROS, *_START}
+    unused |= {
+        name: "no parameter of Nav2's AMCL" for name in given if name.split(".")[0] not in known
+    }
+    found = Amcl(
+        source=source,
+        params={
+            **{name: said[name] for name in _PARAMS},
+            "laser_model_type": _MODELS[said["laser_model_type"]],
+        },
+        motion=OdometryMotion(
+            drive=math.sqrt(said["alpha3"]),
+            turn=math.sqrt(said["alpha1"]),
+            drift=math.sqrt(2 * said["alpha2"]),
+        ),
+        sigma=said["sigma_hit"],
+        every=(number("update_min_d", said["update_min_d"], low=0), said["update_min_a"]),
+        max_beams=said["max_beams"],
+        max_range=number("laser_max_range", said["laser_max_range"], low=0, above=True),
+        start=_start(given),
+        unused=unused,
+    )
+    _check(found)
+    return found
+
+
+def _check(found: Amcl) -> None:
+    """Let ``amcl`` look at its parameters, in any room."""
+    room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
+    robot = RobotModel(
+        floor_plan=room,
+        lidar=Lidar(max_range=found.max_range),
+        motion=found.motion,
+        scan=GaussianUniform(sigma=found.sigma),
+    )
+    make("amcl", robot, **found.params)
+
+
+def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:
+    if not boolean("set_initial_pose", given.get("set_initial_pose", False)):
+        return None
+    nested = given.get("initial_pose")
+    at = nested if isinstance(nested, Mapping) else {}
+    x, y, heading = (
+        number(f"initial_pose.{name}", given.get(f"initial_pose.{name}", at.get(name, 0.0)))
+        for name in ("x", "y", "yaw")
+    )
+    return x, y, heading
+
+
+def _document(path: Path) -> Mapping[str, Any]:
+    try:
+        found = yaml.safe_load(content_of(path))
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
+    except UnreadableError as error:
+        raise InputError(f"{path} {error}: give another file.") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}.") from None
+    if not isinstance(found, Mapping):
+        raise InputError(f"{path} has no nodes, but must be Nav2's parameter file.")
+    return found
+
+
+def _nodes(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the parameters of all nodes by full name, namespaces nested or written out."""
+    for name, inner in table.items():
+        if isinstance(inner, Mapping):
+            at = f"{prefix}/{str(name).strip('/')}"
+            own = inner.get("ros__parameters")
+            if isinstance(own, Mapping):
+                yield at, own
+            yield from _nodes({k: v for k, v in inner.items() if k != "ros__parameters"}, at)
+
+
+def _chosen(path: Path, nodes: Mapping[str, Any], asked: str | None) -> str:
+    if asked is not None:
+        return one_of(f"node of {path}", f"/{asked.strip('/')}", nodes)
+    fitting = [name for name in nodes if name.rpartition("/")[2] == "amcl"]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise InputError(
+            f"{path} has {len(fitting)} nodes of AMCL, {', '.join(fitting)}: choose one by --node."
+        )
+    there = ", ".join(nodes) or "none"
+    raise InputError(
+        f"{path} has no node amcl with ros__parameters (its nodes: {there}): give Nav2's parameter "
+        "file, or choose a node by --node."
+    )

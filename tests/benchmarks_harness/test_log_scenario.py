@@ -1,0 +1,214 @@
+"""Scenario ``log``: a segment of a recorded log is a world, the same for all methods."""
+
+import csv
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import deqmcl_gym  # noqa: F401  # registers the envs
+from benchmarks.cli import main
+from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.names import scenario, scenario_digest
+from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.trials.episode import scenario_of, trial_moments
+from benchmarks.trials.plugins import key_of
+from deqmcl_gym import logs
+from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.maps import GridMap
+from deqmcl_gym.validation import InputError
+
+SCENARIO = """
+base = "log"
+[env]
+log = "data/lap.csv"
+map = "data/hall.yaml"
+reference = "data/lap.tum"
+segment = 3.0
+every = "0.05m,3deg"
+max_beams = 15
+"""
+SWEEP = """
+scenario = "log"
+trials = 3
+localizers = ["mcl", "dead-reckoning"]
+[world]
+log = "data/lap.csv"
+map = "data/hall.yaml"
+reference = "data/lap.tum"
+segment = 3.0
+every = "0.05m,3deg"
+max_beams = 15
+[params]
+particles = 100
+"""
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """A hall, and what a robot saw in it."""
+    cells = np.zeros((68, 88), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
+    hall = GridMap(occupancy=cells, resolution=0.05)
+    env = RecordLog(
+        gym.make(
+            "deqmcl_gym/Room-v0",
+            floor_plan=hall,
+            lap={"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
+            lidar={"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
+            noise={"drive": 0.1, "turn": 0.1, "drift": 0.1},
+            driver={},
+        )
+    )
+    _, info = env.reset(seed=0)
+    for _ in range(60):
+        *_, info = env.step(info["planned_actions"][0])
+    return hall, env.log
+
+
+@pytest.fixture
+def folder(drive, tmp_path, monkeypatch):
+    """A folder with sweep and scenario, their data below it; nobody stands in it."""
+    hall, log = drive
+    home = tmp_path / "home"
+    (home / "data").mkdir(parents=True)
+    hall.save(home / "data" / "hall.yaml")
+    logs.Trajectory(log.times, log.reference).write(home / "data" / "lap.tum")
+    blind = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
+    logs.write(blind, home / "data" / "lap.csv")
+    (home / "hall.toml").write_text(SCENARIO)
+    (home / "sweep.toml").write_text(SWEEP)
+    monkeypatch.chdir(tmp_path)
+    return home
+
+
+def trials(folder, text=SWEEP):
+    (folder / "sweep.toml").write_text(text)
+    return read_sweep(folder / "sweep.toml").distinct()
+
+
+def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
+    first, *_ = listed = trials(folder)
+    seen = [list(trial_moments(trial)) for trial in listed]
+    mcl, other = seen[:3], seen[3:]
+    for ours, theirs in zip(mcl, other, strict=True):
+        for one, two in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one.ranges, two.ranges)
+            np.testing.assert_array_equal(one.truth, two.truth)
+            np.testing.assert_array_equal(one.action, two.action)
+    assert len({tuple(moments[0].truth) for moments in mcl}) == 3
+    whole = scenario_of(first).room().log
+    for moments in mcl:
+        truths = np.array([moment.truth for moment in moments])
+        begin = np.flatnonzero((whole.reference == truths[0]).all(axis=1))[0]
+        end = begin + len(moments)
+        np.testing.assert_array_equal(truths, whole.reference[begin:end])
+        driven = np.abs(whole.actions[begin : end - 1, 0])
+        assert driven[:-1].sum() < 3.0 <= driven.sum() + 1e-9
+
+
+def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):
+    for trial in trials(folder)[:2]:
+        start = next(iter(trial_moments(trial)))
+        poses, _ = start.belief.points()
+        assert np.hypot(*(poses.mean(axis=0) - start.truth)[:2]) < 5 * 0.2 / math.sqrt(100)
+    ours = scenario(str(folder / "hall.toml"))
+    room = ours.room()
+    room.reset(seed=4)
+    assert ours.prior_in(room).mean == room.record.reference
+    anywhere = ours.changed(assumed={"prior.kind": "uniform"}).prior_in(room)
+    assert anywhere.mean is None
+
+
+def test_the_noise_is_that_of_the_log_unless_it_is_given(folder):
+    ours = scenario(str(folder / "hall.toml"))
+    room = ours.room()
+    assert ours.robot_model(room).motion == motion_noise(room.log)
+    told = ours.changed(assumed={"motion.drive": 0.5})
+    assert told.robot_model(room).motion.drive == 0.5
+    assert told.robot_model(room).motion.turn == 0.2
+
+
+@pytest.mark.parametrize("plan", ["odometry", "reference", "none"])
+def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan):
+    trial = trials(folder, SWEEP.replace("segment", f'plan = "{plan}"\nsegment'))[0]
+    room = scenario_of(trial).room()
+    _, info = room.reset(seed=trial.world_seed)
+    own = room.log.segment(room.log.times.tolist().index(room.record.time), 4)
+    shown = {
+        "odometry": own.actions,
+        "reference": actions_of(own.reference)[0],
+        "none": np.empty((0, 2)),
+    }[plan]
+    count = info["planned_count"]
+    np.testing.assert_allclose(info["planned_actions"][: min(count, 3)], shown, rtol=0, atol=1e-6)
+    moments = list(trial_moments(trial))
+    assert len(moments) > 5
+    np.testing.assert_allclose(
+        [moment.action for moment in moments[1:4]], own.actions, rtol=0, atol=1e-6
+    )
+
+
+def test_a_result_is_named_by_what_is_in_the_files_of_its_world(folder):
+    keys = [key_of(trials(folder)[0])]
+    digests = [scenario_digest(str(folder / "hall.toml"))]
+    for name in ("lap.csv", "lap.tum", "hall.pgm", "hall.yaml"):
+        file = folder / "data" / name
+        file.write_bytes(file.read_bytes() + b"\n")
+        keys.append(key_of(trials(folder)[0]))
+        digests.append(scenario_digest(str(folder / "hall.toml")))
+    assert len(set(keys)) == len(set(digests)) == 5
+
+
+def test_a_sweep_goes_over_a_log_and_says_what_is_damaged(folder, capsys):
+    torn = folder / "data" / "lap.csv"
+    torn.write_text(torn.read_text() + "1,2,3\n")
+    out = str(folder / "out")
+    assert main(["sweep", str(folder / "sweep.toml"), "--out", out, "--jobs", "1"]) == 0
+    said = capsys.readouterr().err
+    assert said.count("skipped 1 of 62 records: 1 unreadable") == 1
+    with open(folder / "out" / "trials.csv", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["offset"] == "0"]
+    assert len(rows) == 6
+    assert all(float(row["position_rmse"]) < 0.5 for row in rows if row["method"] == "mcl")
+
+
+BAD = [
+    ("log = ", "", "names no log"),
+    ("map = ", "", "names no map"),
+    ("reference = ", "", "no reference to score by"),
+    ("lap.csv", "lop.csv", "lop.csv does not exist"),
+    ("segment = 3.0", "segment = 900.0", "no stretch as long as that"),
+    ("segment = 3.0", "segment = 0.0", "segment is 0"),
+    ("segment", "sigment", "did you mean 'segment'?"),
+    ("segment", 'plan = "odo"\nsegment', "plan"),
+    (
+        "[params]",
+        '[[disturbance]]\nkind = "kidnap"\nstep = 3\n[params]',
+        "needs deqmcl_gym/Room-v0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "named"), BAD)
+def test_a_bad_world_is_refused_in_one_sentence_before_anything_is_written(
+    folder, capsys, old, new, named
+):
+    lines = SWEEP.splitlines()
+    text = "\n".join(line for line in lines if new or not line.startswith(old)).replace(old, new)
+    (folder / "sweep.toml").write_text(text)
+    assert main(["sweep", str(folder / "sweep.toml"), "--out", str(folder / "out")]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert named in said
+    assert said.startswith("deqmcl: ")
+    assert not (folder / "out").exists()
+
+
+def test_an_agent_that_would_drive_a_log_is_refused(folder):
+    changed = SCENARIO.replace("[env]", 'agent = "on-estimate"\n[env]\nplan = "none"')
+    (folder / "hall.toml").write_text(changed)
+    with pytest.raises(InputError, match="recorded actions"):
+        scenario(str(folder / "hall.toml")).room()
