@@ -1,5 +1,6 @@
 """What a localizer believes, as an observation, and its error, as a reward."""
 
+import math
 from typing import Any, Protocol, SupportsFloat
 
 import gymnasium as gym
@@ -65,7 +66,8 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
             "covariance": _box((3, 3)),
             "entropy": _box((1,)),
         }
-        if getattr(tried, "quality", None) is not None:
+        self._has_quality = getattr(tried, "quality", None) is not None
+        if self._has_quality:
             spaces["quality"] = gym.spaces.Box(0.0, 1.0, (1,))
         own = env.observation_space
         shows = own.spaces if isinstance(own, gym.spaces.Dict) else {"scan": own}
@@ -95,13 +97,13 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
 
     def _with(self, seen: Any, belief: Any) -> Seen:
         mean, covariance = _moments(*belief.points())
-        log_det = np.linalg.slogdet(covariance + np.diag(self._floor))[1]
-        entropy = 0.5 * (3 * np.log(2 * np.pi * np.e) + log_det)
+        log_det = float(np.linalg.slogdet(covariance + np.diag(self._floor))[1])
+        entropy = 0.5 * (3 * math.log(2 * math.pi * math.e) + log_det)
         shows = dict(seen) if isinstance(seen, dict) else {"scan": seen}
-        shows["mean"], shows["covariance"] = np.float32(mean), np.float32(covariance)
-        shows["entropy"] = np.float32([entropy])
-        if "quality" in self.observation_space.spaces:  # type: ignore[attr-defined]
-            shows["quality"] = np.float32([belief.quality])
+        shows["mean"], shows["covariance"] = mean.astype(np.float32), covariance.astype(np.float32)
+        shows["entropy"] = np.array([entropy], np.float32)
+        if self._has_quality:
+            shows["quality"] = np.array([belief.quality], np.float32)
         return shows
 
 

@@ -111,8 +111,8 @@ class Setting:
         return {
             "scan": scan.copy(),
             "plan": planned.copy(),
-            "progress": np.float32(laps)[..., None],
-            "clock": np.float32(share)[..., None],
+            "progress": np.asarray(laps, np.float32)[..., None],
+            "clock": np.asarray(share, np.float32)[..., None],
         }
 
     def first_arc(self, start: Point) -> float:

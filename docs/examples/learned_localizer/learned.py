@@ -1,11 +1,12 @@
-"""A learned localizer: a recurrent net corrects dead reckoning by what each beam says.
+"""A learned localizer: a recurrent net says how far to trust each beam, and dead reckoning.
 
-At each step the pose is moved by the command. Then every beam is compared with the map there:
-by how much its range differs from the expected one, and how that would change if the pose were a
-little further ahead, to the left, or turned. A small net reads each beam, a GRU the mean over the
-beams, and answers with a correction of the pose in the robot's frame and its standard deviations.
-Nothing is told in coordinates of the map, so what was learned in one place holds in any other, with
-any number of beams, in px or m.
+At each step the pose is moved by the command. Then every beam is compared with the map there: by
+how much its range differs from the expected one (v), and how the expected one changes if the pose
+goes ahead, to the left, or turns (J). The correction is the Gauss-Newton step
+(Σ w J Jᵀ + Λ)⁻¹ Σ w J v.
+A small net gives the weight w of each beam, a GRU the trust Λ in the pose before. Nothing is told
+in coordinates of the map, so what was learned in one place holds in any other, with any number of
+beams, in px or m.
 
 ``train.py`` makes ``learned.npz``. To run it needs NumPy alone.
 """
@@ -18,9 +19,10 @@ from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.validation import InputError
 from localizers import Belief, PointsBelief, Prior, RobotModel
 
-BEAM, COMMAND, HIDDEN = 7, 2, 48  # numbers that describe a beam, a command, the state of the GRU
-CORRECTION = np.array([10.0, 10.0, 0.1])  # px, px, rad: what an output of 1 stands for
+BEAM, TOLD, HIDDEN = 7, 8, 32  # numbers that describe a beam and a step; the state of the GRU
+CORRECTION = np.array([10.0, 10.0, 0.1])  # px, px, rad: what a correction of 1 stands for
 _NUDGE = np.array([1.0, 1.0, 0.01])  # px, px, rad: to see how ranges change
+_RANGE = 20.0  # px: what a difference of ranges of 1 stands for
 
 
 class Learned:
@@ -42,30 +44,37 @@ class Learned:
 
     def update(self, ranges: np.ndarray, action: np.ndarray, plan: np.ndarray) -> Belief:
         """Move by the command, look, and correct."""
+        net = self.net
         self.pose = moved(self.pose[None], np.array([action], np.float64))[0]
         beams, used = compared(self.robot, self.pose[None], np.array([ranges], np.float64))
-        command = np.array([action[0] / self.px / 10, action[1]], np.float64)
-        self.state, answer = self._think(beams[0], used[0], command)
-        self.pose = corrected(self.pose[None], answer[None, :3] * CORRECTION * self.unit)[0]
-        # the six points of a cloud with this mean and these standard deviations
-        sd = np.exp(np.clip(answer[3:], -5, 5)) * CORRECTION * self.unit
-        offsets = np.vstack([np.diag(sd), -np.diag(sd)]) * np.sqrt(3)
-        return PointsBelief(corrected(np.tile(self.pose, (6, 1)), offsets))
+        (read,), off, slopes = beams, beams[0, :, 0], beams[0, :, 2:5]
+        inner = np.maximum(read @ net["beam.0.weight"].T + net["beam.0.bias"], 0)
+        trust = np.exp(inner @ net["beam.2.weight"].T + net["beam.2.bias"])[:, 0] * used[0]
+        seen = (trust[:, None] * slopes).T @ slopes
+        pull = (trust * off) @ slopes
+        command = action[0] / self.px / 10, action[1]
+        size = np.diag(seen)
+        told = np.concatenate([command, np.log1p(size), pull / (size + 1)])
+        self.state = self._remembered(told)
+        *before, spread = net["answer.weight"] @ self.state + net["answer.bias"]
+        precision = seen + np.diag(np.exp(before))
+        unit = CORRECTION * self.unit
+        self.pose = corrected(self.pose[None], np.linalg.solve(precision, pull)[None] * unit)[0]
+        # the six points of a cloud with this mean and covariance
+        root = np.linalg.cholesky(np.linalg.inv(precision)).T * np.exp(spread) * unit
+        return PointsBelief(
+            corrected(np.tile(self.pose, (6, 1)), np.sqrt(3) * np.vstack([root, -root]))
+        )
 
-    def _think(
-        self, beams: np.ndarray, used: np.ndarray, command: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _remembered(self, told: np.ndarray) -> np.ndarray:
+        """Take a step of the GRU (Cho et al. 2014), in PyTorch's order: reset, update, new."""
         net, h = self.net, self.state
-        seen = np.maximum(beams @ net["beam.0.weight"].T + net["beam.0.bias"], 0)
-        seen = np.maximum(seen @ net["beam.2.weight"].T + net["beam.2.bias"], 0)
-        told = np.concatenate([(seen * used[:, None]).mean(axis=0), command])
-        # a GRU (Cho et al. 2014), in PyTorch's order: reset, update, new
         by_input = net["memory.weight_ih"] @ told + net["memory.bias_ih"]
         by_state = net["memory.weight_hh"] @ h + net["memory.bias_hh"]
         (r, z, n), (from_r, from_z, from_n) = np.split(by_input, 3), np.split(by_state, 3)
         forget, keep = 1 / (1 + np.exp(-r - from_r)), 1 / (1 + np.exp(-z - from_z))
-        h = (1 - keep) * np.tanh(n + forget * from_n) + keep * h
-        return h, net["answer.weight"] @ h + net["answer.bias"]
+        remembered: np.ndarray = (1 - keep) * np.tanh(n + forget * from_n) + keep * h
+        return remembered
 
 
 def moved(poses: np.ndarray, actions: np.ndarray) -> np.ndarray:
@@ -92,24 +101,13 @@ def compared(
         What the net reads of each beam, (n, B, ``BEAM``), and whether to use it, (n, B).
     """
     px, (n, count) = pixel(robot.floor_plan.unit), ranges.shape
-    unit = np.array([px, px, 1.0])
-    nudges = np.vstack([np.zeros(3), np.diag(_NUDGE * unit), -np.diag(_NUDGE * unit)])
+    nudges = np.vstack([np.zeros(3), np.diag(_NUDGE), -np.diag(_NUDGE)]) * (px, px, 1.0)
     around = corrected(np.repeat(poses, 7, axis=0), np.tile(nudges, (n, 1)))
     expected = robot.floor_plan.ranges(around, robot.lidar.bearings).reshape(n, 7, count) / px
     with np.errstate(invalid="ignore"):
-        slopes = (expected[:, 1:4] - expected[:, 4:]) / 2 / _NUDGE[:, None]
+        slopes = (expected[:, 1:4] - expected[:, 4:]) / (2 * _NUDGE / CORRECTION)[:, None] / _RANGE
         used = (ranges >= 0) & (ranges <= robot.lidar.max_range) & np.isfinite(expected).all(1)
-        off = ranges / px - expected[:, 0]
-    slopes[:, 2] /= 100  # px per rad
+        off = (ranges / px - expected[:, 0]) / _RANGE
     bearings = np.broadcast_to(robot.lidar.bearings, (n, count))
-    beams = np.stack(
-        [
-            off / 20,
-            expected[:, 0] / 200,
-            *slopes.swapaxes(0, 1),
-            np.cos(bearings),
-            np.sin(bearings),
-        ],
-        axis=2,
-    )
-    return np.where(used[..., None], np.clip(beams, -3, 3), 0.0), used
+    read = [off, expected[:, 0] / 200, *slopes.swapaxes(0, 1), np.cos(bearings), np.sin(bearings)]
+    return np.where(used[..., None], np.clip(np.stack(read, axis=2), -3, 3), 0.0), used
