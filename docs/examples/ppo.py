@@ -76,6 +76,7 @@ class Curve(BaseCallback):
 
 def draw(points: list[tuple[int, float, float]], file: str) -> None:
     """Draw the learning curve."""
+    plt.rcParams["svg.fonttype"] = "none"  # text stays text
     steps, share, returned = np.transpose(points)
     figure, (above, below) = plt.subplots(2, sharex=True, figsize=(6.4, 4.4), layout="constrained")
     above.plot(steps / 1000, 100 * share, "o-", color="#0072b2", markersize=3)
