@@ -73,10 +73,11 @@ def test_numpy_computes_what_torch_was_trained_to(monkeypatch):
         action, ranges = np.array([5.0, 0.1 * step]), np.full(8, 60.0 + step)
         at = train["moved"](pose[None], action[None])
         read = [torch.tensor(part) for part in train["compared"](robot, at, ranges[None])]
-        command = torch.tensor([action / (10, 1)])
+        command = torch.tensor(action[None] / (10, 1))
         state, by, precision, spread = net(read[0], read[1].double(), command, state)
         off = train["in_the_room"](
-            by.detach() * torch.tensor([10.0, 10.0, 0.1]), torch.tensor(at[:, 2])
+            by.detach() * torch.tensor([10.0, 10.0, 0.1], dtype=torch.float64),
+            torch.tensor(at[:, 2]),
         )
         pose = at[0] + off[0].numpy()
         belief = localizer.update(ranges, action, np.empty((0, 2)))
