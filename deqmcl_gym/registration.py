@@ -1,4 +1,6 @@
-"""Registers ``deqmcl_gym/Room-v0`` and ``Log-v0`` with Gymnasium, as soon as that is imported.
+"""Registers ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets with Gymnasium, once imported.
+
+``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
 
 Nothing here imports it: localizers need the maps of this package, not the environment.
 """
@@ -8,6 +10,9 @@ from collections.abc import Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
+from typing import Any
+
+from deqmcl_gym.world.presets import WORLDS
 
 ENV_ID = "deqmcl_gym/Room-v0"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
@@ -24,14 +29,28 @@ def register() -> None:
         sys.meta_path.insert(0, _Finder())
 
 
+def preset_id(preset: str) -> str:
+    """Return the id of a named world: ``deqmcl_gym/Guided-v0`` of "guided"."""
+    return f"deqmcl_gym/{preset.title().replace('-', '')}-v0"
+
+
 def _register(registry: ModuleType) -> None:
-    registry.register(
-        id=ENV_ID,
-        entry_point="deqmcl_gym.envs.room:RoomEnv",
-        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-    )
+    _register_room(registry, ENV_ID, {})
+    for preset in WORLDS:
+        _register_room(registry, preset_id(preset), {"preset": preset})
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
+
+
+def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:
+    together = WORLDS[kwargs.get("preset", "paper")].driver is None
+    registry.register(
+        id=name,
+        entry_point="deqmcl_gym.envs.room:RoomEnv",
+        # many rooms with drivers run one by one, which is Gymnasium's own way
+        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv" if together else None,
+        max_episode_steps=MAX_EPISODE_STEPS,
+        kwargs=kwargs,
+    )
 
 
 class _Finder(MetaPathFinder):

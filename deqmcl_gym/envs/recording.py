@@ -7,7 +7,7 @@ import gymnasium as gym
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.validation import number
+from deqmcl_gym.validation import InputError, number, shown
 
 
 class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
@@ -24,6 +24,11 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
     ) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, step=step, truth=truth)
         super().__init__(env)
+        if not isinstance(env.observation_space, gym.spaces.Box):
+            raise InputError(
+                f"the env's observations are {shown(env.observation_space)}, but a log keeps "
+                'scans: give an env of observation="scan".'
+            )
         self._seconds, self._truth = number("step", step, low=0, above=True), truth
         self._scans: list[Singles] = []
         self._infos: list[dict[str, Any]] = []

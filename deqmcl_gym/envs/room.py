@@ -21,10 +21,61 @@ from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream
 
 
-class RoomEnv(gym.Env[Singles, Singles]):
-    """A robot drives a planned counterclockwise lap through a room and sees it by lidar.
+class RoomEnv(gym.Env[Any, Singles]):
+    """A disc robot drives a planned lap through a room and sees it by lidar.
 
-    docs/environment.md describes spaces, info, reward, end of episode and arguments.
+    ```python
+    import gymnasium as gym, deqmcl_gym
+
+    env = gym.make("deqmcl_gym/Room-v0", preset="sharp")  # or "deqmcl_gym/Sharp-v0"
+    ranges, info = env.reset(seed=0)
+    ended = False
+    while not ended:
+        action = info["planned_actions"][0]
+        ranges, reward, terminated, truncated, info = env.step(action)
+        ended = terminated or truncated
+    ```
+
+    **Description**: the robot knows its plan and the map, not its pose. In each step it turns on
+    the spot, then drives straight ahead, both with noise; the first contact with a wall ends the
+    drive. Then a scan is taken. docs/environment.md has every detail.
+
+    **Action Space**: `Box([0, -π/4], [10, π/4], (2,), float32)`: a distance (px) to drive after a
+    turn (rad). Anything else is refused, nothing clamped. For actions in [-1, 1] wrap the env in
+    `gymnasium.wrappers.RescaleAction(env, -1, 1)`.
+
+    **Observation Space**: `Box(0, 400, (beams,), float32)`: ranges (px). With `observation="dict"`
+    also `plan` (h, 2), the actions to come; `progress` (1,), along the lap; `clock` (1,), the share
+    of the plan's steps that are done. `info` has the plan too, and under `truth` the true pose.
+
+    **Rewards**: progress along the lap in px up to the goal, -10 for a contact, +100 at the goal.
+
+    **Starting State**: the bottom centre of the lap, along it; drawn around there if
+    `start.sd_position` or `start.sd_heading` are not 0.
+
+    **Episode End**: terminated when the robot, once round, touches the line it started from,
+    wherever it crosses it; not with `ends_at_goal=False`. Truncated when it has not and the plan is
+    used up, or after `max_episode_steps` (408).
+
+    **Version History**: v0, as of 0.2.0 with this reward and end.
+
+    Args:
+        preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
+        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; or the path
+            of a ROS map's yaml file.
+        lidar: beams, field of view, range and noise. This and the following parts are objects, or
+            JSON-able changes to the preset's.
+        robot: radius and largest action.
+        noise: motion noise of the world.
+        start: pose at reset and its spread.
+        lap: step lengths, or waypoints of the planned path.
+        driver: who follows that path from the true pose, and plans anew at every step; "none" takes
+            the preset's away.
+        horizon: how many planned actions are shown; None shows the whole rest.
+        ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
+        observation: "scan", or "dict" for the plan, progress and clock beside it.
+        render_mode: None or "rgb_array".
+        unknown: nothing; refused with the nearest name.
 
     Attributes:
         floor_plan: the map m, for localizers too.
@@ -48,29 +99,14 @@ class RoomEnv(gym.Env[Singles, Singles]):
         driver: Driver | dict[str, Any] | str | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
+        observation: str = "scan",
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
-        """Make the env; every part may be given as JSON-able changes to the preset's.
-
-        Args:
-            preset: name of the world to start from.
-            floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m";
-                or the path of a ROS map's yaml file.
-            lidar: beams, field of view, range and noise.
-            robot: radius and largest action.
-            noise: motion noise of the world.
-            start: pose at reset and its spread.
-            lap: step lengths, or waypoints of the planned path.
-            driver: who follows that path from the true pose, and plans anew at every
-                step; "none" takes the preset's away.
-            horizon: how many planned actions ``info`` shows; None shows the whole rest.
-            ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
-            render_mode: None or "rgb_array".
-        """
         self._setting = setting = Setting.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
-            driver=driver,
+            driver=driver, observation=observation, **unknown,
         )  # fmt: skip
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
@@ -119,7 +155,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Singles, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; without a seed, the next one in the order of the last seed.
 
         Raises:
@@ -132,21 +168,21 @@ class RoomEnv(gym.Env[Singles, Singles]):
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
         nothing = np.zeros(2, np.float32)
-        return episode.scan.copy(), _info(episode, nothing, collided=False)
+        info = _info(episode, nothing, collided=False)
+        return self._seen(info), info
 
-    def step(self, action: Singles) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: Singles) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Turn, then drive; stop at the first contact with a wall."""
         episode = self._begun
         if episode is None or episode.ended:
             state = "has not begun" if episode is None else "has ended"
             raise RuntimeError(f"the episode {state}: call reset() before step().")
         command = self._setting.commands.checked(action)
-        progress, collided = episode.advance(*command.tolist())
-        reward = progress - self._setting.penalty * collided
+        reward, collided = episode.advance(*command.tolist())
         info = _info(episode, command, collided)
-        used_up = info["planned_count"] == 0
-        episode.ended = used_up or (self._setting.ends_at_goal and episode.lap_done)
-        return episode.scan.copy(), reward, episode.ended, False, info
+        given_up = info["planned_count"] == 0 and not episode.done
+        episode.ended = episode.done or given_up
+        return self._seen(info), reward, episode.done, given_up, info
 
     def place(self, at: Pose) -> None:
         """Put the robot at a free pose, without telling anyone; the reward ignores the jump.
@@ -187,6 +223,12 @@ class RoomEnv(gym.Env[Singles, Singles]):
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
         return self._setting.picture(episode.pose, episode.scan, episode.step)
+
+    def _seen(self, info: dict[str, Any]) -> Any:
+        episode = self._episode
+        share = episode.step / episode.plan.limit
+        planned = info["planned_actions"]
+        return self._setting.seen(episode.scan, planned, episode.progress, share)
 
     @property
     def _episode(self) -> Episode:

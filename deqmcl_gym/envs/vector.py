@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs.info import RoomInfo
@@ -20,14 +20,14 @@ from deqmcl_gym.world.setting import Setting
 
 Actions = Singles
 Info = dict[str, Any]
-StepResult = tuple[Singles, NDArray[Any], NDArray[Any], NDArray[Any], Info]
+StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
 _MASKS = tuple(f"_{key}" for key in RoomInfo.__annotations__)
 _MODES = {mode.value: mode for mode in AutoresetMode}
 MAX_BYTES = 16 * 2**30  # of all rooms
 
 
-class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
+class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with a seed and episodes of its own.
 
     docs/environment.md describes what differs from one room.
@@ -102,7 +102,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Singles, Info]:
+    ) -> tuple[Any, Info]:
         """Begin an episode in all rooms, or in those of ``options["reset_mask"]``.
 
         Args:
@@ -118,7 +118,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         self._begin(rooms, self._checked_seeds(seed))
         self._rooms.observe(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
-        return self._rooms.scans.copy(), self._info(chosen, nothing, np.zeros_like(chosen))
+        return self._seen(), self._info(chosen, nothing, np.zeros_like(chosen))
 
     def step(self, actions: Actions) -> StepResult:
         """Turn, then drive in each room; where an episode ended, begin the next one.
@@ -145,7 +145,7 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             final = self._begun_again(commands, collided)
         info = self._info(self._all, commands, collided)
-        return self._rooms.scans.copy(), rewards, terminated, truncated, final | info
+        return self._seen(), rewards, terminated, truncated, final | info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return each room as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -182,14 +182,23 @@ class RoomVectorEnv(VectorEnv[Singles, Actions, NDArray[Any]]):
         ended = self._ended.copy()
         rooms = np.flatnonzero(ended)
         last = np.full(self.num_envs, None, dtype=object)
-        for room in rooms.tolist():
-            last[room] = self._rooms.scans[room].copy()
+        for room, seen in enumerate(iterate(self.observation_space, self._seen())):
+            if ended[room]:
+                last[room] = seen
         said = self._info(ended, commands.copy(), collided.copy())
         final: Info = {"final_obs": last, "final_info": said}
         self._begin(rooms)
         self._rooms.observe(rooms)
         commands[ended], collided[ended] = 0.0, False
         return final | {f"_{key}": ended.copy() for key in final}
+
+    def _seen(self) -> Any:
+        """Return what each room shows, fresh."""
+        rooms, plan = self._rooms, self._plan
+        if self._setting.observation == "scan":
+            return rooms.scans.copy()
+        planned, _ = plan.after_each(rooms.steps)
+        return self._setting.seen(rooms.scans, planned, rooms.progress, rooms.steps / plan.limit)
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.

@@ -13,6 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.path_kernels import follow
+from deqmcl_gym.world.task import judged
 
 
 def sides(walls: Floats) -> Floats:
@@ -31,7 +32,6 @@ class Robots(NamedTuple):
 
     Attributes:
         poses: x, y, θ in [-π, π), (n, 3).
-        starts: where they began, (n, 3).
         gaps: how far each can drive in any direction without meeting a wall, at least, (n,); 0 if
             nobody knows.
         arcs: arc length at which each is on the path, (n,).
@@ -40,7 +40,6 @@ class Robots(NamedTuple):
     """
 
     poses: Floats
-    starts: Floats
     gaps: Floats
     arcs: Floats
     progress: Floats
@@ -59,9 +58,7 @@ class Rules(NamedTuple):
         reach: a length that no drive has without contact.
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
         length: of the path.
-        once_round: progress from which on a lap may be done.
-        penalty: for a contact.
-        near: how near to the start a lap ends; negative if episodes do not end with it.
+        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.task``.
         most: steps of a plan.
         limit: steps of an episode.
     """
@@ -74,9 +71,7 @@ class Rules(NamedTuple):
     reach: float
     edges: Floats
     length: float
-    once_round: float
-    penalty: float
-    near: float
+    rewards: tuple[float, float, float]
     most: int
     limit: int
 
@@ -85,10 +80,11 @@ class Moved(NamedTuple):
     """What came of a step.
 
     Attributes:
-        rewards: progress along the path less the penalty, (n,).
+        rewards: see ``deqmcl_gym.world.task``, (n,).
         collided: whether a wall stopped the robot, (n,).
-        terminated: whether the plan is used up or, where that counts, the lap is done, (n,).
-        truncated: whether the episode is as long as it may be, (n,).
+        terminated: whether the task is done, (n,).
+        truncated: whether it is not and the plan is used up, or the episode is as long as it may
+            be, (n,).
     """
 
     rewards: Floats
@@ -219,9 +215,8 @@ def _evaluate(
     x, y, _ = robots.poses[i]
     robots.arcs[i], gone = follow(from_x, from_y, x, y, robots.arcs[i], rules.edges, rules.length)
     robots.progress[i] += gone
-    moved.rewards[i] = gone - rules.penalty * moved.collided[i]
-    dx, dy = x - robots.starts[i, 0], y - robots.starts[i, 1]
-    around = robots.progress[i] >= rules.once_round
-    home = np.sqrt(dx * dx + dy * dy) <= rules.near
-    moved.terminated[i] = (robots.steps[i] >= rules.most) | (around & home)
-    moved.truncated[i] = robots.steps[i] >= rules.limit
+    goal, bonus, penalty = rules.rewards
+    reward, done = judged(gone, robots.progress[i], moved.collided[i], goal, bonus, penalty)
+    given_up = robots.steps[i] >= rules.most and not done
+    moved.rewards[i], moved.terminated[i] = reward, done
+    moved.truncated[i] = given_up or robots.steps[i] >= rules.limit

@@ -20,7 +20,7 @@ class Rooms:
         self._setting = setting
         ground = world.floor_plan
         cells = ground.cells if isinstance(ground, GridMap) else NO_CELLS
-        noise, radius, most = world.noise, float(world.robot.radius), len(course.actions)
+        noise, most = world.noise, len(course.actions)
         rules = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
@@ -30,19 +30,15 @@ class Rooms:
             reach=world.reach,
             edges=course.path.edges,
             length=course.path.length,
-            once_round=setting.once_round,
-            penalty=setting.penalty,
-            near=radius if setting.ends_at_goal else -1.0,
+            rewards=setting.rewards,
             most=most,
             limit=limit,
         )
         self._motion = NormalTable(number, 2, most)
         self._lidars = LidarSensors(world.floor_plan, world.lidar, number, most + 1)
-        start = np.tile(course.start, (number, 1))
         gaps, arcs, progress = np.zeros((3, number))
         self._robots = kernels.Robots(
-            poses=start,
-            starts=start.copy(),
+            poses=np.tile(course.start, (number, 1)),
             gaps=gaps,
             arcs=arcs,
             progress=progress,
@@ -70,6 +66,11 @@ class Rooms:
         return self._robots.steps
 
     @property
+    def progress(self) -> Floats:
+        """Along the path since reset, (n,)."""
+        return self._robots.progress
+
+    @property
     def scans(self) -> Singles:
         """The last ones, (n, B)."""
         return self._lidars.scans
@@ -82,7 +83,7 @@ class Rooms:
         """
         starts = [self._setting.start(*episode) for episode in episodes]
         robots = self._robots
-        robots.poses[rooms] = robots.starts[rooms] = np.array(starts)
+        robots.poses[rooms] = np.array(starts)
         robots.arcs[rooms] = np.array([self._setting.first_arc((x, y)) for x, y, _ in starts])
         robots.gaps[rooms] = robots.progress[rooms] = 0.0
         robots.steps[rooms] = 0

@@ -13,6 +13,7 @@ from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, number, shown
 from deqmcl_gym.world.path import Pose
+from deqmcl_gym.world.setting import scan_space
 from deqmcl_gym.world.streams import Stream
 
 Action = Singles
@@ -33,7 +34,7 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
     def __init__(self, env: gym.Env[Singles, Action], step: int, **arguments: Any) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, step=step, **arguments)
         super().__init__(env)
-        self.room = _room(env)
+        self.room = room_of(env)
         self.due = integer("step", step, low=1)
 
     @property
@@ -62,7 +63,7 @@ def _check_all_happen(env: gym.Env[Any, Any]) -> None:
     """Refuse a step that no episode comes to: after the plan, or the limit of a TimeLimit."""
     layers = list(_layers(env))
     limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
-    last = len(_room(env).plan)
+    last = len(room_of(env).plan)
     for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
         most = min([last, *limits])
         if once.due > most:
@@ -125,13 +126,14 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
     def __init__(self, env: gym.Env[Singles, Action], probability: float) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, probability=probability)
         super().__init__(env)
-        self._room = _room(env)
+        self._room = room_of(env)
         self._probability = number("probability", probability, low=0, high=1)
-        scans, lossy = self._room.observation_space, _lossy_space(self._room)
+        scans, lossy = scan_space(self._room.lidar), _lossy_space(self._room)
         if env.observation_space not in (scans, lossy):
             raise InputError(
                 f"the env's observations are {shown(env.observation_space)}, but beams are lost "
-                "from scans: put BeamDropout inside the wrapper that changes the observation."
+                "from scans: put BeamDropout inside the wrapper that changes the observation, "
+                'around an env of observation="scan".'
             )
         self._twin = sum(isinstance(layer, BeamDropout) for layer in _layers(env))
         self.observation_space = lossy
@@ -185,7 +187,8 @@ def _lossy_space(room: RoomEnv) -> gym.Space[Singles]:
     return gym.spaces.Box(0.0, np.inf, (room.lidar.beams,), np.float32)
 
 
-def _room(env: gym.Env[Singles, Action]) -> RoomEnv:
+def room_of(env: gym.Env[Any, Action]) -> RoomEnv:
+    """Return the room within wrappers, else refuse the env."""
     room = env.unwrapped
     if not isinstance(room, RoomEnv):
         raise InputError(f"the env is {room!r}, but this wrapper needs deqmcl_gym/Room-v0.")

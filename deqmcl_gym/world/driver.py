@@ -13,6 +13,7 @@ from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.path_kernels import roll_out
 from deqmcl_gym.world.plan import Actions, Underway
+from deqmcl_gym.world.task import once_round
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
 
@@ -46,7 +47,7 @@ class GuidedPlan:
                 come round.
         """
         lap, limit = world.lap, min(_LAPS * len(course.actions), MAX_STEPS)
-        end = course.path.length - world.robot.radius
+        end = once_round(course.path.length, world.robot.radius)
         plan = cls(
             course=course,
             rules=(driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end),

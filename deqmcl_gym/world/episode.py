@@ -8,6 +8,7 @@ from deqmcl_gym.world.plan import Plan
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream, episode_stream
+from deqmcl_gym.world.task import judged
 
 
 class Episode:
@@ -19,6 +20,8 @@ class Episode:
         pose: the true one (x, y, θ).
         arc: arc length at which the robot is on the path.
         way: from the arc length at reset to there, jumps included.
+        progress: the same without jumps.
+        done: whether the task is.
         ended: whether there is no further one.
         scan: the last one, (B,).
     """
@@ -29,7 +32,7 @@ class Episode:
         Raises:
             InputError: no start drawn is free.
         """
-        world = self._world = setting.world
+        world = setting.world
         self._setting = setting
         self._path = setting.course.path
         self._seed, self._number = seed, number
@@ -37,10 +40,10 @@ class Episode:
         self._motion = self.stream(Stream.MOTION)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
         self.pose = setting.start(seed, number)
-        self._start = self.pose[:2]
-        self._physics = Physics(walls, self._start)
-        self.arc, self.way = setting.first_arc(self._start), 0.0
-        self._progress = 0.0
+        self._physics = Physics(walls, self.pose[:2])
+        self.arc = setting.first_arc(self.pose[:2])
+        self.way = self.progress = 0.0
+        self.done = False
         self.plan: Plan
         self.plan, self.step, self.ended = setting.plan, 0, False
         self.scan = self._sensor.scan(self.pose)
@@ -48,15 +51,6 @@ class Episode:
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
         return episode_stream(self._seed, self._number, stream, twin)
-
-    @property
-    def lap_done(self) -> bool:
-        """Whether the progress adds up to one lap and the robot is back at its start."""
-        if self._progress < self._setting.once_round:
-            return False
-        (x0, y0), (x, y) = self._start, self._physics.position
-        dx, dy = x - x0, y - y0
-        return bool(np.sqrt(dx * dx + dy * dy) <= self._world.robot.radius)
 
     def place(self, pose: Pose) -> None:
         """Put the robot somewhere; that makes no progress."""
@@ -69,16 +63,17 @@ class Episode:
         """Turn, drive, take a scan: one step of noisy motion.
 
         Returns:
-            The progress made along the path; whether a wall stopped the robot.
+            The reward; whether a wall stopped the robot.
         """
         before = self._physics.position
         collided = self._move(distance, turn)
         self.step += 1
         self.arc, progress = self._path.follow(before, self._physics.position, self.arc)
         self.way += progress
-        self._progress += progress
+        self.progress += progress
+        reward, self.done = judged(progress, self.progress, collided, *self._setting.rewards)
         self.scan = self._sensor.scan(self.pose)
-        return progress, collided
+        return reward, collided
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise

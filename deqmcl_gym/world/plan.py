@@ -45,6 +45,11 @@ class Plan(Protocol):
         ...
 
     @property
+    def limit(self) -> int:
+        """The most steps of an episode."""
+        ...
+
+    @property
     def actions(self) -> Actions:
         """The whole lap from the expected start, (T, 2) float32: distance, turn."""
         ...
@@ -69,7 +74,8 @@ class FixedPlan:
     actions: Actions
     horizon: int
 
-    def __len__(self) -> int:
+    @property
+    def limit(self) -> int:
         """T, the number of steps."""
         return len(self.actions)
 

@@ -1,6 +1,7 @@
 """What all episodes of an environment share, whether it runs one room or many."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, boolean, integer, one_of
 from deqmcl_gym.world.commands import Commands
@@ -18,13 +20,14 @@ from deqmcl_gym.world.path import Point, Pose, wrapped
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.streams import Stream, episode_stream
+from deqmcl_gym.world.task import COLLISION_PENALTY, GOAL_BONUS, once_round
 
 if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing
 
-COLLISION_PENALTY = 10.0  # px of progress
-
 _START_TRIES = 1000
+_ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
+_ARGUMENTS += ("observation", "render_mode")
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,14 @@ class Setting:
         course: the lap as planned: path, start and actions.
         plan: what ``info`` shows of the coming actions.
         ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
+        observation: what a step shows: "scan", or "dict" for the plan, progress and clock too.
     """
 
     world: World
     course: Course
     plan: Plan
     ends_at_goal: bool
+    observation: str
 
     @classmethod
     def of(
@@ -50,17 +55,21 @@ class Setting:
         preset: str = "paper",
         horizon: int | None = None,
         ends_at_goal: bool = True,
+        observation: str = "scan",
         **parts: Any,
     ) -> "Setting":
         """Return the setting that the environment's arguments describe.
 
         Raises:
-            InputError: an unknown part or key, a bad value, or a lap that cannot be driven.
+            InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
         """
+        for name in parts:
+            one_of("argument", name, _ARGUMENTS)
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
         course = Course.of(world)
         plan = _plan(world, course, horizon)
-        return cls(world, course, plan, boolean("ends_at_goal", ends_at_goal))
+        one_of("observation", observation, ("scan", "dict"))
+        return cls(world, course, plan, boolean("ends_at_goal", ends_at_goal), observation)
 
     @cached_property
     def commands(self) -> Commands:
@@ -68,21 +77,43 @@ class Setting:
         return Commands(self.world.robot, self.world.floor_plan.unit)
 
     @cached_property
-    def penalty(self) -> float:
-        """What a contact costs, in progress along the path."""
-        return COLLISION_PENALTY * self.world.pixel
+    def rewards(self) -> tuple[float, float, float]:
+        """The goal, what it pays, and what a contact costs, in progress along the path."""
+        goal, px = once_round(self.course.path.length, self.world.robot.radius), self.world.pixel
+        return goal if self.ends_at_goal else math.inf, GOAL_BONUS * px, COLLISION_PENALTY * px
 
     @cached_property
-    def once_round(self) -> float:
-        """Progress along the path from which on a robot back at its start has done the lap."""
-        length = self.course.path.length
-        return length - min(length / 2, 4 * self.world.robot.radius)
+    def observation_space(self) -> gym.Space[Any]:
+        """All scans of a room; with the plan, progress and clock if these are shown."""
+        scans = scan_space(self.world.lidar)
+        if self.observation == "scan":
+            return scans
+        actions, shape = self.commands.space, (self.plan.horizon, 1)
+        return gym.spaces.Dict(
+            scan=scans,
+            plan=gym.spaces.Box(np.tile(actions.low, shape), np.tile(actions.high, shape)),
+            progress=gym.spaces.Box(-1.0, 1.0, (1,), np.float32),
+            clock=gym.spaces.Box(0.0, 1.0, (1,), np.float32),
+        )
 
-    @cached_property
-    def observation_space(self) -> gym.Space[Singles]:
-        """All scans of a room."""
-        lidar = self.world.lidar
-        return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)
+    def seen(self, scan: Singles, planned: Singles, progress: Any, share: Any) -> Any:
+        """Return an observation of one room or of n, all arrays fresh.
+
+        Args:
+            scan: (B,) or (n, B).
+            planned: the actions to come, (h, 2) or (n, h, 2).
+            progress: along the path since reset, a number or (n,).
+            share: of the steps of the plan that are done, a number or (n,).
+        """
+        if self.observation == "scan":
+            return scan.copy()
+        laps = np.clip(np.divide(progress, self.course.path.length), -1.0, 1.0)
+        return {
+            "scan": scan.copy(),
+            "plan": planned.copy(),
+            "progress": np.asarray(laps, np.float32)[..., None],
+            "clock": np.asarray(share, np.float32)[..., None],
+        }
 
     def first_arc(self, start: Point) -> float:
         """Return the arc length at which an episode begins, that of the lap's or near it."""
@@ -130,6 +161,11 @@ class Setting:
             f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
             "start.sd_position."
         )
+
+
+def scan_space(lidar: Lidar) -> gym.spaces.Box:
+    """Return the space of all scans of a lidar."""
+    return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)
 
 
 def _plan(world: World, course: Course, horizon: int | None) -> Plan:

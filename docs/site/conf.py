@@ -34,8 +34,8 @@ autodoc_typehints_format = "short"
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
-    "filename_pattern": r"\.py",
-    "ignore_pattern": r"/_|/ppo|/learned",
+    "filename_pattern": r"examples/(?!ppo)",  # run all but those that need PyTorch
+    "ignore_pattern": r"conftest",
     "within_subsection_order": "FileNameSortKey",
     "show_memory": False,
     "write_computation_times": False,
@@ -70,6 +70,7 @@ CONTENTS = {
         "docs/reports",
         "docs/your-map-your-log",
         "docs/gallery/index",
+        "docs/learning",
     )
     + _tree(
         "Results",

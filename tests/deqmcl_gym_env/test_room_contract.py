@@ -2,16 +2,21 @@
 
 import json
 import warnings
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
+from room_cases import STILL
 from room_trace import ROOM_ID
 
 import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
 
 # The action Box is in px and rad on purpose; this is the only warning allowed.
 UNITS = r".*we recommend using a symmetric and normalized space.*"
@@ -19,6 +24,8 @@ UNITS = r".*we recommend using a symmetric and normalized space.*"
 WORLDS = [
     {"preset": "matched"},
     {"preset": "guided"},
+    {"preset": "guided", "observation": "dict", "horizon": 5},
+    {"preset": "sharp", "observation": "dict", "ends_at_goal": False},
     {"lidar": {"beams": 5, "sigma": 0.0}, "horizon": 20, "ends_at_goal": False},
 ]
 
@@ -30,6 +37,40 @@ def test_the_env_checker_has_nothing_to_say(kwargs):
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=UNITS)
         check_env(env.unwrapped)  # instantiates every declared render mode, too
+
+
+@pytest.mark.parametrize("preset", WORLDS_BY_NAME)
+def test_each_preset_has_an_id_of_its_own_for_one_room_and_for_many(preset):
+    name = f"deqmcl_gym/{preset.capitalize()}-v0"
+    env, same = gym.make(name), RoomEnv(preset=preset)
+    assert env.unwrapped.world == same.world
+    np.testing.assert_equal(env.reset(seed=3), same.reset(seed=3))
+    native = isinstance(gym.make_vec(name, num_envs=2), RoomVectorEnv)
+    assert native == (same.world.driver is None)  # drivers run one by one
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [("lidr", "lidar"), ("observations", "observation"), ("ends_at_gaol", "ends_at_goal")],
+)
+def test_an_unknown_argument_is_refused_with_the_nearest_one(given, meant):
+    for make in (gym.make, partial(gym.make_vec, num_envs=2)):
+        with pytest.raises(InputError, match=f"unknown argument '{given}': did you mean '{meant}'"):
+            make("deqmcl_gym/Sharp-v0", **{given: 1})
+
+
+def test_a_dict_shows_the_plan_the_share_of_the_lap_and_of_the_time():
+    env = RoomEnv(preset="sharp", observation="dict", horizon=4, noise=STILL)
+    for _ in range(2):
+        seen, info = env.reset(seed=0)
+        for step in range(20):
+            assert env.observation_space.contains(seen)
+            np.testing.assert_array_equal(seen["plan"], info["planned_actions"])
+            assert seen["progress"] == pytest.approx(5 * step / 900)
+            assert seen["clock"] == pytest.approx(step / 204)
+            seen, *_, info = env.step(env.plan[step])
+    plain = RoomEnv(preset="sharp", noise=STILL)
+    np.testing.assert_array_equal(env.reset(seed=7)[0]["scan"], plain.reset(seed=7)[0])
 
 
 def test_the_entry_point_is_text_so_that_the_spec_is_json():

@@ -29,7 +29,8 @@ def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
     """What is said in an episode in which the first planned action is carried out at each step."""
     infos, ended = [env.reset(seed=seed)[1]], False
     while not ended and len(infos) <= most:
-        *_, ended, _, info = env.step(infos[-1]["planned_actions"][0])
+        *_, done, cut, info = env.step(infos[-1]["planned_actions"][0])
+        ended = done or cut
         infos.append(info)
     return infos
 
@@ -142,7 +143,8 @@ def test_a_driver_that_gets_nowhere_gives_up_after_twice_the_steps_of_the_lap():
     info = env.reset(seed=0)[1]
     counts, ended = [info["planned_count"]], False
     while not ended:
-        *_, ended, _, info = env.step(np.zeros(2, np.float32))
+        *_, done, ended, info = env.step(np.zeros(2, np.float32))
+        assert not done
         counts.append(info["planned_count"])
     assert len(counts) == 2 * len(env.course.actions) + 1
     assert counts == [min(counts[0], 408 - step) for step in range(409)]

@@ -48,14 +48,15 @@ def assert_same_episode(px, m, commands=None) -> int:
     """Drive both through an episode, by their plans or by commands in px; return the contacts."""
     (scan, said), (other, told) = px.reset(seed=3), m.reset(seed=3)
     contacts, ended, step = 0, False, 0
-    while not np.any(ended):
+    while not ended:
         np.testing.assert_allclose(other / M, scan, rtol=0, atol=CLOSE)
         assert_alike(said, told)
         action = said["planned_actions"][..., 0, :] if commands is None else commands[step]
-        scan, reward, ended, _, said = px.step(np.float32(action))
-        other, earned, over, _, told = m.step(np.float32(action * np.float64([M, 1])))
+        scan, reward, *ends, said = px.step(np.float32(action))
+        other, earned, *overs, told = m.step(np.float32(action * np.float64([M, 1])))
         np.testing.assert_allclose(np.asarray(earned) / M, reward, rtol=0, atol=CLOSE)
-        np.testing.assert_array_equal(over, ended)
+        np.testing.assert_array_equal(overs, ends)
+        ended = np.any(ends)
         contacts += np.sum(said["collided"])
         step += 1
     assert step > 150

@@ -37,7 +37,8 @@ def test_the_new_plan_is_shown_after_its_step_and_not_before_and_the_episode_end
             assert told["planned_count"] == len(left)
             expected = np.vstack([left, np.zeros((rows - len(left), 2), np.float32)])
             np.testing.assert_array_equal(told["planned_actions"], expected)
-        assert [step[2] for step in said] == [False] * (2 + count) + [True]
+        assert not any(step[2] for step in said)
+        assert [step[3] for step in said] == [False] * (2 + count) + [True]
 
 
 def test_the_world_moves_and_senses_as_without_the_change():

@@ -1,14 +1,19 @@
-"""Reward is progress along the lap; episodes end at the goal or with the plan."""
+"""Reward is progress along the lap and a bonus at its end; giving up is no end of the task."""
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from room_cases import FLOOR_PLANS, calm, closing_error, drive
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from room_cases import FLOOR_PLANS, calm, closing_error, drive, wrapped
 
 from deqmcl_gym.envs.room import RoomEnv
 
 FULL = 900.0  # px: the paper's lap, 2 · (250 + 200)
+DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
 EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
 
 
@@ -66,21 +71,108 @@ def test_a_collision_costs_ten():
     np.testing.assert_allclose(rewards_of(said), [0, 0, -10, -10], rtol=0, atol=EXACT)
 
 
-def test_an_episode_ends_within_a_radius_of_the_start_after_a_full_turn():
+def test_an_episode_is_done_when_the_robot_touches_the_start_line_after_a_full_turn():
     env, said = calm(), []
     while not (said and said[-1][2]):
         said.append(env.step(env.plan[len(said)]))
     # 5 px a step: one step before the end 5 px are missing, less than the radius 8; two before, 10.
     assert len(said) == 203
     assert not any(step[3] for step in said)
-    assert abs(rewards_of(said).sum() - (FULL - 5)) < closing_error(env.plan)
+    assert abs(rewards_of(said).sum() - DONE) < EXACT
 
 
 @pytest.mark.parametrize("ends_at_goal", [True, False])
-def test_an_episode_ends_with_the_plan_wherever_the_robot_is(ends_at_goal):
+def test_a_plan_used_up_cuts_the_episode_off_and_does_not_end_the_task(ends_at_goal):
     env = calm(ends_at_goal=ends_at_goal)
-    actions = np.zeros((204, 2)) if ends_at_goal else env.plan
-    assert [step[2] for step in drive(env, actions)] == [False] * 203 + [True]
+    said = drive(env, np.zeros((204, 2)) if ends_at_goal else env.plan)
+    assert not any(step[2] for step in said)
+    assert [step[3] for step in said] == [False] * 203 + [True]
+
+
+def beside_the_lap(env, offset, speed, lap=1) -> Iterator[tuple[float, float]]:
+    """Drive the lap ``offset`` px outside of it, in steps of ``speed``, as one who knows the pose.
+
+    ``lap`` -1 is the other way round.
+    """
+    (x0, y0), (x1, y1) = (50 - offset, 50 - offset), (300 + offset, 250 + offset)
+    corners = [(x1, y0), (x1, y1), (x0, y1), (x0, y0)][::lap]
+    corners = corners if lap > 0 else corners[-1:] + corners[:-1]
+    while True:
+        for corner in corners:
+            while (way := math.dist(corner, env.pose[:2])) > 2:
+                x, y, heading = env.pose
+                turn = wrapped(math.atan2(corner[1] - y, corner[0] - x) - heading)
+                most = math.pi / 12
+                yield min(speed, way) if abs(turn) < most else 0.0, min(max(turn, -most), most)
+
+
+def stops(env, after) -> Iterator[tuple[float, float]]:
+    yield from itertools.islice(beside_the_lap(env, 0, 10), after)
+    yield from itertools.repeat((0.0, 0.0))
+
+
+def circles(env, after) -> Iterator[tuple[float, float]]:
+    yield from itertools.islice(beside_the_lap(env, 0, 10), after)
+    yield from itertools.repeat((5.0, math.pi / 12))
+
+
+def returned(policy) -> tuple[float, bool, bool, int]:
+    """What a policy earns; whether it did the task, and touched a wall; its steps."""
+    env = calm()
+    total, touched = 0.0, False
+    for steps, action in enumerate(policy(env), 1):
+        _, reward, done, cut, info = env.step(np.asarray(action, np.float32))
+        total, touched = total + reward, touched or info["collided"]
+        if done or cut:
+            return total, done, touched, steps
+    raise AssertionError("the plan is never used up")
+
+
+POLICIES = {
+    **{f"{offset} px outside": lambda env, by=offset: beside_the_lap(env, by, 10)
+       for offset in (-20, -9, -4, 4, 9, 20, 30)},
+    **{f"slow, {offset} px outside": lambda env, by=offset: beside_the_lap(env, by, 5)
+       for offset in (9, 20)},
+    **{f"stops after {steps}": lambda env, n=steps: stops(env, n) for steps in (0, 40, 100, 105)},
+    **{f"circles after {steps}": lambda env, n=steps: circles(env, n) for steps in (0, 40, 105)},
+    "into the wall": lambda env: itertools.chain([(0.0, -0.7)] * 2, itertools.repeat((10.0, 0.0))),
+    "the other way round": lambda env: beside_the_lap(env, 0, 10, lap=-1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_no_way_of_driving_earns_more_than_the_lap_as_planned(policy):
+    as_planned, done, touched, _ = returned(lambda env: env.plan)
+    assert (done, touched) == (True, False)
+    total, done, touched, steps = returned(POLICIES[policy])
+    if done and not touched:  # as good a lap
+        assert abs(total - as_planned) < EXACT
+        assert steps < 204
+    else:
+        assert total <= as_planned - 10
+    passes = {f"{offset} px outside" for offset in (-20, -9, -4, 4, 9, 20, 30)}
+    assert done == (policy in passes)  # the line counts wherever it is crossed
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.lists(st.tuples(st.floats(0, 10, width=32), st.floats(-0.75, 0.75, width=32)), min_size=1),
+    st.booleans(),
+)
+def test_whatever_is_done_earns_its_progress_up_to_the_goal(turns, ends_at_goal):
+    """The potential is min(progress, goal), so nothing can be gained on the way."""
+    env = calm(ends_at_goal=ends_at_goal, lap={"waypoints": [(60, 60), (100, 60), (80, 90)]})
+    earned = contacts = 0.0
+    for action in itertools.islice(itertools.cycle(turns), len(env.plan)):
+        _, reward, done, cut, info = env.step(np.float32(action))
+        earned, contacts = earned + reward, contacts + info["collided"]
+        goal = env.course.path.length - 8 if ends_at_goal else math.inf
+        progress = env._begun.progress
+        potential = min(progress, goal) + 100 * (progress >= goal) - 10 * contacts
+        assert abs(earned - potential) < EXACT
+        assert done == (progress >= goal)
+        if done or cut:
+            break
 
 
 def lap_in_large_steps(side: int) -> list[tuple[float, float]]:
@@ -92,7 +184,7 @@ def lap_in_large_steps(side: int) -> list[tuple[float, float]]:
     return actions
 
 
-@pytest.mark.parametrize(("side", "progress"), [(1, FULL - 5), (-1, -FULL)])
+@pytest.mark.parametrize(("side", "progress"), [(1, DONE), (-1, -FULL)])
 def test_a_clockwise_lap_does_not_count(side, progress):
     env = calm(robot={"max_turn": math.pi})
     *underway, last = lap_in_large_steps(side)

@@ -1,0 +1,151 @@
+"""A localizer inside the env: its belief is observed, its error may be the reward."""
+
+import warnings
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from room_trace import ROOM_ID
+
+import deqmcl_gym  # noqa: F401
+from deqmcl_gym.envs.belief import BeliefObservation, LocalizationReward
+from deqmcl_gym.envs.wrappers import Kidnap
+from deqmcl_gym.validation import InputError
+from localizers import GaussianPrior, PointsBelief, RobotModel, make
+
+PRIOR = GaussianPrior(mean=(175.0, 50.0, 0.0))
+UNITS = r".*we recommend using a symmetric and normalized space.*"
+
+
+def with_belief(env, name="mcl", **params):
+    room = env.unwrapped
+    robot = RobotModel(floor_plan=room.floor_plan, lidar=room.lidar)
+    return BeliefObservation(env, make(name, robot, **params), PRIOR)
+
+
+def sharp(**kwargs):
+    return gym.make(ROOM_ID, preset="sharp", horizon=20, **kwargs)
+
+
+@pytest.mark.parametrize("observation", ["scan", "dict"])
+def test_the_belief_is_that_of_the_localizer_run_by_hand(observation):
+    env = with_belief(sharp(observation=observation), particles=50)
+    room = sharp()
+    robot = RobotModel(floor_plan=room.unwrapped.floor_plan, lidar=room.unwrapped.lidar)
+    localizer = make("mcl", robot, particles=50)
+    (seen, info), (scan, _) = env.reset(seed=3), room.reset(seed=3)
+    assert set(seen) >= {"scan", "mean", "covariance", "entropy"}
+    (rng,) = np.random.default_rng(np.random.SeedSequence(3)).spawn(1)
+    belief = localizer.reset(PRIOR, info["planned_actions"], rng)
+    for _ in range(10):
+        poses, weights = belief.points()
+        np.testing.assert_array_equal(seen["scan"], scan)
+        mean = np.average(poses[:, :2], axis=0, weights=weights)
+        np.testing.assert_allclose(seen["mean"][:2], mean, atol=1e-4)
+        spread = np.cov(poses[:, :2].T, aweights=weights, ddof=0)
+        np.testing.assert_allclose(seen["covariance"][:2, :2], spread, rtol=1e-5, atol=1e-3)
+        assert env.observation_space.contains(seen)
+        action = info["planned_actions"][0]
+        scan = room.step(action)[0]
+        seen, *_, info = env.step(action)
+        belief = localizer.update(scan, action, info["planned_actions"])
+
+
+class Known:
+    """Believes in given weighted poses, about ±π in heading."""
+
+    quality = None
+
+    def reset(self, prior, plan, rng):
+        belief = PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
+        if self.quality is not None:
+            belief.quality = self.quality
+        return belief
+
+    def update(self, ranges, action, plan):
+        return self.reset(None, None, None)
+
+
+def test_moments_and_entropy_of_a_belief_computed_by_hand():
+    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    a, b = 1 * np.exp(3.0j), 3 * np.exp(-3.0j)
+    heading = np.angle(a + b)
+    off = np.angle(np.exp(1j * (np.array([3.0, -3.0]) - heading)))
+    cloud = np.array([(-1.5, 0.0, off[0]), (0.5, 0.0, off[1])])
+    covariance = (cloud.T * [0.25, 0.75]) @ cloud
+    np.testing.assert_allclose(seen["mean"], (1.5, 0.0, heading), rtol=1e-6)
+    np.testing.assert_allclose(seen["covariance"], covariance, rtol=1e-5, atol=1e-7)
+    floored = covariance + np.diag([0.01, 0.01, 1e-6])
+    entropy = 0.5 * np.log(np.linalg.det(2 * np.pi * np.e * floored))
+    assert seen["entropy"][0] == pytest.approx(entropy, rel=1e-5)
+    assert "quality" not in seen
+
+
+def test_a_quality_is_shown_where_there_is_one():
+    localizer = Known()
+    localizer.quality = 0.25
+    env = BeliefObservation(sharp(), localizer, PRIOR)
+    assert env.reset(seed=0)[0]["quality"] == np.float32([0.25])
+    assert env.observation_space["quality"] == gym.spaces.Box(0.0, 1.0, (1,))
+
+
+def test_the_reward_is_the_error_of_the_estimate_in_px():
+    env = LocalizationReward(BeliefObservation(sharp(), Known(), PRIOR))
+    env.reset(seed=0)
+    _, reward, *_, info = env.step(np.float32([5, 0.1]))
+    assert reward == pytest.approx(-np.hypot(*(info["truth"][:2] - (1.5, 0.0))))
+    assert isinstance(reward, float)
+
+
+@pytest.mark.parametrize("observation", ["scan", "dict"])
+def test_the_env_checker_has_nothing_to_say(observation):
+    env = LocalizationReward(with_belief(sharp(observation=observation), particles=20))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=UNITS)
+        warnings.filterwarnings("ignore", message=r".*different from the unwrapped version.*")
+        check_env(env, skip_render_check=True)
+
+
+def test_rooms_with_localizers_run_side_by_side_and_are_reproducible():
+    wrap = partial(with_belief, particles=20)
+
+    def made():
+        return gym.make_vec(
+            ROOM_ID, num_envs=2, vectorization_mode="sync", wrappers=[wrap, LocalizationReward],
+            preset="sharp", horizon=5,
+        )  # fmt: skip
+
+    one, other = made(), made()
+    first, second = one.reset(seed=4), other.reset(seed=4)
+    np.testing.assert_equal(first, second)
+    assert (first[0]["covariance"][0] != first[0]["covariance"][1]).any()
+    for _ in range(30):
+        actions = first[1]["planned_actions"][:, 0]
+        first, second = one.step(actions)[::4], other.step(actions)[::4]
+        np.testing.assert_equal(first, second)
+    again = [one.reset()[0]["covariance"] for _ in range(2)]
+    assert (again[0] != again[1]).any()  # each episode draws anew
+
+
+def test_other_wrappers_may_be_inside():
+    env = with_belief(Kidnap(sharp(), step=2, pose=(60, 200, 1.0)), particles=20)
+    env.reset(seed=0)
+    env.step(np.float32([5, 0]))
+    *_, info = env.step(np.float32([5, 0]))
+    assert info["truth"][0] < 100
+
+
+def test_wrong_places_are_refused():
+    with pytest.raises(InputError, match="needs scans of 9 beams: put BeliefObservation inside"):
+        with_belief(gym.wrappers.FrameStackObservation(sharp(), 3))
+    with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
+        LocalizationReward(sharp())
+    from deqmcl_gym.envs.recording import RecordLog
+    from deqmcl_gym.envs.wrappers import BeamDropout
+
+    for wrap in (RecordLog, partial(BeamDropout, probability=0.1)):
+        with pytest.raises(InputError, match='of observation="scan"'):
+            wrap(sharp(observation="dict"))
