@@ -11,6 +11,7 @@ from types import ModuleType
 from benchmarks.commands import (
     check,
     new_localizer,
+    new_map,
     paper,
     phase,
     replay,
@@ -31,5 +32,6 @@ COMMANDS: Sequence[ModuleType] = (
     phase,
     check,
     new_localizer,
+    new_map,
     speed,
 )

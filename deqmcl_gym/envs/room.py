@@ -55,7 +55,8 @@ class RoomEnv(gym.Env[Singles, Singles]):
         Args:
             preset: name of the world to start from.
             floor_plan: the map: ``outer`` corners, ``obstacles`` and their ``unit``, "px" or "m";
-                or the path of a ROS map's yaml file.
+                the path of a ROS map's yaml file or of a JSON file of polygons; or an ``office``
+                and its ``form``, "grid" or "polygons".
             lidar: beams, field of view, range and noise.
             robot: radius and largest action.
             noise: motion noise of the world.
