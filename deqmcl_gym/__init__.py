@@ -4,7 +4,7 @@
 >>> env = gym.make("deqmcl_gym/Room-v0")
 """
 
-from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, Office, PolygonMap
 from deqmcl_gym.registration import ENV_ID, register
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
 
@@ -17,6 +17,7 @@ __all__ = [
     "Lap",
     "Lidar",
     "MotionNoise",
+    "Office",
     "PolygonMap",
     "Robot",
     "Start",

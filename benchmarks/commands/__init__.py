@@ -12,6 +12,7 @@ from benchmarks.commands import (
     check,
     from_nav2,
     new_localizer,
+    new_map,
     paper,
     phase,
     replay,
@@ -33,5 +34,6 @@ COMMANDS: Sequence[ModuleType] = (
     phase,
     check,
     new_localizer,
+    new_map,
     speed,
 )

@@ -1,6 +1,6 @@
 """Scenario: a world, what the filters assume of it, and who drives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -116,7 +116,7 @@ class Scenario:
         return {**self.env, **whole, **horizon}
 
 
-def grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict[str, Any]:
+def grouped(values: Mapping[str, Any], parts: Collection[str], what: str) -> dict[str, Any]:
     """Return values by dotted name as those of each part; one without a dot is the whole part.
 
     Raises:
@@ -133,7 +133,12 @@ def grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict[
             whole[part] = value
     for part in whole.keys() & keyed.keys():
         raise InputError(f"{part} is given whole and by key: give only one of them.")
-    return whole | keyed
+    return whole | {part: _nested(part, keys) for part, keys in keyed.items()}
+
+
+def _nested(part: str, keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``{"office.seed": 3}`` as ``{"office": {"seed": 3}}``."""
+    return grouped(keys, {key.partition(".")[0] for key in keys}, f"key in {part}")
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

@@ -61,8 +61,9 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     Args:
         preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
-        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; or the path
-            of a ROS map's yaml file.
+        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of a
+            ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`, "grid"
+            or "polygons".
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot: radius and largest action.

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.disc_kernels import first_contact
+from deqmcl_gym.maps.contact_kernels import first_contact
 from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
@@ -52,7 +52,7 @@ class Rules(NamedTuple):
     Attributes:
         noise: σ_dd, σ_φφ, σ_φd.
         walls: as :func:`sides` returns them; free space to their left. None of a grid.
-        cells: a ``disc_kernels.Cells`` as a plain tuple: a grid, or ``NO_CELLS``.
+        cells: a ``disc_kernels.Terrain`` as a plain tuple: a grid, or ``NO_CELLS``.
         radius: of the robots.
         skin: how far before a contact they stop.
         reach: a length that no drive has without contact.

@@ -12,7 +12,7 @@ from deqmcl_gym.numerics.types import Floats, Singles
 _PER_WALL = 4  # cells; the fastest of 2 to 16 among 256 and 1,024 walls
 
 
-class Cells(NamedTuple):
+class SortedWalls(NamedTuple):
     """Walls sorted into square cells.
 
     Attributes:
@@ -26,7 +26,7 @@ class Cells(NamedTuple):
     table: Table
 
 
-def cells_of(walls: Floats, directed: Singles, margin: float) -> Cells:
+def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
     """Sort walls into square cells, a handful for each.
 
     A wall closer to a cell than ``margin`` counts as in it.
@@ -54,4 +54,4 @@ def cells_of(walls: Floats, directed: Singles, margin: float) -> Cells:
     scaled = directed.astype(np.float64)
     scaled[:, :2] = (scaled[:, :2] - corner) / side
     scaled[:, 4:] /= side
-    return Cells(corner, side, Table(reach, first, listed, scaled.astype(np.float32)))
+    return SortedWalls(corner, side, Table(reach, first, listed, scaled.astype(np.float32)))

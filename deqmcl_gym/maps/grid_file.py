@@ -15,7 +15,7 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 T = TypeVar("T")
-Cells = NDArray[np.int8]
+Occupancy = NDArray[np.int8]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 MODES = ("trinary", "scale", "raw")
@@ -59,7 +59,7 @@ def check_thresholds(free: Any, occupied: Any) -> None:
 def write(
     path: str | os.PathLike[str],
     mode: str,
-    cells: Cells,
+    cells: Occupancy,
     *,
     resolution: float,
     origin: tuple[float, float, float],
@@ -183,7 +183,7 @@ def _pixels_of(path: Path) -> Floats:
     return shades
 
 
-def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Cells:
+def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Occupancy:
     """Return the values that map_server gives pixels, in the rows of the image."""
     channels = shades.shape[2]
     opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
@@ -204,7 +204,7 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     return cells.astype(np.int8)
 
 
-def _pixels(cells: Cells, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
+def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
     """Return the image that map_saver makes of cells."""
     if mode == "raw":
         return cells.astype(np.uint8)  # -1 becomes 255

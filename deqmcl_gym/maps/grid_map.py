@@ -10,7 +10,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import disc_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
+from deqmcl_gym.maps import (
+    contact_kernels,
+    disc_kernels,
+    grid_file,
+    grid_kernels,
+    grid_walls,
+    stride_kernels,
+)
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Point
@@ -73,6 +80,10 @@ class GridMap:
                 f"{counts[1]:,} unknown, with unknown = {self.unknown!r}: check negate and the "
                 'thresholds, or choose unknown="free".'
             )
+
+    def __repr__(self) -> str:
+        rows, columns = self.occupancy.shape
+        return f"GridMap({columns} x {rows} cells of {self.resolution:g} m, origin {self.origin})"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], unknown: Unknown = "obstacle") -> "GridMap":
@@ -205,7 +216,7 @@ class GridMap:
         self, start: tuple[float, float], end: tuple[float, float], radius: float
     ) -> float | None:
         """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
-        share = disc_kernels.first_contact(start, end, self._reach, self._frame, radius)
+        share = contact_kernels.first_contact(start, end, self._reach, self._frame, radius)
         return share if share < math.inf else None
 
     @cached_property
@@ -217,7 +228,7 @@ class GridMap:
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``disc_kernels.Cells``, as a plain tuple: for kernels that drive in it."""
+        """A ``disc_kernels.Terrain``, as a plain tuple: for kernels that drive in it."""
         return (self._reach, *self._runs, self._frame)
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:

@@ -1,34 +1,43 @@
-"""Office buildings, generated from a seed: rooms with doors along corridors, as cells."""
+"""Office buildings, generated from a seed: rooms with doors along corridors."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
+from deqmcl_gym.maps.grid_map import GridMap
+from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.numerics.types import Bools
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, boolean, digits, integer, number
 
 CELL = 0.1  # m
 _WALL = 2  # cells
 _MARGIN = 3  # cells between a door and the corner of its room
+_PILLAR, _PITCH = 5, 30  # cells: the side of a hall's pillar, and from one to the next
+_KEPT = 8  # buildings remembered in either form
 
 
 @dataclass(frozen=True, kw_only=True)
 class Office:
-    """What an office building is like. Lengths in m, kept to 0.1 m.
+    """An office building. Lengths in m, multiples of 0.1 m.
 
-    Horizontal corridors run through the whole building, and vertical ones divide it into wings.
-    Between corridors stand rooms, each with a door to one of them, and now and then a hall with
-    doors on both sides. Some neighbouring rooms share a door.
+    Horizontal corridors run through the whole building; vertical ones divide it into wings. Between
+    corridors stand rooms, each with a door to one of them, now and then a hall with doors on both
+    sides, empty or with pillars, or a closed courtyard. Some neighbouring rooms share a door. The
+    same values give the same building on every machine.
 
     Attributes:
-        wings: of rooms, side by side, each about 20 m long.
+        seed: that the building is drawn from.
+        wings: of rooms, side by side, each 16 to 24 m long.
         corridors: horizontal ones, with loops between them from 2 on.
         corridor: width of all corridors.
         door: width of all doors.
-        repeated: all wings are alike; scans then cannot tell one from another.
+        repeated: all wings are alike, so that a scan in one may be a scan in another.
         symmetric: a half turn of the building gives the same building, exactly.
     """
 
+    seed: int = 0
     wings: int = 2
     corridors: int = 2
     corridor: float = 2.0
@@ -37,43 +46,62 @@ class Office:
     symmetric: bool = False
 
     def __post_init__(self) -> None:
-        integer("wings", self.wings, low=1, high=8)
-        integer("corridors", self.corridors, low=1, high=6)
-        number("corridor", self.corridor, low=0.8, high=10)
-        number("door", self.door, low=0.5, high=1.5)
-        if self.symmetric and self.wings % 2:
+        integer("office.seed", self.seed, high=2**63 - 1)
+        integer("office.wings", self.wings, low=1, high=8)
+        integer("office.corridors", self.corridors, low=1, high=6)
+        for name, low, high in (("corridor", 0.8, 10.0), ("door", 0.7, 1.5)):
+            length = number(f"office.{name}", getattr(self, name), low=low, high=high)
+            if abs(length - CELL * _cells(length)) > 1e-9:
+                raise InputError(
+                    f"office.{name} is {digits(length)}, but must be a multiple of {CELL:g} m."
+                )
+        boolean("office.repeated", self.repeated)
+        if boolean("office.symmetric", self.symmetric) and (self.repeated or self.wings % 2):
             raise InputError(
-                f"wings is {self.wings}, but a symmetric office has as many on either side of its "
-                "middle: give an even number."
+                f"office.symmetric is true with wings = {self.wings} and repeated = "
+                f"{str(self.repeated).lower()}, but its wings are those of one half, turned: give "
+                "an even number of wings, and either symmetric or repeated."
             )
 
-    def cells(self, rng: np.random.Generator) -> Bools:
-        """Draw a building.
+    @property
+    def grid(self) -> GridMap:
+        """The building in cells of 0.1 m, its lower left corner at (0, 0)."""
+        return _grid(self)
 
-        Args:
-            rng: the only source of randomness; the same numbers give the same building anywhere.
+    @property
+    def polygons(self) -> PolygonMap:
+        """The same building in segments."""
+        return _polygons(self)
 
-        Returns:
-            True where there is no wall, (rows, columns) of ``CELL``; row 0 is the lowest y. The
-            border is wall, and all of the free cells are connected.
-        """
-        return _building(self, rng)
+
+@lru_cache(_KEPT)
+def _grid(office: Office) -> GridMap:
+    free = _building(office, np.random.default_rng(office.seed))
+    return GridMap(occupancy=np.where(free, FREE, OCCUPIED).astype(np.int8), resolution=CELL)
+
+
+@lru_cache(_KEPT)
+def _polygons(office: Office) -> PolygonMap:
+    found = PolygonMap.from_grid(office.grid)
+    outer, *obstacles = (  # 2.4, not 2.4000000000000004
+        [(round(x, 1), round(y, 1)) for x, y in polygon]
+        for polygon in (found.outer, *found.obstacles)
+    )
+    return PolygonMap(outer=outer, obstacles=tuple(obstacles), unit=found.unit)
 
 
 def _building(office: Office, rng: np.random.Generator) -> Bools:
+    """Draw which cells are free, the lowest row first; all of them hold together."""
     depths = _symmetric(_drawn(rng, 40, 60, (office.corridors + 2) // 2), office.corridors + 1)
-    way = _cells(office.corridor)
-    drawn = office.wings // 2 if office.symmetric else office.wings
-    first = _wing(office, depths, rng)
-    wings = [
-        first,
-        *(first if office.repeated else _wing(office, depths, rng) for _ in range(drawn - 1)),
-    ]
+    drawn = office.wings // 2 if office.symmetric else 1 if office.repeated else office.wings
+    wings = [_wing(office, depths, rng) for _ in range(drawn)]
+    if office.repeated:
+        wings *= office.wings
     if office.symmetric:
         wings += [wing[::-1, ::-1] for wing in reversed(wings)]
-    across = np.zeros((len(first), way), dtype=bool)
+    across = np.zeros((len(wings[0]), _cells(office.corridor)), dtype=bool)
     across[_WALL:-_WALL] = True  # a vertical corridor, from the lowest wall to the highest
-    wall = np.zeros((len(first), _WALL), dtype=bool)
+    wall = np.zeros((len(across), _WALL), dtype=bool)
     parts = [part for wing in wings for part in (across, wing)]
     return np.hstack([wall, *parts, across, wall])
 
@@ -85,8 +113,12 @@ def _wing(office: Office, depths: list[int], rng: np.random.Generator) -> Bools:
     rows: list[Bools] = []
     for place, depth in enumerate(depths):
         inner = 0 < place < len(depths) - 1
-        if inner and rng.integers(4) == 0:
+        kind = int(rng.integers(10)) if inner else None
+        if kind == 0:  # a courtyard
+            row = np.zeros((2 * depth - _WALL, length), dtype=bool)
+        elif kind in (1, 2):
             row = _hall(office, 2 * depth - _WALL, length, rng)
+            row &= kind == 1 or ~_pillars(*row.shape)
         elif inner:
             low, high = (_rooms(office, depth, length, rng) for _ in range(2))
             row = np.vstack([low, high[::-1][_WALL:]])  # back to back: one wall between them
@@ -128,6 +160,21 @@ def _hall(office: Office, depth: int, length: int, rng: np.random.Generator) -> 
             place = int(rng.integers(low, high + 1))
             free[side, place : place + door] = True
     return free
+
+
+def _pillars(depth: int, length: int) -> Bools:
+    """Which cells are of pillars in a hall: in rows, as far from one wall as from the other."""
+    along, across = (_stripes(size) for size in (length, depth))
+    return across[:, None] & along
+
+
+def _stripes(size: int) -> Bools:
+    count = (size - _PITCH) // _PITCH
+    stripes = np.zeros(size, dtype=bool)
+    first = (size - (count - 1) * _PITCH - _PILLAR) // 2
+    for start in range(first, first + count * _PITCH, _PITCH):
+        stripes[start : start + _PILLAR] = True
+    return stripes
 
 
 def _drawn(rng: np.random.Generator, low: int, high: int, count: int) -> list[int]:

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deqmcl_gym.maps.crossing_kernels import crosses, enter, inverse, leave, meet
 from deqmcl_gym.maps.kernels import wind
 from deqmcl_gym.maps.stride_kernels import Table, cast_among
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 from deqmcl_gym.numerics.types import Bools, Singles
 
-Single = Any  # a float32
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
 _RAYS = 512  # of one beam cast in one go: what they need fits the fastest cache
 
@@ -87,94 +87,6 @@ def _blind(inside: Bools, out: Singles) -> None:
 
 
 @compiled
-def _less(a: Single, b: Single) -> Single:
-    return a if a < b else b
-
-
-@compiled
-def _more(a: Single, b: Single) -> Single:
-    return a if a > b else b
-
-
-@compiled
-def _inverse(slope: Single) -> Single:
-    """1 / slope; a beam along an axis keeps some slope, so that 0 · inf does not come up."""
-    return _ONE / (slope if abs(slope) > _TINY else _TINY)
-
-
-# Single rays, from (x, y) along (dx, dy); per_dx = 1 / dx. All but the first return the shorter of
-# ``best`` and the distance to one obstacle. They are free of branches, as a loop over lanes must
-# be, and of decisions about each other's results, which would be branches again.
-
-
-@compiled
-def _leave(
-    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
-) -> Single:
-    """Where a ray leaves the rectangle that it starts in, whose sides are so far in x or y."""
-    leave_x = _more(left * per_dx, right * per_dx)
-    leave_y = _more(low * per_dy, high * per_dy)
-    return _less(leave_x, leave_y)
-
-
-@compiled
-def _enter(
-    left: Single,
-    low: Single,
-    right: Single,
-    high: Single,
-    per_dx: Single,
-    per_dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
-    to_left, to_right = left * per_dx, right * per_dx
-    to_low, to_high = low * per_dy, high * per_dy
-    enter = _more(_less(to_left, to_right), _less(to_low, to_high))
-    leave = _less(_more(to_left, to_right), _more(to_low, to_high))
-    t = enter if enter >= _ZERO else leave
-    return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
-
-
-@compiled
-def _cross(
-    at: Single,
-    low: Single,
-    high: Single,
-    across: Single,
-    along: Single,
-    per: Single,
-    slope: Single,
-    best: Single,
-) -> Single:
-    """Where a ray crosses a wall that is parallel to an axis."""
-    t = (at - across) * per
-    u = along + t * slope
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
-
-
-@compiled
-def _meet(
-    ax: Single,
-    ay: Single,
-    ex: Single,
-    ey: Single,
-    low: Single,
-    high: Single,
-    x: Single,
-    y: Single,
-    dx: Single,
-    dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray meets a wall of any direction (ex, ey)."""
-    rx, ry = ax - x, ay - y
-    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
-    u = (t * dx - rx) * ex + (t * dy - ry) * ey
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
-
-
-@compiled
 def _shorten(
     x: Singles,
     y: Singles,
@@ -190,19 +102,19 @@ def _shorten(
         left, low, right, high = walls.boxes[other]
         for i in range(best.size):
             sides = left - x[i], low - y[i], right - x[i], high - y[i]
-            best[i] = _enter(*sides, per_dx[i], per_dy[i], best[i])
+            best[i] = enter(*sides, per_dx[i], per_dy[i], best[i])
     for wall in range(walls.upright.shape[0]):
         at, low, high = walls.upright[wall]
         for i in range(best.size):
-            best[i] = _cross(at, low, high, x[i], y[i], per_dx[i], dy[i], best[i])
+            best[i] = crosses(at, low, high, x[i], y[i], per_dx[i], dy[i], best[i])
     for wall in range(walls.level.shape[0]):
         at, low, high = walls.level[wall]
         for i in range(best.size):
-            best[i] = _cross(at, low, high, y[i], x[i], per_dy[i], dx[i], best[i])
+            best[i] = crosses(at, low, high, y[i], x[i], per_dy[i], dx[i], best[i])
     for wall in range(walls.oblique.shape[0]):
         ax, ay, ex, ey, low, high = walls.oblique[wall]
         for i in range(best.size):
-            best[i] = _meet(ax, ay, ex, ey, low, high, x[i], y[i], dx[i], dy[i], best[i])
+            best[i] = meet(ax, ay, ex, ey, low, high, x[i], y[i], dx[i], dy[i], best[i])
 
 
 @compiled
@@ -250,13 +162,13 @@ def cast(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Si
             bs, bc = beam_sine[beam], beam_cosine[beam]
             best = out[beam, start:end]
             for i in range(count):
-                per_dx[i] = _inverse(cosine[i] * bc - sine[i] * bs)
-                per_dy[i] = _inverse(sine[i] * bc + cosine[i] * bs)
+                per_dx[i] = inverse(cosine[i] * bc - sine[i] * bs)
+                per_dy[i] = inverse(sine[i] * bc + cosine[i] * bs)
             for i in range(count):
                 left, low, right, high = room[0, i], room[1, i], room[2, i], room[3, i]
-                t = _leave(left, low, right, high, per_dx[i], per_dy[i])
+                t = leave(left, low, right, high, per_dx[i], per_dy[i])
                 left, low, right, high = box[0, i], box[1, i], box[2, i], box[3, i]
-                best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], t)
+                best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], t)
             if more:
                 for i in range(count):
                     dx[i] = cosine[i] * bc - sine[i] * bs
@@ -287,13 +199,13 @@ def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], ou
             dx[i] = cosine * bc - sine * bs
             dy[i] = sine * bc + cosine * bs
         for i in range(beams):
-            per_dx[i], per_dy[i] = _inverse(dx[i]), _inverse(dy[i])
+            per_dx[i], per_dy[i] = inverse(dx[i]), inverse(dy[i])
         left, low, right, high = room[0] - px, room[1] - py, room[2] - px, room[3] - py
         for i in range(beams):
-            best[i] = _leave(left, low, right, high, per_dx[i], per_dy[i])
+            best[i] = leave(left, low, right, high, per_dx[i], per_dy[i])
         left, low, right, high = box[0] - px, box[1] - py, box[2] - px, box[3] - py
         for i in range(beams):
-            best[i] = _enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
+            best[i] = enter(left, low, right, high, per_dx[i], per_dy[i], best[i])
         if more:
             x[:], y[:] = px, py
             _shorten(x, y, dx, dy, per_dx, per_dy, walls, best)

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_file
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
+from deqmcl_gym.validation import InputError, array, number, one_of, part, pose, shown
 
 SKIN = 1e-3  # px
 
@@ -174,7 +174,8 @@ class World:
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.
 
         A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``,
-        ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of such a file.
+        ``{"file": "map.yaml", "unknown": "obstacle"}``, the path of such a file or of polygons in
+        JSON, or ``{"office": {"seed": 3}, "form": "grid"}`` (or "polygons").
         If its unit is another one, the parts of this world are converted to it, then changed.
         Changes to a driver that the world does not have are changes to ``Driver()``, and
         ``driver="none"`` takes it away.
@@ -204,20 +205,40 @@ class World:
 def _floor_plan(given: Any) -> Map:
     if isinstance(given, PolygonMap | GridMap):
         return given
+    if isinstance(given, Office):
+        return given.grid
     if isinstance(given, str | os.PathLike):
-        return GridMap.load(given)
-    names = ("outer", "obstacles", "unit")
+        return _read({"file": given})
     if not isinstance(given, Mapping):
         raise InputError(
-            f"floor_plan is {given!r}, but must be a map, the path of a map's yaml file, or a "
-            f"mapping of {', '.join(names)}, or of file and unknown."
+            f"floor_plan is {shown(given)}, but must be a map, the path of a map's file, or a "
+            f"mapping of {', '.join(polygon_file.KEYS)}, of file and unknown, or of office and "
+            "form."
         )
-    in_file = "file" in given
+    if "office" in given:
+        return _office(given)
+    if "file" in given:
+        return _read(given)
+    return polygon_file.of_mapping(given)
+
+
+def _read(given: Mapping[str, Any]) -> Map:
+    """Return the map in a file: a yaml of ROS, or polygons as JSON."""
+    path = given["file"]
+    polygons = str(path).endswith(".json")
     for key in given:
-        one_of("key in floor_plan", key, ("file", "unknown") if in_file else (*names, "file"))
-    if in_file:
-        return GridMap.load(given["file"], given.get("unknown", "obstacle"))
-    return PolygonMap(**{"outer": None, **given})
+        one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
+    if polygons:
+        return polygon_file.read(path)
+    return GridMap.load(path, given.get("unknown", "obstacle"))
+
+
+def _office(given: Mapping[str, Any]) -> Map:
+    for key in given:
+        one_of("key in floor_plan", key, ("office", "form"))
+    office: Office = part("floor_plan.office", Office, given["office"], Office())
+    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
+    return office.grid if form == "grid" else office.polygons
 
 
 def _driver(given: Any, default: Driver) -> Driver | None:

@@ -37,6 +37,15 @@ def test_walls_that_make_no_rectangle_count_one_each(walls, kind):
     assert isinstance(caster_of(ring, (), 1.0), kind)
 
 
+@pytest.mark.parametrize(("walls", "kind"), [(572, AllAtOnce), (580, CellByCell)])
+def test_walls_along_the_axes_count_a_third_each(walls, kind):
+    steps = [(x, x % 2) for x in range((walls - 2) // 2)]  # a stair of ups and downs
+    stair = [corner for x, y in steps for corner in ((x, y), (x + 1, y))]
+    ring = [*stair, (len(steps), 100), (0, 100)]
+    assert len(all_at_once(ring, (), 1.0).walls.oblique) == 0
+    assert isinstance(caster_of(ring, (), 1.0), kind)
+
+
 def cast(caster, poses: np.ndarray) -> np.ndarray:
     out = np.empty((1, len(poses)), np.float32)
     caster.cast(np.ascontiguousarray(poses.T, np.float32), np.zeros(1, np.float32), out)

@@ -1,68 +1,114 @@
-"""Generated offices: connected through doors, and the same everywhere."""
+"""Generated offices: one piece, through doors, alike where they say so, the same everywhere."""
 
 import hashlib
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from deqmcl_gym.maps.office import CELL, Office
+from deqmcl_gym import Office
+from deqmcl_gym.maps.office import CELL
 from deqmcl_gym.validation import InputError
 
-KINDS = {
-    "small": Office(wings=1, corridors=1),
-    "large": Office(wings=4, corridors=3),
-    "narrow": Office(corridor=0.9, door=0.7),
-    "wide": Office(corridor=3.0, door=1.5),
-    "repeated": Office(wings=3, repeated=True),
-    "symmetric": Office(wings=4, symmetric=True),
-}
+RADIUS = 0.3  # m
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(20))
-def test_a_robot_that_fits_through_the_doors_reaches_every_room(kind, seed):
-    office = KINDS[kind]
-    free = office.cells(np.random.default_rng(seed)).astype(np.uint8)
-    door = round(office.door / CELL)
-    fits = cv2.erode(free, np.ones((door, door), np.uint8), anchor=(0, 0), borderValue=0)
-    regions, _ = cv2.connectedComponents(free, connectivity=4)
-    of_robot, _ = cv2.connectedComponents(fits, connectivity=4)
-    assert regions == of_robot == 2  # walls, and the one free region
-    # all that is free is swept by the robot, a square as wide as a door
-    swept = cv2.dilate(fits, np.ones((door, door), np.uint8), anchor=(door - 1, door - 1))
-    assert (swept == free).all()
-    border = np.ones_like(free, dtype=bool)
-    border[1:-1, 1:-1] = False
-    assert not free[border].any()
+@st.composite
+def offices(draw, **fixed):
+    given = {
+        "seed": draw(st.integers(0, 2**32)),
+        "wings": draw(st.integers(1, 3)),
+        "corridors": draw(st.integers(1, 2)),
+        "corridor": draw(st.integers(8, 50)) / 10,
+        "door": draw(st.integers(7, 15)) / 10,
+        "repeated": draw(st.booleans()),
+    }
+    return Office(**given | fixed)
+
+
+@settings(max_examples=15, deadline=None)
+@given(offices())
+def test_a_robot_comes_through_the_doors_to_all_that_is_free(office):
+    """Its disc goes from cell to cell; what it covers, corners filled up, is all that is free."""
+    grid = office.grid
+    rows, columns = grid.solid.shape
+    places = grid.placed([(c + 0.5, r + 0.5) for r in range(rows) for c in range(columns)])
+    fits = grid.free(places, RADIUS)
+    numbers = np.arange(fits.size).reshape(rows, columns)
+    pairs = np.hstack(
+        [
+            [numbers[:-1].ravel(), numbers[1:].ravel()],
+            [numbers[:, :-1].ravel(), numbers[:, 1:].ravel()],
+        ]
+    )
+    pairs = pairs[:, fits[pairs].all(axis=0)]
+    pairs = pairs[:, ~grid.collides(places[pairs[0]], places[pairs[1]], RADIUS)]
+    graph = coo_array((np.ones(pairs.shape[1]), pairs), shape=(fits.size, fits.size))
+    assert np.unique(connected_components(graph)[1][fits]).size == 1
+    covered = cv2.dilate(fits.reshape(rows, columns).astype(np.uint8), np.ones((7, 7), np.uint8))
+    assert covered[~grid.solid].all()
+
+
+@settings(max_examples=8, deadline=None)
+@given(offices())
+def test_its_border_is_wall_and_its_polygons_are_all_of_it(office):
+    solid = office.grid.solid
+    assert solid[[0, -1]].all()
+    assert solid[:, [0, -1]].all()
+    area = abs(_area(office.polygons.outer)) - sum(map(_area, office.polygons.obstacles))
+    assert area == pytest.approx((~solid).sum() * CELL**2)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    offices(repeated=False, symmetric=True, wings=2)
+    | offices(repeated=False, symmetric=True, wings=4)
+)
+def test_a_half_turn_of_a_symmetric_office_is_the_same_office(office):
+    assert (office.grid.solid == office.grid.solid[::-1, ::-1]).all()
+
+
+@settings(max_examples=15, deadline=None)
+@given(offices(repeated=True))
+def test_wings_of_an_office_that_repeats_them_are_alike(office):
+    solid = office.grid.solid[:, 2:-2]  # without the outer walls, and with a corridor left over
+    period = (solid.shape[1] - round(office.corridor / CELL)) // office.wings
+    for wing in range(1, office.wings):
+        assert (solid[:, wing * period : (wing + 1) * period] == solid[:, :period]).all()
+
+
+def test_other_seeds_are_other_buildings():
+    seen = {Office(seed=seed).grid.digest for seed in range(50)}
+    assert len(seen) == 50
 
 
 def test_a_seed_gives_the_same_building_on_every_machine():
-    cells = Office().cells(np.random.default_rng(3))
-    digest = hashlib.sha256(np.packbits(cells).tobytes()).hexdigest()
-    assert (cells.shape, digest[:16]) == ((234, 474), "674d1f2df240d43e")
-
-
-def test_a_half_turn_of_a_symmetric_office_is_the_same_office():
-    cells = KINDS["symmetric"].cells(np.random.default_rng(0))
-    assert (cells == cells[::-1, ::-1]).all()
-
-
-def test_wings_of_an_office_that_repeats_them_are_alike():
-    three = KINDS["repeated"].cells(np.random.default_rng(0))
-    period = (three.shape[1] - 20 - 4) // 3  # what is left are a corridor and the outer walls
-    assert (three[:, 2 : 2 + period] == three[:, 2 + period : 2 + 2 * period]).all()
+    solid = np.concatenate([Office(seed=seed, wings=3).grid.solid.ravel() for seed in range(10)])
+    assert hashlib.sha256(np.packbits(solid).tobytes()).hexdigest()[:16] == "80770a54054f8111"
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"wings": 0}, "wings is 0"),
-        ({"wings": 3, "symmetric": True}, "give an even number"),
-        ({"door": 0.1}, "door is 0.1"),
-        ({"corridor": float("nan")}, "corridor is nan"),
+        ({"seed": -1}, "office.seed is -1"),
+        ({"wings": 0}, "office.wings is 0"),
+        ({"wings": 3, "symmetric": True}, "an even number"),
+        ({"repeated": True, "symmetric": True}, "either symmetric or repeated"),
+        ({"repeated": 1}, "office.repeated is 1"),
+        ({"door": 0.1}, "office.door is 0.1"),
+        ({"door": 0.85}, "a multiple of 0.1 m"),
+        ({"corridor": float("nan")}, "office.corridor is nan"),
     ],
 )
 def test_what_cannot_be_built_is_refused(given, words):
     with pytest.raises(InputError, match=words):
         Office(**given)
+
+
+def _area(corners):
+    x, y = np.array(corners).T
+    return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2

@@ -1,8 +1,9 @@
 """Bad floor plans are refused with one sentence that says what was given."""
 
+import numpy as np
 import pytest
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.validation import InputError
 
 NAN = float("nan")
@@ -46,3 +47,8 @@ def test_a_plan_without_obstacles_and_one_with_overlapping_obstacles_are_allowed
     two = [[(20, 20), (60, 20), (60, 60), (20, 60)], [(40, 40), (80, 40), (80, 80), (40, 80)]]
     free = PolygonMap(SQUARE, two).free([(30, 30), (50, 50), (70, 70), (70, 30)])
     assert free.tolist() == [False, False, False, True]
+
+
+def test_a_map_of_cells_shows_what_it_is_and_not_its_cells():
+    grid = GridMap(occupancy=np.zeros((20, 30), np.int8), resolution=0.05)
+    assert repr(grid) == "GridMap(30 x 20 cells of 0.05 m, origin (0.0, 0.0, 0.0))"

@@ -1,0 +1,63 @@
+"""``deqmcl new-map``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+NAME = "new-map"
+HELP = "write a generated building as a ROS map and as polygons"
+DESCRIPTION = (
+    "Draw a building from a seed and write DIR/office.yaml with its image, a ROS map of 0.1 m "
+    "cells, and DIR/office.json, the same as polygons. Either is a floor_plan."
+)
+_NUMBERS = (
+    ("seed", int, "that the building is drawn from (0)"),
+    ("wings", int, "side by side, 1 to 8, each 16 to 24 m long (2)"),
+    ("corridors", int, "through all wings, 1 to 6 (2)"),
+    ("corridor", float, "width of all corridors, m (2.0)"),
+    ("door", float, "width of all doors, m (0.9)"),
+)
+_SWITCHES = (
+    ("repeated", "make all wings alike"),
+    ("symmetric", "make a half turn of the building the same building"),
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments, those of ``Office``; what is not given is its own default."""
+    absent = argparse.SUPPRESS
+    parser.add_argument("kind", choices=("office",), help="kind of building")
+    for name, kind, words in _NUMBERS:
+        parser.add_argument(f"--{name}", type=kind, default=absent, metavar="N", help=words)
+    for name, words in _SWITCHES:
+        parser.add_argument(f"--{name}", action="store_true", default=absent, help=words)
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="a new or empty folder"
+    )
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    del given
+    from tempfile import TemporaryDirectory
+
+    from benchmarks.files import writable_folder, write_text
+    from deqmcl_gym.maps import Office, polygon_file
+    from deqmcl_gym.validation import InputError
+
+    said = vars(options)
+    office = Office(**{name: said[name] for name, *_ in (*_NUMBERS, *_SWITCHES) if name in said})
+    out: Path = options.out
+    if out.is_dir() and any(out.iterdir()):
+        raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
+    with TemporaryDirectory(dir=writable_folder(out)) as folder:
+        unfinished = Path(folder)
+        office.grid.save(unfinished / "office.yaml")
+        write_text(unfinished / "office.json", polygon_file.text_of(office.polygons))
+        for path in unfinished.iterdir():
+            path.replace(out / path.name)
+    _, _, width, height = office.grid.bounds
+    return (
+        f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
+        f'office.pgm and as office.json. Drive in it: floor_plan = "{out / "office.yaml"}".'
+    )

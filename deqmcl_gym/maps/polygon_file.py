@@ -1,0 +1,52 @@
+"""Maps of polygons as JSON: ``{"outer": [[x, y], …], "obstacles": [[[x, y], …], …], "unit": "m"}``.
+
+The same keys as ``floor_plan`` takes in Python and in TOML.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from deqmcl_gym.maps.polygon_map import PolygonMap
+from deqmcl_gym.validation import InputError, one_of
+
+KEYS = ("outer", "obstacles", "unit")
+
+
+def read(path: str | os.PathLike[str]) -> PolygonMap:
+    """Read a map.
+
+    Raises:
+        InputError: a file that is missing or broken, or a bad value in it.
+    """
+    try:
+        given = json.loads(Path(path).expanduser().read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"the map file {path} cannot be read ({error.strerror}): give one that is there."
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"the map file {path} is no JSON: {error}.") from None
+    try:
+        return of_mapping(given)
+    except InputError as error:
+        raise InputError(f"the map {path}: {error}") from None
+
+
+def of_mapping(given: Any) -> PolygonMap:
+    """Return the map that a mapping describes."""
+    if not isinstance(given, Mapping):
+        kind = type(given).__name__
+        raise InputError(f"it is a {kind}, but must be a mapping of {', '.join(KEYS)}.")
+    for key in given:
+        one_of("key in floor_plan", key, (*KEYS, "file", "office"))
+    return PolygonMap(**{"outer": None, **given})
+
+
+def text_of(floor_plan: PolygonMap) -> str:
+    """Return a map as JSON, a polygon a line."""
+    outer, unit = json.dumps(floor_plan.outer), json.dumps(floor_plan.unit)
+    obstacles = ",\n".join(map(json.dumps, floor_plan.obstacles))
+    return f'{{"unit": {unit},\n"outer": {outer},\n"obstacles": [\n{obstacles}\n]}}\n'
