@@ -62,14 +62,23 @@ def test_drawing_stops_as_the_books_loop_does(spread):
 
 
 def test_random_poses_come_by_the_ratio_of_the_two_averages():
-    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5).after(math.log(0.4), 1)
-    assert recovery.share == 0.0
-    recovery = recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
-    slow, fast = 0.4 + 0.1 * (0.1 - 0.4), 0.4 + 0.5 * (0.1 - 0.4)
+    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5)
+    for likelihood in (0.2, 0.4, 0.6):
+        recovery = recovery.after(math.log(likelihood), 1)
+        assert recovery.share == 0.0
+    assert recovery.slow == pytest.approx(0.4)  # of few scans the mean
+    assert recovery.fast == pytest.approx(0.3 + 0.5 * (0.6 - 0.3))
+    before, recovery = recovery, recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
+    slow = before.slow + (0.1 - before.slow) / 4
+    fast = before.fast + (0.1 - before.fast) / 2
     assert recovery.share == pytest.approx(1 - fast / slow)
     assert recovery.after(math.log(0.9), 1).after(math.log(0.9), 1).share == 0.0
     assert recovery.after(0.0, 0) == recovery  # a blind scan
-    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.9))
+    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.8))
+    for _ in range(200):
+        recovery = recovery.after(math.log(0.3), 1)
+    last = recovery.after(math.log(0.7), 1)
+    assert last.slow - recovery.slow == pytest.approx(0.1 * 0.4)
 
 
 @pytest.mark.parametrize("cell", [1.0, 4.0])
