@@ -168,7 +168,7 @@ def test_it_resamples_when_it_should(robot, prior, drive, interval, selective):
         before = after
 
 
-def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
+def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
     """Position errors of a robot that stands, is carried off at step 10, and turns about there."""
     lidar = Lidar(beams=15, field_of_view=5.0, max_range=400.0)
     robot = localizers.RobotModel(
@@ -184,7 +184,7 @@ def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, in
     rng = np.random.default_rng(3)
     scans = LOPSIDED.ranges(truth, lidar.bearings) + rng.normal(0, 10, (len(truth), 15))
     localizer = localizers.make(
-        "amcl", robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast
+        name, robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast
     )
     prior = localizers.GaussianPrior(mean=tuple(truth[0]), sd_position=5.0, sd_heading=0.05)
     localizer.reset(prior, [], np.random.default_rng(0))
@@ -196,13 +196,14 @@ def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, in
     return np.array(errors), belief.events.random_poses
 
 
-def test_a_kidnapped_robot_is_found_again_by_random_poses_and_not_without():
-    errors, drawn = lost_and_found(0.001, 0.1)
+@pytest.mark.parametrize("name", ["amcl", "mcl-map", "mcl-plan"])
+def test_a_kidnapped_robot_is_found_again_by_random_poses_and_not_without(name):
+    errors, drawn = lost_and_found(name, 0.001, 0.1)
     assert errors[:10].max() < 15
     assert errors[10] > 150  # carried off by 220 px
     assert errors[-10:].max() < 15
     assert drawn > 0
-    errors, drawn = lost_and_found(0.0, 0.0)
+    errors, drawn = lost_and_found(name, 0.0, 0.0)
     assert errors[-10:].min() > 50
     assert drawn == 0
 
