@@ -57,8 +57,8 @@ class Anywhere:
     of the cloud's mean weight; of its past it keeps what it had.
 
     Whoever plans a new route for a robot that is lost knows where it is. A route is new that does
-    not go on as the one before, and stays so until 1 / α_fast scans in a row gave s = 0. Then the
-    poses are chosen by it as the first particles are, by ``start``.
+    not go on as the one before, and stays so for the 1 / α_fast steps in which w_fast forgets. Then
+    the poses are chosen by it as the first particles are, by ``start``.
 
     Attributes:
         recovery: the rates.
@@ -100,10 +100,7 @@ class Anywhere:
             return belief._replace(watch=Watch(self.recovery, plan))
         beams = count_usable(ranges, self.max_range)
         recovery = watch.recovery.after(belief.scan_log_evidence, beams)
-        news = self._news(watch, plan)
-        return belief._replace(
-            watch=Watch(recovery, plan, news if recovery.share > 0 else max(0, news - 1))
-        )
+        return belief._replace(watch=Watch(recovery, plan, max(0, self._news(watch, plan) - 1)))
 
     def _news(self, watch: Watch, plan: Actions) -> int:
         if not is_new(watch.plan, plan):
