@@ -155,7 +155,8 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
     A beam is a measurement of mean and variance as the robot's scan model has them for a beam that
     hits what it should; its Jacobian is taken by central differences of the ray cast. The share of
-    beams that measure anything at all is left to the gate.
+    beams that measure anything at all is left to the gate. Of a prior it takes mean and covariance,
+    whatever its form; one Gaussian over a building finds nothing in it.
 
     Args:
         robot: its motion must be an ``OdometryMotion``, its scan model have ``hit_moments``.
