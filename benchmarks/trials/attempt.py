@@ -5,7 +5,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.episode import scenario_of, task_of, trial_moments
+from benchmarks.trials.episode import groups_of, scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
@@ -26,7 +26,8 @@ class Outcome:
 def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
     room = scenario_of(trial).room()
-    return trace_of(trial_moments(trial, room), trial.offsets, task_of(room))
+    task, groups = task_of(room), groups_of(trial, room)
+    return trace_of(trial_moments(trial, room), trial.offsets, task, groups)
 
 
 def attempt(trial: Trial, key: str) -> Outcome:

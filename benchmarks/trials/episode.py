@@ -18,11 +18,15 @@ import numpy as np
 
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.priors import Uniform
 from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
+from benchmarks.trials.journeys import Group, groups_named
 from benchmarks.trials.spec import Params, Trial
+from benchmarks.trials.symmetry import is_symmetric
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
@@ -40,6 +44,9 @@ class Moment:
         belief: what the localizer believes after it.
         seconds: time the localizer took.
         action: the command that led here, (2,); None at t = 0.
+        plan: the actions that the localizer was told are to follow, (h, 2); None: not known.
+        collided: whether a wall stopped the robot on the way here.
+        goal: where the robot is to arrive, (2,); None if nowhere.
     """
 
     step: int
@@ -48,6 +55,9 @@ class Moment:
     belief: Belief
     seconds: float
     action: Reals | None = None
+    plan: Reals | None = None
+    collided: bool = False
+    goal: Reals | None = None
 
 
 def moments(
@@ -72,10 +82,12 @@ def moments(
     ranges, info = env.reset(seed=seed)
     truth, shown = info.pop("truth"), _shown_plan(info)
     own = agent.plan_at_reset(info)
-    given_plan = np.array(shown if own is None else own)
+    ahead = shown if own is None else own
+    given_plan = np.array(ahead)
     started = time.perf_counter()
     belief = localizer.reset(prior, given_plan, rng)
-    yield Moment(0, truth, ranges, belief, time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    yield Moment(0, truth, ranges, belief, seconds, plan=ahead, goal=_goal(info))
     step, ended = 0, False
     while len(shown) and not ended:
         action, plan = agent.act(belief, info)
@@ -87,7 +99,9 @@ def moments(
         started = time.perf_counter()
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
-        yield Moment(step, truth, ranges, belief, seconds, info["action"])
+        yield Moment(
+            step, truth, ranges, belief, seconds, info["action"], ahead, info["collided"], _goal(info)
+        )
 
 
 def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]:
@@ -132,6 +146,25 @@ def task_of(room: RoomEnv) -> Task:
     )
 
 
+def groups_of(trial: Trial, room: RoomEnv) -> tuple[Group, ...]:
+    """Return the groups of scores that a trial is about, by the parts that it is made of.
+
+    A robot that may be anywhere is lost; where a half turn gives the same map, two places fit. One
+    that is carried off is to be found again. An agent with a ``goal`` is to arrive there.
+    """
+    setup = scenario_of(trial)
+    lost = isinstance(setup.prior, Uniform)
+    kidnapped = any(dict(wrapper).get("kind") == "kidnap" for wrapper in trial.disturbance)
+    agent = make_agent(setup.agent, setup.robot_model(room))
+    about = {
+        "lost": lost,
+        "ambiguity": lost and is_symmetric(room.floor_plan),
+        "recovery": kidnapped,
+        "driving": hasattr(agent, "goal"),
+    }
+    return groups_named([name for name, asked in about.items() if asked])
+
+
 def check_setting(trial: Trial) -> None:
     """Build a trial's world, what its filters assume, and its agent, without running it.
 
@@ -159,6 +192,11 @@ def check_params(trial: Trial) -> None:
     except BaseException as error:
         if isinstance(error, InputError) or is_ctrl_c(error):
             raise
+
+
+def _goal(info: dict[str, Any]) -> Reals | None:
+    goal: Reals | None = info.get("goal")
+    return None if goal is None or np.isnan(goal).any() else goal
 
 
 def _shown_plan(info: dict[str, Any]) -> Reals:
