@@ -15,6 +15,7 @@ from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Params, Trial
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
 from localizers import Belief
@@ -26,12 +27,19 @@ LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
+_LONGEST = 560.0  # px of the paper's room
 
 
 def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
-    """Return a camera for the room of a scenario, changed as ``world`` says."""
+    """Return a camera for the room of a scenario, changed as ``world`` says.
+
+    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
+    """
     room = room_of(scenario, world)
-    return Camera(View(room.floor_plan, scale), room.world.robot.radius, lag)
+    x0, y0, x1, y1 = room.floor_plan.bounds
+    longest = max(x1 - x0, y1 - y0) / pixel(room.floor_plan.unit)
+    view = View(room.floor_plan, scale * min(1.0, _LONGEST / longest))
+    return Camera(view, room.world.robot.radius, lag)
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:

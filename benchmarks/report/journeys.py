@@ -22,8 +22,8 @@ _HEADINGS = {  # by group: heading, what its columns mean
         "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
         "every step of the last 25 % of the run. Metres to localize: driven from where on it stays "
         "within 1 m and 30°; never: in half of the runs or more it does not. False commitment: "
-        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it the share "
-        "of all steps.",
+        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it the "
+        "share of all steps.",
     ),
     "ambiguity": (
         "Two places that fit",
@@ -39,8 +39,8 @@ _HEADINGS = {  # by group: heading, what its columns mean
     "driving": (
         "Arrived",
         "Arrived: ends within 0.5 m of the goal, without contact. SPL: success weighted by path "
-        "length, shortest / max(driven, shortest) of runs that arrive, 0 of others. Contacts: steps "
-        "that a wall stopped. Clearance: least distance of the robot's rim to a wall.",
+        "length, shortest / max(driven, shortest) of runs that arrive, 0 of others. Contacts: "
+        "steps that a wall stopped. Clearance: least distance of the robot's rim to a wall.",
     ),
 }
 _TESTS = (
@@ -126,7 +126,8 @@ def _table(panel: Panel, group: Group) -> Table:
     scores = [s for s in group.scores if any(s.name in row.journey for row in panel.present)]
     header = ["method"]
     for score in scores:
-        header += [score.words, *(["difference", "p, Holm"] if score.tested else [])]
+        points = "%" if score.unit == "share" else score.unit
+        header += [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
     lines = [
         [panel.labels[row.method], *(cell for score in scores for cell in _cells(row, score))]
         for row in panel.present
@@ -149,12 +150,13 @@ def _cells(row: Comparison, score: Score) -> list[str]:
 def _value(value: Estimate, score: Score) -> str:
     if math.isnan(value.mean):
         return "n/a"
-    digits = 1 if score.unit in ("m", "steps") else 2
-    one = (lambda v: percent(v)) if score.unit == "share" else (lambda v: _length(v, digits))
-    if math.isnan(value.low):
-        return one(value.mean)
-    return f"{one(value.mean)} ({one(value.low)} to {one(value.high)})"
+    words = [_word(end, score) for end in value]
+    return words[0] if math.isnan(value.low) else f"{words[0]} ({words[1]} to {words[2]})"
 
 
-def _length(value: float, digits: int) -> str:
-    return fixed(value, digits) if math.isfinite(value) else "never"
+def _word(value: float, score: Score) -> str:
+    if score.unit == "share":
+        return percent(value)
+    if math.isinf(value):
+        return "never"
+    return fixed(value, 1 if score.unit in ("m", "steps") else 2)

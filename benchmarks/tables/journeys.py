@@ -106,9 +106,7 @@ class Outcomes:
         read = Outcomes.restricted if score.censored else Outcomes.runs
         apart = differences(read(self, score), read(baseline, score))
         p = wilcoxon(apart) if score.censored else sign_test(apart)
-        return JourneyScore(
-            value=own.value, restricted=own.restricted, diff=estimate(apart), p=p
-        )
+        return JourneyScore(value=own.value, restricted=own.restricted, diff=estimate(apart), p=p)
 
     def _most(self, run: Run) -> float:
         return self.longest.get(run[0], 0.0)

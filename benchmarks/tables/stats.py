@@ -99,7 +99,7 @@ def sign_test(differences: Floats) -> float:
     above, below = int((differences > 0).sum()), int((differences < 0).sum())
     n = above + below
     tail = sum(math.comb(n, i) for i in range(min(above, below) + 1))
-    return min(1.0, 2 * tail / 2**n)
+    return float(min(1.0, 2 * tail / 2**n))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

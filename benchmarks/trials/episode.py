@@ -26,7 +26,6 @@ from benchmarks.trials.journeys import Group, groups_named
 from benchmarks.trials.spec import Params, Trial
 from benchmarks.trials.symmetry import is_symmetric
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
@@ -100,7 +99,15 @@ def moments(
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
         yield Moment(
-            step, truth, ranges, belief, seconds, info["action"], ahead, info["collided"], _goal(info)
+            step,
+            truth,
+            ranges,
+            belief,
+            seconds,
+            info["action"],
+            ahead,
+            info["collided"],
+            _goal(info),
         )
 
 

@@ -16,7 +16,6 @@ from deqmcl_gym.numerics.types import Floats, Reals
 from localizers import best_cluster, quality_of
 
 
-
 class JourneyLog:
     """Collects a run from its moments; the best cluster is sought once a step."""
 

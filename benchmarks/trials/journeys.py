@@ -1,7 +1,7 @@
 """The scores of a whole run: is the robot found, found again, and does it arrive?
 
 Beside ``metrics``, which are of a belief at one offset. A run has those groups of scores that its
-scenario is about: see ``groups_about``. Lengths are in m, where a pixel of the paper's room is 2 cm.
+scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the paper's room is 2 cm.
 """
 
 import math
@@ -186,9 +186,7 @@ GROUPS = (
     Group(
         "driving",
         (
-            Score(
-                "success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True
-            ),
+            Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
             Score("spl", "", "SPL", lambda run: run.spl, 0.0),
             Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
             Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
@@ -206,6 +204,4 @@ def groups_named(names: Collection[str]) -> tuple[Group, ...]:
 
 def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
     """Return the scores of a run by name."""
-    return {
-        score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)
-    }
+    return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}

@@ -82,7 +82,7 @@ class Trace:
 def trace_of(
     episode: Iterable[Moment], offsets: Iterable[int], task: Task, groups: Sequence[Group] = ()
 ) -> Trace:
-    """Run an episode to its end and keep its trace at these offsets, and its scores of ``groups``."""
+    """Run an episode to its end; keep its trace at these offsets, and its scores of groups."""
     asked = tuple(offsets)
     lap, journey = _Lap(task), JourneyLog(task, groups)
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
