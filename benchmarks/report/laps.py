@@ -72,8 +72,8 @@ def laps(panel: Panel) -> list[Lap]:
                 name=f"lap-{panel.number}-{place.lower()}",
                 title=f"{place} of {len(ranked)} worlds",
                 caption=f"World {world}, {names}: {what} of {panel.labels[focus.method]} "
-                f"{value:.1f}. Every {_STRIDE}th step; orange: present, pink: past, light blue: future; at the "
-                "end the ways of truth and best cluster.",
+                f"{value:.1f}. Every {_STRIDE}th step; orange: present, pink: past, light blue: "
+                "future; at the end the ways of truth and best cluster.",
                 trials=tuple(trial_of(record["trial"]) for record in first.values()),
                 keys=tuple(record["key"] for record in first.values()),
             )

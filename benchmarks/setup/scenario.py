@@ -18,6 +18,8 @@ from localizers.models.beams import BEAM_MODELS, BeamDensity
 
 T = TypeVar("T")
 
+OPEN_LOOP = "open-loop"  # carries out what the env plans
+
 _KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(own.name for own in fields(World))
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -43,7 +45,7 @@ class Scenario:
     motion: OdometryMotion = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
-    agent: str = "open-loop"
+    agent: str = OPEN_LOOP
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
 

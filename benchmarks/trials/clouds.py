@@ -1,7 +1,6 @@
 """Beliefs about states as weighted clouds of poses, and what is measured of them, many at once."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -28,14 +27,11 @@ class Task:
         floor_plan: the map; it names the unit of all lengths.
         radius: of the robot's disc.
         max_range: of the lidar.
-        shortest: length of the shortest way from one place (x, y) to another; where the world
-            plans none, that of the straight line.
     """
 
     floor_plan: Map
     radius: float
     max_range: float
-    shortest: Callable[[Sequence[float], Sequence[float]], float] = math.dist
 
 
 class Cloud(NamedTuple):

@@ -19,13 +19,14 @@ import numpy as np
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Uniform
-from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.scenario import OPEN_LOOP, Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.journeys import Group, groups_named
 from benchmarks.trials.spec import Params, Trial
 from benchmarks.trials.symmetry import is_symmetric
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
@@ -46,6 +47,7 @@ class Moment:
         plan: the actions that the localizer was told are to follow, (h, 2); None: not known.
         collided: whether a wall stopped the robot on the way here.
         goal: where the robot is to arrive, (2,); None if nowhere.
+        route: corners of the way to it as it is planned now, (k, 2).
     """
 
     step: int
@@ -57,6 +59,7 @@ class Moment:
     plan: Reals | None = None
     collided: bool = False
     goal: Reals | None = None
+    route: Reals | None = None
 
 
 def moments(
@@ -86,7 +89,8 @@ def moments(
     started = time.perf_counter()
     belief = localizer.reset(prior, given_plan, rng)
     seconds = time.perf_counter() - started
-    yield Moment(0, truth, ranges, belief, seconds, plan=ahead, goal=_goal(info))
+    goal, route = info.get("goal"), info.get("route")
+    yield Moment(0, truth, ranges, belief, seconds, plan=ahead, goal=goal, route=route)
     step, ended = 0, False
     while len(shown) and not ended:
         action, plan = agent.act(belief, info)
@@ -98,6 +102,7 @@ def moments(
         started = time.perf_counter()
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
+        goal, route = info.get("goal"), info.get("route")
         yield Moment(
             step,
             truth,
@@ -107,7 +112,8 @@ def moments(
             info["action"],
             ahead,
             info["collided"],
-            _goal(info),
+            goal,
+            route,
         )
 
 
@@ -115,7 +121,7 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
     """Run a trial in its room, made here if none is given; yield each step."""
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
-    env = disturbed(room, trial.disturbance)
+    env = staged(trial, room)
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
@@ -157,19 +163,30 @@ def groups_of(trial: Trial, room: RoomEnv) -> tuple[Group, ...]:
     """Return the groups of scores that a trial is about, by the parts that it is made of.
 
     A robot that may be anywhere is lost; where a half turn gives the same map, two places fit. One
-    that is carried off is to be found again. An agent with a ``goal`` is to arrive there.
+    that is carried off is to be found again. An agent that does not just carry out the env's plan
+    is to arrive where its route ends.
     """
     setup = scenario_of(trial)
     lost = isinstance(setup.prior, Uniform)
-    kidnapped = any(dict(wrapper).get("kind") == "kidnap" for wrapper in trial.disturbance)
-    agent = make_agent(setup.agent, setup.robot_model(room))
+    has_route = setup.env.get("route", "none") != "none"
     about = {
         "lost": lost,
         "ambiguity": lost and is_symmetric(room.floor_plan),
-        "recovery": kidnapped,
-        "driving": hasattr(agent, "goal"),
+        "recovery": any(isinstance(layer, Kidnap) for layer in _layers(staged(trial, room))),
+        "driving": has_route and setup.agent != OPEN_LOOP,
     }
     return groups_named([name for name, asked in about.items() if asked])
+
+
+def staged(trial: Trial, room: RoomEnv) -> gym.Env[Any, Any]:
+    """Return a trial's room inside its disturbances."""
+    return disturbed(room, trial.disturbance)
+
+
+def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
+    while isinstance(env, gym.Wrapper):
+        yield env
+        env = env.env
 
 
 def check_setting(trial: Trial) -> None:
@@ -180,7 +197,7 @@ def check_setting(trial: Trial) -> None:
     """
     setup = scenario_of(trial)
     room = setup.room()
-    disturbed(room, trial.disturbance).reset(seed=trial.world_seed)
+    staged(trial, room).reset(seed=trial.world_seed)
     make_agent(setup.agent, setup.robot_model(room))
     setup.prior_in(room)
 
@@ -199,11 +216,6 @@ def check_params(trial: Trial) -> None:
     except BaseException as error:
         if isinstance(error, InputError) or is_ctrl_c(error):
             raise
-
-
-def _goal(info: dict[str, Any]) -> Reals | None:
-    goal: Reals | None = info.get("goal")
-    return None if goal is None or np.isnan(goal).any() else goal
 
 
 def _shown_plan(info: dict[str, Any]) -> Reals:

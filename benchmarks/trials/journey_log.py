@@ -28,12 +28,15 @@ class JourneyLog:
         self._collided: list[bool] = []
         self._fixes: list[tuple[float, ...]] = []  # step, x, y, θ, quality, masses
         self._goal: Reals | None = None
+        self._planned = math.nan
 
     def see(self, moment: Moment) -> None:
         """Take in a step."""
         self._truth.append(moment.truth)
         self._collided.append(moment.collided)
         self._goal = moment.goal
+        if moment.step == 0 and moment.route is not None:
+            self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
         if moment.action is not None:
             self._commanded.append(float(moment.action[0]))
         if self._groups and (points := moment.belief.points()) is not None:
@@ -88,14 +91,9 @@ class JourneyLog:
             collided=np.array(self._collided),
             clearance=float(room.min() - self._task.radius) / self._metre,
             goal=goal,
-            shortest=math.nan if self._goal is None else self._shortest(),
+            planned=self._planned / self._metre,
             masses=table[:, 5:] if self._turned else None,
         )
-
-    def _shortest(self) -> float:
-        assert self._goal is not None
-        start = self._truth[0][:2].tolist()
-        return self._task.shortest(start, self._goal.tolist()) / self._metre
 
     def _masses(self, poses: Reals, weights: Floats, truth: Reals) -> tuple[float, ...]:
         if not self._turned:

@@ -28,7 +28,7 @@ class Journey:
         collided: whether the step to each state was stopped by a wall, (n,).
         clearance: least distance of the robot's rim to a wall.
         goal: where it was to arrive, (2,); None if nowhere.
-        shortest: length of the shortest way from the start to the goal; NaN without a goal.
+        planned: length of the route from the start to the goal; NaN without a goal.
         masses: weight within 1 m and 30° of the truth and of its twin under a half turn of the
             map, (k, 2), at the steps of ``fixes``; None if that was not asked for.
     """
@@ -39,7 +39,7 @@ class Journey:
     collided: Bools
     clearance: float
     goal: Floats | None = None
-    shortest: float = math.nan
+    planned: float = math.nan
     masses: Floats | None = None
 
     @property
@@ -57,13 +57,14 @@ class Journey:
 
     @property
     def spl(self) -> float:
-        """Success weighted by path length: S · shortest / max(driven, shortest).
+        """Success weighted by path length: S · planned / max(driven, planned).
 
-        Anderson et al. 2018, "On evaluation of embodied navigation agents".
+        Anderson et al. 2018, "On evaluation of embodied navigation agents"; the route stands for
+        the shortest way, which would scrape along walls.
         """
         path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
-        longer = max(path, self.shortest)
-        return float(self.arrived) * (self.shortest / longer if longer > 0 else 1.0)
+        longer = max(path, self.planned)
+        return float(self.arrived) * (self.planned / longer if longer > 0 else 1.0)
 
 
 @dataclass(frozen=True)
