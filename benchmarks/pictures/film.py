@@ -29,6 +29,7 @@ _BEST: Color = (0, 114, 178)
 _PLAN: Color = (0, 158, 115)
 _LINE = 20  # image pixels per line of text
 _SIZE = 0.42  # of letters
+_LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
 
 
@@ -78,8 +79,9 @@ class Film:
             drawing.path(self._best, _BEST, 1)
         if moment.plan is not None and len(moment.plan):
             drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
-        drawing.robot(moment.truth, camera.radius)
-        _ring(drawing, best, camera.radius)
+        radius = max(camera.radius, _LEAST / camera.view.per_length)
+        drawing.robot(moment.truth, radius)
+        _ring(drawing, best, 1.3 * radius)
         _cross(drawing, mean)
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
@@ -124,10 +126,9 @@ def laid(pose: Reals, plan: Reals) -> Floats:
 
 def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     """Draw a pose as a circle with a line along its heading."""
-    size = max(radius, 5 / drawing.view.per_length)
-    nose = pose[0] + 1.8 * size * math.cos(pose[2]), pose[1] + 1.8 * size * math.sin(pose[2])
+    nose = pose[0] + 1.8 * radius * math.cos(pose[2]), pose[1] + 1.8 * radius * math.sin(pose[2])
     centre, tip = drawing.view.pixels([pose[:2], nose])
-    around = round(size * drawing.view.per_length)
+    around = round(radius * drawing.view.per_length)
     cv2.circle(drawing.image, _at(centre), around, _BEST, 2, cv2.LINE_AA)
     cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
 

@@ -31,7 +31,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     if log is not None:
         check_writable(log)
     own_folder(out, "run")
-    camera = camera_of(trial.scenario, trial.lag, scale=1.6)
+    camera = camera_of(trial, scale=1.6)
     setup = scenario_of(trial)
     unit = setup.world.floor_plan.unit
     film = Film(camera, trial.localizer, LAP_STRIDE)

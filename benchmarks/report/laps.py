@@ -133,7 +133,7 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
 
 
 def _frames(trial: Trial) -> list[Image]:
-    camera = camera_of(trial.scenario, trial.lag, _SCALE, trial.world)
+    camera = camera_of(trial, _SCALE)
     film = Film(camera, trial.localizer, _STRIDE)
     for _ in film.of(trial_moments(trial)):
         pass

@@ -18,8 +18,6 @@ from localizers.models.beams import BEAM_MODELS, BeamDensity
 
 T = TypeVar("T")
 
-OPEN_LOOP = "open-loop"  # carries out what the env plans
-
 _KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
 _PARTS = tuple(own.name for own in fields(World))
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -45,7 +43,7 @@ class Scenario:
     motion: OdometryMotion = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
-    agent: str = OPEN_LOOP
+    agent: str = "open-loop"
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
 

@@ -145,8 +145,8 @@ def curve_of(worlds: Mapping[int, Sequence[float]]) -> Curve:
     Args:
         worlds: metres of each run by world; infinite where it did not happen.
     """
-    finite = sorted({m for own in worlds.values() for m in own if math.isfinite(m)})
-    metres = np.array([0.0, *finite])
+    finite = {m for own in worlds.values() for m in own if math.isfinite(m)}
+    metres = np.array(sorted({0.0} | finite))
     found = np.array([[np.mean(np.array(own) <= m) for own in worlds.values()] for m in metres])
     share = found.mean(axis=1)
     low, high = np.array([wilson(float(one), len(worlds)) for one in share]).T

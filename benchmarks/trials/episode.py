@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Uniform
-from benchmarks.setup.scenario import OPEN_LOOP, Scenario
+from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.journeys import Group, groups_named
@@ -163,8 +163,8 @@ def groups_of(trial: Trial, room: RoomEnv) -> tuple[Group, ...]:
     """Return the groups of scores that a trial is about, by the parts that it is made of.
 
     A robot that may be anywhere is lost; where a half turn gives the same map, two places fit. One
-    that is carried off is to be found again. An agent that does not just carry out the env's plan
-    is to arrive where its route ends.
+    that is carried off is to be found again. One that knows where it starts is to arrive where its
+    route ends.
     """
     setup = scenario_of(trial)
     lost = isinstance(setup.prior, Uniform)
@@ -173,7 +173,7 @@ def groups_of(trial: Trial, room: RoomEnv) -> tuple[Group, ...]:
         "lost": lost,
         "ambiguity": lost and is_symmetric(room.floor_plan),
         "recovery": any(isinstance(layer, Kidnap) for layer in _layers(staged(trial, room))),
-        "driving": has_route and setup.agent != OPEN_LOOP,
+        "driving": has_route and not lost,
     }
     return groups_named([name for name, asked in about.items() if asked])
 
