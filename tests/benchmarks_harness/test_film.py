@@ -1,4 +1,4 @@
-"""A film has truth, cloud, estimates, plan and error in every frame, and ends with the whole way."""
+"""A film shows truth, cloud, estimates, plan and error in every frame; it ends with the whole way."""
 
 import math
 

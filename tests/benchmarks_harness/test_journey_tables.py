@@ -1,4 +1,4 @@
-"""Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report's tables."""
+"""Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report."""
 
 import math
 
@@ -166,5 +166,5 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
         {"scores": scores, "curves": {"way": [0.0] * 100}},
         {"scores": scores, "curves": {}},
     ):
-        with pytest.raises(ValueError, match="whole run|journey"):
+        with pytest.raises(ValueError, match=r"whole run|journey"):
             store.put(key, kept | {"journey": spoilt}, 1.0)
