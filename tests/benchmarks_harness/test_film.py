@@ -1,4 +1,4 @@
-"""A film shows truth, cloud, estimates, plan and error in every frame; it ends with the whole way."""
+"""A film: truth, cloud, estimates, plan and error in every frame; at the end the whole way."""
 
 import math
 
