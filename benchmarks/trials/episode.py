@@ -94,7 +94,9 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
     """Run a trial in its room, made here if none is given; yield each step."""
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
-    env = disturbed(room, trial.disturbance)
+    env = disturbed(room, (*setup.disturbance, *trial.disturbance))
+    if room.world.route is not None:
+        env.reset(seed=trial.world_seed)  # draws the start, of which a prior may know
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
@@ -102,12 +104,13 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
 
 
 def scenario_of(trial: Trial) -> Scenario:
-    """Return a trial's scenario, with the changes that the trial makes to it.
+    """Return a trial's scenario, with the changes that the trial makes to it, in its building.
 
     Raises:
         InputError: unknown scenario or name, or a bad value.
     """
-    return scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    changed = scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    return changed.in_building(trial.trial)
 
 
 def room_of(name: str, world: Params = ()) -> RoomEnv:
@@ -140,7 +143,8 @@ def check_setting(trial: Trial) -> None:
     """
     setup = scenario_of(trial)
     room = setup.room()
-    disturbed(room, trial.disturbance).reset(seed=trial.world_seed)
+    wrappers = (*setup.disturbance, *trial.disturbance)
+    disturbed(room, wrappers).reset(seed=trial.world_seed)
     make_agent(setup.agent, setup.robot_model(room))
     setup.prior_in(room)
 

@@ -7,14 +7,15 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps.office import CELL, Office
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
+from deqmcl_gym.validation import InputError, array, integer, number, one_of, part, pose
 
 SKIN = 1e-3  # px
 
@@ -220,7 +221,8 @@ class World:
         """Return this world with other parts, each whole or as a mapping of changes; None keeps.
 
         A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``,
-        ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of such a file.
+        ``{"file": "map.yaml", "unknown": "obstacle"}``, ``{"office": {"seed": 3}}``, or the path of
+        such a file.
         If its unit is another one, the parts of this world are converted to it, then changed.
         Changes to a driver that the world does not have are changes to ``Driver()``, and
         ``driver="none"`` takes it away; a route likewise.
@@ -264,10 +266,31 @@ def _floor_plan(given: Any) -> Map:
         )
     in_file = "file" in given
     for key in given:
-        one_of("key in floor_plan", key, ("file", "unknown") if in_file else (*names, "file"))
+        one_of(
+            "key in floor_plan", key, ("file", "unknown") if in_file else (*names, "file", "office")
+        )
     if in_file:
         return GridMap.load(given["file"], given.get("unknown", "obstacle"))
+    if "office" in given:
+        return _office(**{"seed": 0, **_office_keys("floor_plan.office", given["office"])})
     return PolygonMap(**{"outer": None, **given})
+
+
+def _office_keys(what: str, given: Any) -> dict[str, Any]:
+    """Return the keys of an office as given; refuse others."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"{what} is {given!r}, but must be a mapping.")
+    for key in given:
+        one_of(f"key in {what}", key, ("seed", *(own.name for own in fields(Office))))
+    return dict(given)
+
+
+@lru_cache(maxsize=32)
+def _office(seed: int, **what: Any) -> GridMap:
+    """Return a building; the last ones are kept."""
+    rng = np.random.default_rng(integer("floor_plan.office.seed", seed))
+    free = Office(**what).cells(rng)
+    return GridMap(occupancy=np.where(free, 0, 100).astype(np.int8), resolution=CELL)
 
 
 def _optional(name: str, given: Any, default: Any) -> Any:

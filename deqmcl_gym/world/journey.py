@@ -12,6 +12,7 @@ from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.path import Path, Point, Pose
 from deqmcl_gym.world.route import Routes, RoutesTo, routes_on
+from deqmcl_gym.world.streams import Stream, episode_stream
 
 _ENDS = 20  # drawn, of which routes are planned to
 _OTHERS = 1_000  # drawn for each of them
@@ -28,18 +29,17 @@ class Journeys:
 
     world: World
 
-    def drawn(self, rng: np.random.Generator) -> Course:
+    def drawn(self, seed: int, number: int) -> Course:
         """Draw a start with its heading, and a goal, unless the world names them.
+
+        The ``number``-th episode after seeding has the same ones whenever it is begun; the last
+        ones are kept.
 
         Raises:
             InputError: a place that is named has no room, or none that is drawn is so far off as
                 it should be.
         """
-        start = self.world.start.pose
-        corners = self._between(None if start is None else start[:2], rng)
-        if start is None:
-            start = (*corners[0].tolist(), float(rng.uniform(-np.pi, np.pi)))
-        return Course.along(corners, start, self.world)
+        return _drawn(self, seed, number)
 
     def onwards(self, goal: Point, pose: Pose) -> Course:
         """Plan the way to a goal from wherever the robot is."""
@@ -85,8 +85,8 @@ class Journeys:
         radius = world.body + route.clearance
         return routes_on(world.floor_plan, radius, route.comfort)  # type: ignore[arg-type] # hashable
 
-    def _between(self, start: Point | None, rng: np.random.Generator) -> Floats:
-        """Return the corners of a way; an end that is None is drawn."""
+    def between(self, start: Point | None, rng: np.random.Generator) -> Floats:
+        """Return the corners of a way, (k, 2); an end that is not named is drawn."""
         goal = self._route.goal
         if start is not None and goal is not None:
             return self._routes_to(goal).start_at(start)
@@ -138,6 +138,17 @@ class Journeys:
             f"no way of {route.min_length:g} to {route.max_length:g} {unit} was found on the floor "
             "plan: give another route.min_length, route.max_length, route.goal or start.pose."
         )
+
+
+@lru_cache(maxsize=2)
+def _drawn(journeys: Journeys, seed: int, number: int) -> Course:
+    rng = episode_stream(seed, number, Stream.ROUTE)
+    start = journeys.world.start.pose
+    corners = journeys.between(None if start is None else start[:2], rng)
+    if start is None:
+        x, y = corners[0].tolist()
+        start = x, y, float(rng.uniform(-np.pi, np.pi))
+    return Course.along(corners, start, journeys.world)
 
 
 @lru_cache(maxsize=4)

@@ -89,7 +89,7 @@ class Setting:
         """
         if self.journeys is None:
             return self.course, self.plan
-        course = self.journeys.drawn(episode_stream(seed, number, Stream.ROUTE))
+        course = self.journeys.drawn(seed, number)
         return course, self.plan_for(course)
 
     def plan_for(self, course: Course, begun: int = 0) -> Plan:
