@@ -10,7 +10,7 @@ from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.units import pixel, scaled
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.validation import InputError, integer, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
@@ -34,6 +34,9 @@ class Scenario:
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: what the filters are told of x_0.
         agent: who drives, by name.
+        disturbance: wrappers around the world, innermost first: ({"kind": "kidnap", …}, …).
+        buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
+            without a seed of its own.
         thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
     """
@@ -44,8 +47,13 @@ class Scenario:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
+    disturbance: tuple[Mapping[str, Any], ...] = ()
+    buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
+
+    def __post_init__(self) -> None:
+        integer("buildings", self.buildings, low=1)
 
     @cached_property
     def world(self) -> World:
@@ -56,6 +64,15 @@ class Scenario:
     def room(self) -> RoomEnv:
         """Return the env, set up to run all planned steps."""
         return RoomEnv(**self.env, ends_at_goal=False)
+
+    def in_building(self, trial: int) -> "Scenario":
+        """Return this scenario in the building of a trial's number."""
+        floor_plan = self.env.get("floor_plan")
+        office = floor_plan.get("office") if isinstance(floor_plan, Mapping) else None
+        if office is None or "seed" in office:
+            return self
+        seeded = {"office": {**office, "seed": trial % self.buildings}}
+        return replace(self, env={**self.env, "floor_plan": seeded})
 
     def robot_model(self, room: RoomEnv) -> RobotModel:
         """Return what localizers and agents are made for: the room's map and lidar, this noise."""
@@ -97,10 +114,16 @@ class Scenario:
         """Change the world; convert all other lengths if its unit is another one."""
         if not groups:
             return self
+        if isinstance(floor_plan := groups.get("floor_plan"), Mapping):
+            groups = {**groups, "floor_plan": _nested(floor_plan)}
         world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
         factor = pixel(world.floor_plan.unit) / pixel(self.world.floor_plan.unit)
         ours = self if factor == 1.0 else scaled(self, factor)
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
+        given = groups.get("floor_plan", self.env.get("floor_plan"))
+        whole["floor_plan"] = (
+            world.floor_plan if given is None else given
+        )  # offices differ by trial
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
         return replace(ours, env={**self.env, **whole, **horizon})
 
@@ -123,6 +146,18 @@ def _grouped(values: Mapping[str, Any], parts: Sequence[str], what: str) -> dict
     for part in whole.keys() & keyed.keys():
         raise InputError(f"{part} is given whole and by key: give only one of them.")
     return whole | keyed
+
+
+def _nested(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table whose keys may be dotted, at one level, as nested ones."""
+    nested: dict[str, Any] = {}
+    for name, value in keys.items():
+        outer, _, inner = name.partition(".")
+        if inner:
+            nested.setdefault(outer, {})[inner] = value
+        else:
+            nested[outer] = value
+    return nested
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

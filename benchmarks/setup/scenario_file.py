@@ -12,7 +12,7 @@ from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.validation import part
 from localizers.naming.digests import digest_of
 
-_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
+_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _MAP_FILES = ("floor_plan", "floor_plan.file")
 
 
@@ -40,6 +40,7 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
             changed,
             words=documents.text("words", given.get("words", path.stem)),
             agent=documents.text("agent", given.get("agent", base.agent)),
+            buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
             source=sha256(f"{base.source}{digest_of(path, _texts(given))}".encode()).hexdigest(),
         )

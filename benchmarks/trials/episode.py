@@ -122,6 +122,8 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
     env = staged(trial, room)
+    if room.world.route is not None:
+        env.reset(seed=trial.world_seed)  # draws the start, of which a prior may know
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
@@ -129,12 +131,13 @@ def trial_moments(trial: Trial, room: RoomEnv | None = None) -> Iterator[Moment]
 
 
 def scenario_of(trial: Trial) -> Scenario:
-    """Return a trial's scenario, with the changes that the trial makes to it.
+    """Return a trial's scenario, with the changes that the trial makes to it, in its building.
 
     Raises:
         InputError: unknown scenario or name, or a bad value.
     """
-    return scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    changed = scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    return changed.in_building(trial.trial)
 
 
 def room_of(name: str, world: Params = ()) -> RoomEnv:
@@ -168,19 +171,18 @@ def groups_of(trial: Trial, room: RoomEnv) -> tuple[Group, ...]:
     """
     setup = scenario_of(trial)
     lost = isinstance(setup.prior, Uniform)
-    has_route = setup.env.get("route", "none") != "none"
     about = {
         "lost": lost,
         "ambiguity": lost and is_symmetric(room.floor_plan),
         "recovery": any(isinstance(layer, Kidnap) for layer in _layers(staged(trial, room))),
-        "driving": has_route and not lost,
+        "driving": room.world.route is not None and not lost,
     }
     return groups_named([name for name, asked in about.items() if asked])
 
 
 def staged(trial: Trial, room: RoomEnv) -> gym.Env[Any, Any]:
-    """Return a trial's room inside its disturbances."""
-    return disturbed(room, trial.disturbance)
+    """Return a trial's room inside its scenario's disturbances, and inside its own."""
+    return disturbed(room, (*scenario_of(trial).disturbance, *trial.disturbance))
 
 
 def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:

@@ -11,12 +11,12 @@ from deqmcl_gym.envs.info import RoomInfo
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
-from deqmcl_gym.world.course import check_free
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.course import Course, check_free
 from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.physics import contacts_of
-from deqmcl_gym.world.plan import FixedPlan, Plan
+from deqmcl_gym.world.plan import FixedPlan
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream
 
@@ -30,7 +30,6 @@ class RoomEnv(gym.Env[Singles, Singles]):
         floor_plan: the map m, for localizers too.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
-        course: the lap: its path, start, and actions as planned beforehand.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -46,6 +45,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         start: Start | dict[str, Any] | None = None,
         lap: Lap | dict[str, Any] | None = None,
         driver: Driver | dict[str, Any] | str | None = None,
+        route: Route | dict[str, Any] | str | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         render_mode: str | None = None,
@@ -63,16 +63,18 @@ class RoomEnv(gym.Env[Singles, Singles]):
             lap: step lengths, or waypoints of the planned path.
             driver: who follows that path from the true pose, and plans anew at every
                 step; "none" takes the preset's away.
+            route: a way from a start to a goal, drawn in each episode, instead of the lap.
             horizon: how many planned actions ``info`` shows; None shows the whole rest.
-            ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
+            ends_at_goal: end the episode when lap or route is done, even if the plan has steps
+                left.
             render_mode: None or "rgb_array".
         """
         self._setting = setting = Setting.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
-            driver=driver,
+            driver=driver, route=route,
         )  # fmt: skip
-        self.world, self.course = setting.world, setting.course
+        self.world = setting.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = contacts_of(self.world)
         if render_mode is not None:
@@ -88,10 +90,22 @@ class RoomEnv(gym.Env[Singles, Singles]):
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 
-        Of a driver: those of a lap without noise from the expected start.
+        Of a driver: those without noise from the expected start.
+
+        Raises:
+            RuntimeError: it is that of a route, and there is no episode.
         """
-        plan = self._setting.plan if self._begun is None else self._begun.plan
+        plan = self._setting.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions
+
+    @property
+    def course(self) -> Course:
+        """Lap or route: its path, start, and actions as planned beforehand.
+
+        Raises:
+            RuntimeError: it is a route, and there is no episode.
+        """
+        return self._setting.course if self._is_lap_ahead else self._episode.course
 
     @property
     def elapsed_steps(self) -> int:
@@ -135,16 +149,28 @@ class RoomEnv(gym.Env[Singles, Singles]):
         reward = progress - self._setting.penalty * collided
         info = _info(episode, command, collided)
         used_up = info["planned_count"] == 0
-        episode.ended = used_up or (self._setting.ends_at_goal and episode.lap_done)
+        episode.ended = used_up or (self._setting.ends_at_goal and episode.done)
         return episode.scan.copy(), reward, episode.ended, False, info
 
-    def place(self, at: Pose) -> None:
-        """Put the robot at a free pose, without telling anyone; the reward ignores the jump.
+    def place(self, at: Pose, noticed: bool = True) -> None:
+        """Put the robot at a free pose; the reward ignores the jump.
+
+        Args:
+            at: (x, y, θ).
+            noticed: whether a driver sees it, and plans from there; else his plan stays as it is.
 
         Raises:
             InputError: the robot would touch a wall there.
         """
-        self._episode.place(self.checked_pose("the pose", at))
+        self._episode.place(self.checked_pose("the pose", at), noticed)
+
+    def elsewhere(self, rng: np.random.Generator) -> Pose:
+        """Draw a free pose: anywhere on a lap, on a route as its start is drawn.
+
+        Raises:
+            InputError: none was found.
+        """
+        return self._setting.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
@@ -155,7 +181,8 @@ class RoomEnv(gym.Env[Singles, Singles]):
         """
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
-        episode.plan = _replaceable(episode.plan).replaced(episode.step + 1, rows)
+        assert isinstance(episode.plan, FixedPlan)  # without a driver
+        episode.plan = episode.plan.replaced(episode.step + 1, rows)
 
     def checked_pose(self, what: str, at: Pose) -> Pose:
         """Return a pose where the robot is clear of the walls, else refuse it."""
@@ -165,7 +192,11 @@ class RoomEnv(gym.Env[Singles, Singles]):
 
     def checked_plan(self, what: str, actions: ArrayLike) -> Singles:
         """Return actions (k, 2) that can replace the plan's, float32, else refuse them."""
-        _replaceable(self._setting.plan)
+        if self.world.driver is not None:
+            raise InputError(
+                "a driver makes the plan at every step, so it cannot be replaced: "
+                "choose a world without a driver."
+            )
         return self._setting.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -176,7 +207,11 @@ class RoomEnv(gym.Env[Singles, Singles]):
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
-        return self._setting.picture(episode.pose, episode.scan, episode.step)
+        return self._setting.picture(episode.course, episode.pose, episode.scan, episode.step)
+
+    @property
+    def _is_lap_ahead(self) -> bool:
+        return self._begun is None and self._setting.journeys is None
 
     @property
     def _episode(self) -> Episode:
@@ -194,16 +229,9 @@ def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
         "collided": collided,
         "truth": np.array(episode.pose),
     }
+    if episode.course.goal is not None:
+        info["goal"], info["route"] = np.array(episode.course.goal), episode.course.path.corners + 0
     return cast("dict[str, Any]", info)
-
-
-def _replaceable(plan: Plan) -> FixedPlan:
-    if not isinstance(plan, FixedPlan):
-        raise InputError(
-            "a driver makes the plan at every step, so it cannot be replaced: "
-            "choose a world without a driver."
-        )
-    return plan
 
 
 def _check_no_options(options: object) -> None:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from deqmcl_gym.world.path import Pose, wrapped
+from deqmcl_gym.world.driver import GuidedPlan
+from deqmcl_gym.world.path import Point, Pose, wrapped
 from deqmcl_gym.world.physics import Contacts, Physics
-from deqmcl_gym.world.plan import Plan
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream, episode_stream
@@ -14,6 +14,7 @@ class Episode:
     """All that changes between two resets.
 
     Attributes:
+        course: the path, and what was planned for it.
         plan: says what is to be done next.
         step: steps carried out.
         pose: the true one (x, y, θ).
@@ -27,22 +28,21 @@ class Episode:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
-            InputError: no start drawn is free.
+            InputError: no start drawn is free, or no way was found.
         """
         world = self._world = setting.world
         self._setting = setting
-        self._path = setting.course.path
+        self.course, self.plan = setting.begun(seed, number)
         self._seed, self._number = seed, number
         self._noise = world.noise
         self._motion = self.stream(Stream.MOTION)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        self.pose = setting.start(seed, number)
+        self.pose = setting.start(self.course, seed, number)
         self._start = self.pose[:2]
         self._physics = Physics(walls, self._start)
-        self.arc, self.way = setting.first_arc(self._start), 0.0
+        self.arc, self.way = setting.first_arc(self.course, self._start), 0.0
         self._progress = 0.0
-        self.plan: Plan
-        self.plan, self.step, self.ended = setting.plan, 0, False
+        self.step, self.ended = 0, False
         self.scan = self._sensor.scan(self.pose)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
@@ -50,20 +50,34 @@ class Episode:
         return episode_stream(self._seed, self._number, stream, twin)
 
     @property
-    def lap_done(self) -> bool:
-        """Whether the progress adds up to one lap and the robot is back at its start."""
-        if self._progress < self._setting.once_round:
-            return False
-        (x0, y0), (x, y) = self._start, self._physics.position
-        dx, dy = x - x0, y - y0
-        return bool(np.sqrt(dx * dx + dy * dy) <= self._world.robot.radius)
+    def done(self) -> bool:
+        """Whether the robot is at its goal; on a lap, once round and back at its start."""
+        route, goal = self._world.route, self.course.goal
+        if route is not None and goal is not None:
+            return self._is_near(goal, route.tolerance)
+        once_round = self._progress >= self._setting.once_round
+        return once_round and self._is_near(self._start, self._world.robot.radius)
 
-    def place(self, pose: Pose) -> None:
-        """Put the robot somewhere; that makes no progress."""
+    def place(self, pose: Pose, noticed: bool = True) -> None:
+        """Put the robot somewhere; that makes no progress.
+
+        Args:
+            pose: where to.
+            noticed: whether a driver knows, and plans from there; else his plan stays as it is.
+        """
+        if isinstance(self.plan, GuidedPlan) and not noticed:
+            self.plan = self.plan.left_as_it_is(self)
         self.pose = pose
         self._physics.place(pose[:2])
-        before, self.arc = self.arc, self._path.arc(pose[:2])
-        self.way += self._path.advance(before, self.arc)
+        journeys, goal = self._setting.journeys, self.course.goal
+        if journeys is not None and goal is not None and isinstance(self.plan, GuidedPlan):
+            self.course = journeys.onwards(goal, pose)
+            self.plan = self._setting.plan_for(self.course, self.step)
+            self.arc = self.way = 0.0
+            return
+        path = self.course.path
+        before, self.arc = self.arc, path.arc(pose[:2])
+        self.way += path.advance(before, self.arc)
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
         """Turn, drive, take a scan: one step of noisy motion.
@@ -74,11 +88,16 @@ class Episode:
         before = self._physics.position
         collided = self._move(distance, turn)
         self.step += 1
-        self.arc, progress = self._path.follow(before, self._physics.position, self.arc)
+        self.arc, progress = self.course.path.follow(before, self._physics.position, self.arc)
         self.way += progress
         self._progress += progress
         self.scan = self._sensor.scan(self.pose)
         return progress, collided
+
+    def _is_near(self, point: Point, distance: float) -> bool:
+        (x0, y0), (x, y) = point, self._physics.position
+        dx, dy = x - x0, y - y0
+        return bool(np.sqrt(dx * dx + dy * dy) <= distance)
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise
