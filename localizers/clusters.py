@@ -11,6 +11,7 @@ from localizers.api import mean_pose
 
 CELL = 50.0  # px: 1 m
 SECTORS = 12  # of 30°
+_COUNTED = 2**20  # cells whose weights are counted in one table
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,18 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
         weights: (n,), of sum 1.
         unit: of lengths; a metre is 50 px.
     """
-    at = np.asarray(poses, dtype=np.float64)
-    cells = np.floor(at[:, :2] / (CELL * pixel(unit))).astype(np.int64)
-    turned = (arrays.wrapped(at[:, 2]) + np.pi) * (SECTORS / (2 * np.pi))
-    sectors = np.floor(turned).astype(np.int64) % SECTORS
-    column, row = (cells - cells.min(axis=0)).T
-    number = (column * (row.max() + 1) + row) * SECTORS + sectors  # one integer sorts quickly
-    _, first, cell = np.unique(number, return_index=True, return_inverse=True)
-    heaviest = first[np.bincount(cell, weights).argmax()]
-    apart = (sectors - sectors[heaviest] + 1) % SECTORS
-    near = (np.abs(cells - cells[heaviest]) <= 1).all(axis=1) & (apart <= 2)
+    at = np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
+    metre = CELL * pixel(unit)
+    column, row = np.floor(at[0] / metre), np.floor(at[1] / metre)  # whole, as float64
+    turned = (arrays.wrapped(at[2]) + np.pi) * (SECTORS / (2 * np.pi))
+    sector = np.floor(turned).astype(np.int64) % SECTORS
+    column -= column.min()
+    row -= row.min()
+    number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector  # in their order
+    if number.max() > _COUNTED:  # far apart, as plug-ins may answer
+        number = np.unique(number, return_inverse=True)[1]
+    heaviest = (number == np.bincount(number, weights).argmax()).argmax()
+    apart = (sector - sector[heaviest] + 1) % SECTORS
+    near = (abs(column - column[heaviest]) <= 1) & (abs(row - row[heaviest]) <= 1) & (apart <= 2)
     share = float(weights[near].sum())
-    return Cluster(mean_pose(at[near], weights[near] / share), share)
+    return Cluster(mean_pose(at[:, near].T, weights[near] / share), share)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, digits, integer, number
 from localizers.inference import adaptive_kernels
+from localizers.inference.parts import Actions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,17 +54,21 @@ class KldSampling:
 class Recovery:
     """max(0, 1 - w_fast / w_slow) of the draws come from anywhere (Thrun et al. 2005, table 8.3).
 
-    w_slow and w_fast are exponential averages of how likely the scans were. Both rates 0: never.
+    w_slow and w_fast are exponential averages of how likely the scans were; of the first 1 / α
+    scans they are plain means, so that the first scan, which a robot that is to be found hardly
+    explains, is soon outweighed. Both rates 0: never.
 
     Attributes:
         alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
         slow, fast: w_slow and w_fast; 0 before the first scan.
+        scans: how many there were.
     """
 
     alpha_slow: float = 0.0
     alpha_fast: float = 0.0
     slow: float = 0.0
     fast: float = 0.0
+    scans: int = 0
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
@@ -82,18 +88,33 @@ class Recovery:
         """Return the averages after a scan of log p(o | belief) from so many usable beams.
 
         The likelihood averaged is that of one beam (the geometric mean over the scan's), so that
-        scans with lost beams compare. The first one starts both averages.
+        scans with lost beams compare.
         """
-        if beams == 0 or math.isnan(log_evidence) or (self.slow > 0 and self.alpha_fast == 0):
+        if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self
         # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
         log_beam = log_evidence / beams
         size = float(arrays.exp(-abs(log_beam)))
         likelihood = size if log_beam <= 0 else 1.0 / size
-        if self.slow == 0.0:
-            return replace(self, slow=likelihood, fast=likelihood)
+        scans = self.scans + 1
+        slow, fast = max(self.alpha_slow, 1 / scans), max(self.alpha_fast, 1 / scans)
         return replace(
             self,
-            slow=self.slow + self.alpha_slow * (likelihood - self.slow),
-            fast=self.fast + self.alpha_fast * (likelihood - self.fast),
+            slow=self.slow + slow * (likelihood - self.slow),
+            fast=self.fast + fast * (likelihood - self.fast),
+            scans=scans,
         )
+
+
+class Watch(NamedTuple):
+    """What a belief remembers of scans and plans.
+
+    Attributes:
+        recovery: averages of how likely the scans were.
+        plan: the latest, (h, k).
+        news: steps for which the route counts as new; see ``injection.Anywhere``.
+    """
+
+    recovery: Recovery
+    plan: Actions
+    news: int = 0

@@ -8,8 +8,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from localizers.inference import kernels
+from localizers.inference.adaptive import Watch
 from localizers.inference.parts import Actions, LogWeights, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
@@ -29,6 +30,7 @@ class Events:
         skipped_beams: beams that were NaN, infinite or outside [0, max range].
         blind_scans: scans without a usable beam; they changed no weight.
         infeasible_plans: plans taken as evidence that are feasible from no particle.
+        random_poses: particles drawn anywhere in free space, to recover.
     """
 
     weight_collapses: int = 0
@@ -36,6 +38,7 @@ class Events:
     skipped_beams: int = 0
     blind_scans: int = 0
     infeasible_plans: int = 0
+    random_poses: int = 0
 
     def plus(self, **counts: int) -> Self:
         """Return these events and some more."""
@@ -85,6 +88,8 @@ class _Cloud(NamedTuple):
         plan_reading: what the latest plan said, where plans are evidence of the present.
         valid: P(plans are about this robot) given the path of each particle, (n,), where that is
             in doubt; see ``plan_validity``.
+        scan_power: λ_t, at which the latest scan was taken in.
+        watch: how likely scans have been, where poses are mixed in by it; see ``injection``.
     """
 
     queue: Queue
@@ -97,6 +102,8 @@ class _Cloud(NamedTuple):
     log_h: LogWeights | None = None
     plan_reading: PlanReading | None = None
     valid: Floats | None = None
+    scan_power: float = 1.0
+    watch: Watch | None = None
 
 
 class ParticleBelief(_Cloud):
@@ -198,20 +205,40 @@ class ParticleBelief(_Cloud):
             return self._replace(log_weights=total)
         return self._collapsed()
 
+    def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
+        """Exchange the present states of some particles (n,), the newest ones, for k others.
+
+        Those get the mean weight of all, so that in expectation the belief is mixed.
+        """
+        states, log_weights = self.present.copy(), self.log_weights.copy()
+        states[:, chosen] = others.present
+        log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
+        return self._replace(
+            queue=self.queue.renewed(states),
+            log_weights=log_weights,
+            events=self.events.plus(random_poses=others.log_weights.size),
+        )
+
     def scanned(
-        self, ranges: Floats, log_likelihood: LogWeights, most: int = _EVIDENCE_PARTICLES
+        self,
+        ranges: Floats,
+        log_likelihood: LogWeights,
+        most: int = _EVIDENCE_PARTICLES,
+        power: float = 1.0,
     ) -> "ParticleBelief":
         """Take in a scan (B,) of log-likelihoods (n,), and how well this belief predicted it.
 
-        The latter from at most ``most`` evenly spaced particles. The scan is kept, not copied.
-        Weights as in ``reweighted``.
+        The latter from at most ``most`` evenly spaced particles, whatever the ``power`` at which
+        the scan is taken in. It is kept, not copied. Weights as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
-        top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, total)
+        top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, power, total)
         trust = None if self.trust is None else self.trust.after(ranges, evidence)
         belief = self if math.isfinite(top) else self._collapsed()
         weights = total if math.isfinite(top) else self.log_weights
-        return belief._replace(log_weights=weights, scan_log_evidence=evidence, trust=trust)
+        return belief._replace(
+            log_weights=weights, scan_log_evidence=evidence, trust=trust, scan_power=power
+        )
 
     def _collapsed(self) -> "ParticleBelief":
         return self._replace(events=self.events.plus(weight_collapses=1))

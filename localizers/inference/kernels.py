@@ -143,6 +143,42 @@ def tempering(
 
 
 @compiled
+def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> float:
+    """Return the largest λ in [0, 1] at which w f^λ has ``keep`` of the sample size of w.
+
+    By bisection, to 2⁻²⁰; the effective sample size is never less. 1 if no weight is left by f, or
+    one is infinite.
+    """
+    scaled = log_weights + log_factor
+    if not abs(largest(scaled)) < np.inf:
+        return 1.0
+    wanted = keep * _sample_size(log_weights)
+    low, high, power = 0.0, 1.0, 1.0
+    for _ in range(20):
+        for i in range(scaled.size):
+            scaled[i] = log_weights[i] + power * log_factor[i]
+        if _sample_size(scaled) >= wanted:
+            low = power
+        else:
+            high = power
+        if low == 1.0:
+            break
+        power = 0.5 * (low + high)
+    return low
+
+
+@compiled
+def _sample_size(log_weights: Floats) -> float:
+    """(Σ w)² / Σ w²."""
+    top, total, square = largest(log_weights), 0.0, 0.0
+    for i in range(log_weights.size):
+        weight = exp64(log_weights[i] - top)
+        total += weight
+        square += weight * weight
+    return total * total / square
+
+
+@compiled
 def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
     """Fill in log w + log factor; return its maximum, -inf if no weight is left."""
     for i in range(out.size):
@@ -152,10 +188,15 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
 
 @compiled
 def absorbed(
-    log_weights: Floats, log_likelihoods: Floats, most: int, out: Floats
+    log_weights: Floats, log_likelihoods: Floats, most: int, power: float, out: Floats
 ) -> tuple[float, float]:
-    """Do ``shifted`` and ``log_evidence``; return what both return."""
+    """Do ``shifted``, by f^power, and ``log_evidence``, by f; return what both return."""
     evidence = log_evidence(log_weights, log_likelihoods, most)
+    if power < 1.0:
+        factor = np.zeros(log_likelihoods.size)
+        if power > 0.0:
+            factor[:] = power * log_likelihoods
+        return shifted(log_weights, factor, out), evidence
     return shifted(log_weights, log_likelihoods, out), evidence
 
 

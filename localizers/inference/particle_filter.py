@@ -9,6 +9,7 @@ import numpy as np
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.inference.belief import ParticleBelief
+from localizers.inference.injection import Injection, Nothing
 from localizers.inference.lookahead import Lookahead, Myopic
 from localizers.inference.moves import Move, Stay
 from localizers.inference.parts import (
@@ -20,11 +21,11 @@ from localizers.inference.parts import (
     Resampling,
     Scan,
 )
-from localizers.inference.queue import Queue
 from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import Selection, by_own_weight
 from localizers.inference.rollout import Rollout, Unconstrained
-from localizers.inference.start import FromPrior, Start
+from localizers.inference.start import FromPrior, Start, drawn
+from localizers.inference.tempering import Tempering, Untempered
 from localizers.inference.trust import Trust
 from localizers.inference.weights import normalized_with_log_sum
 
@@ -49,6 +50,8 @@ class ParticleFilter:
         lookahead: what the plan says of the present, where the future is not queued.
         selection: the weights to resample by.
         start: how the first particles are chosen among draws from the prior.
+        tempering: the power at which a scan is taken in.
+        injection: mixes poses from anywhere into the belief; needs ``future`` = 0.
         trust: evidence for and against its beliefs at t = 0; None: none is kept.
         dtype: of the states.
     """
@@ -65,6 +68,8 @@ class ParticleFilter:
     lookahead: Lookahead = field(default_factory=Myopic)
     selection: Selection = by_own_weight
     start: Start = field(default_factory=FromPrior)
+    tempering: Tempering = field(default_factory=Untempered)
+    injection: Injection = field(default_factory=Nothing)
     trust: Trust | None = None
     dtype: Any = np.float32
 
@@ -89,19 +94,13 @@ class ParticleFilter:
         filter given the same ``rng`` starts from the same cloud.
         """
         stream = rng.spawn(1)[0]
-        states = prior.sample(self.start.draws * self.particles, stream)
-        belief = ParticleBelief(
-            queue=Queue((np.ascontiguousarray(states.T, dtype=self.dtype),)),
-            log_weights=np.zeros(len(states)),
-            drawn=plan[:0],
-            trust=self.trust,
-        )
-        belief = self.start(belief, plan, stream)
+        belief = drawn(prior, self.start.draws * self.particles, self.dtype, plan, stream)
+        belief = self.start(belief._replace(trust=self.trust), plan, stream)
         window = plan[: self.future]
         for ahead in range(len(window)):
             belief = self._resampled(belief, rng)
             belief = self._extended(belief, window[: ahead + 1], rng)
-        return self.lookahead(belief, plan, rng)
+        return self.lookahead(self.injection.noted(belief, plan), plan, rng)
 
     def step(
         self,
@@ -127,10 +126,12 @@ class ParticleFilter:
         belief = self._redraw(belief, actions, rng)
         for ahead in range(belief.queue.ahead, len(actions)):
             belief = self._extended(belief, actions[: ahead + 1], rng)
-        belief = belief.stepped(self.past)
+        belief = self.injection(belief.stepped(self.past), plan, rng)
         # Reweight
-        belief = belief.scanned(ranges, self.scan.log_likelihood(belief.present, ranges))
-        return self.lookahead(belief, plan, rng)
+        log_likelihood = self.scan.log_likelihood(belief.present, ranges)
+        power = self.tempering(belief.log_weights, log_likelihood)
+        belief = belief.scanned(ranges, log_likelihood, power=power)
+        return self.lookahead(self.injection.noted(belief, plan, ranges), plan, rng)
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Go on with whole queues, drawn by weight if it is time to; move them."""

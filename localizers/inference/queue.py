@@ -94,6 +94,11 @@ class Queue(NamedTuple):
         future = self.future.push(self.pending)
         return Queue(slots, links, None, self.present, self.past, future)
 
+    def renewed(self, states: States) -> "Queue":
+        """Exchange the newest states for others, (d, n), before anything is resampled."""
+        assert self.pending is None
+        return self._replace(slots=(*self.slots[:-1], states))
+
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
         future = self.future.pop()

@@ -1,13 +1,13 @@
 """Where the particles of t = 0 come from: the prior, or the prior and the first plan."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from localizers.inference import kernels
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, States
+from localizers.inference.parts import Actions, Initial, States
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.queue import Queue
 from localizers.inference.weights import normalized_with_log_sum
@@ -26,6 +26,14 @@ class Start(Protocol):
     ) -> ParticleBelief:
         """Return a belief of n particles, of K n draws from the prior."""
         ...
+
+
+def drawn(
+    prior: Initial, count: int, dtype: Any, plan: Actions, rng: np.random.Generator
+) -> ParticleBelief:
+    """Return draws from a prior, as a belief that no action of the plan (h, k) has moved."""
+    states = np.ascontiguousarray(prior.sample(count, rng).T, dtype=dtype)
+    return ParticleBelief(Queue((states,)), np.zeros(count), drawn=plan[:0])
 
 
 @dataclass(frozen=True)

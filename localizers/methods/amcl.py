@@ -31,17 +31,6 @@ LASER_MODELS = ("likelihood_field", "beam", "robot")
 _NO_ACTIONS = np.empty((0, 2))
 
 
-@dataclass(frozen=True)
-class AdaptiveEvents(Events):
-    """Counts of trouble of an adaptive filter.
-
-    Attributes:
-        random_poses: particles drawn anywhere in free space, to recover.
-    """
-
-    random_poses: int = 0
-
-
 @dataclass(frozen=True, kw_only=True)
 class ResamplingTime:
     """When to resample: every ``interval`` updates; if ``selective``, only if ESS < N / 2."""
@@ -94,7 +83,7 @@ class AdaptiveLocalizer:
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
-        belief = _cloud(cloud, AdaptiveEvents(), self._trust)
+        belief = _cloud(cloud, Events(), self._trust)
         self._running = _Running(belief, self._recovery, 0, rng)
         return belief
 

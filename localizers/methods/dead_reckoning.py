@@ -49,8 +49,8 @@ class DeadReckoning:
         checked_rng(rng)
         if prior.mean is None:
             raise InputError(
-                f"the prior is {prior!r}, but dead reckoning needs a mean to start from: give a "
-                "GaussianPrior, or another localizer."
+                f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
+                "one to start from: give a GaussianPrior, or take another localizer."
             )
         track = _Track([prior.mean], 0, checked_plan(plan))
         self._driven = track.driven

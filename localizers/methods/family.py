@@ -7,13 +7,27 @@ from typing import Any
 
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import RobotModel
+from localizers.inference.adaptive import Recovery
 from localizers.inference.belief import ParticleBelief
+from localizers.inference.injection import Anywhere, Injection, Nothing
 from localizers.inference.localizer import FilterLocalizer
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.parts import PlanModel, Resampling
+from localizers.inference.parts import Resampling
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.resampling import resampling
 from localizers.inference.start import FromPrior, InformedStart, Start
+from localizers.inference.tempering import KeepsSampleSize, Tempering, Untempered
+from localizers.models.plan_sensor import PlanSensor
+from localizers.models.prior import UniformPrior
+
+FOR_THE_LOST = (
+    "plan_beta",
+    "start_draws",
+    "start_jitter",
+    "scan_keep",
+    "recovery_alpha_slow",
+    "recovery_alpha_fast",
+)  # parameters of methods that are to find a robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +41,15 @@ class Shared:
         resampler: "systematic", "stratified" or "multinomial".
         ess_threshold: resample only when the effective sample size is below this share of N;
             None resamples at every step, as the paper does.
+        plan_beta: β ≥ 0 of a plan that is taken as evidence, per step of it that collides.
         start_draws: K, draws from the prior of which one is kept by how feasible the plan shown at
-            reset is from it; 1 keeps them all.
+            reset is from it; 1 keeps them all. As many for each pose that is injected after a new
+            route.
         start_jitter: a length that kept draws are spread by; 0 is exact importance sampling.
+        scan_keep: κ, the share of the effective sample size that a scan leaves at least; 0 is
+            exact.
+        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, by which poses from
+            anywhere are injected; 0 and 0 inject none.
     """
 
     particles: int = 1000
@@ -37,8 +57,12 @@ class Shared:
     beta: float = 10.0
     resampler: str = "systematic"
     ess_threshold: float | None = None
+    plan_beta: float = 10.0
     start_draws: int = 1
     start_jitter: float = 0.0
+    scan_keep: float = 0.0
+    recovery_alpha_slow: float = 0.0
+    recovery_alpha_fast: float = 0.0
 
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)
@@ -57,12 +81,36 @@ class Shared:
         """When to resample, and how."""
         return resampling(self.resampler, self.ess_threshold)
 
-    def start(self, sensor: PlanModel) -> Start:
-        """Where the first particles come from, given how plans are read."""
+    def sensor(self, robot: RobotModel) -> PlanSensor:
+        """How plans are read."""
+        return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=self.plan_beta)
+
+    def start(self, robot: RobotModel) -> Start:
+        """Where the first particles come from."""
         if self.start_draws == 1:
             return FromPrior()
-        evidence = PlanEvidence(sensor=sensor)
+        evidence = PlanEvidence(sensor=self.sensor(robot))
         return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
+
+    @property
+    def tempering(self) -> Tempering:
+        """At which power scans are taken in."""
+        kept = KeepsSampleSize(self.scan_keep)
+        return kept if self.scan_keep > 0 else Untempered()
+
+    def injection(self, robot: RobotModel) -> Injection:
+        """Which poses are mixed in, and when."""
+        recovery = Recovery(
+            alpha_slow=self.recovery_alpha_slow, alpha_fast=self.recovery_alpha_fast
+        )
+        if recovery.alpha_fast == 0:
+            return Nothing()
+        return Anywhere(
+            recovery=recovery,
+            poses=UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius),
+            start=self.start(robot),
+            max_range=robot.lidar.max_range,
+        )
 
 
 Build = Callable[..., ParticleFilter]

@@ -8,19 +8,21 @@ from dataclasses import replace
 
 from localizers.api import RobotModel
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.methods.family import Shared, method
+from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.methods.mcl import mcl
 from localizers.models.feasibility import FreeSpace
-from localizers.models.plan_sensor import PlanSensor
 
 
-@method(*mcl.takes, "beta", "start_draws", "start_jitter")
+@method(*mcl.takes, "beta", *FOR_THE_LOST)
 def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL whose steps are charged exp(-``beta``) if they collide.
 
-    So are those of the plan shown at reset, if ``start_draws`` is more than 1.
+    Of plans it knows those by which poses are chosen, with ``start_draws`` of 2 or more.
     """
-    free_space = FreeSpace(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta)
-    sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta)
-    base = mcl.build(robot, shared)
-    return replace(base, feasibility=free_space, start=shared.start(sensor))
+    return replace(
+        mcl.build(robot, shared),
+        feasibility=FreeSpace(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta),
+        start=shared.start(robot),
+        tempering=shared.tempering,
+        injection=shared.injection(robot),
+    )

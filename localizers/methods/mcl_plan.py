@@ -14,22 +14,20 @@ from localizers.inference.lookahead import Lookahead
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import Known, PlanEvidence, nothing_known, steps_known
 from localizers.inference.plan_validity import DoubtedPlans
-from localizers.methods.family import Shared, method
+from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.free_space import even_poses
-from localizers.models.plan_sensor import PlanSensor
 
 _ANYWHERE = 512  # poses that stand for free space
 
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
 
-@method(*mcl_map_smoother.takes, "start_draws", "start_jitter")
+@method(*mcl_map_smoother.takes, *FOR_THE_LOST)
 def mcl_plan(
     robot: RobotModel,
     shared: Shared,
     *,
-    plan_beta: float = 10.0,
     keep: float = 0.8,
     charge: str = "always",
     validity: float | None = None,
@@ -38,7 +36,6 @@ def mcl_plan(
 
     Args:
         robot, shared: see ``Shared``.
-        plan_beta: β of a plan, per step of it that collides; 0 leaves map-based MCL.
         keep: κ, the share of the effective sample size that a plan leaves at least; 0 is exact.
         charge: "always"; or "new", each planned step once, when it comes into view.
         validity: probability per step that plans become, or cease to be, about this robot; a
@@ -47,7 +44,7 @@ def mcl_plan(
     Raises:
         InputError: ``validity`` is given beside a ``keep`` or a ``charge`` that it cannot have.
     """
-    sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=plan_beta)
+    sensor = shared.sensor(robot)
     known = CHARGES[one_of("charge", charge, CHARGES)]
     evidence: Lookahead = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
     if validity is not None:
@@ -61,5 +58,4 @@ def mcl_plan(
         evidence = DoubtedPlans(
             sensor=sensor, anywhere=anywhere, switching=validity, steps=shared.lag
         )
-    base = mcl_map_smoother.build(robot, shared)
-    return replace(base, lookahead=evidence, start=shared.start(sensor))
+    return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)

@@ -62,14 +62,23 @@ def test_drawing_stops_as_the_books_loop_does(spread):
 
 
 def test_random_poses_come_by_the_ratio_of_the_two_averages():
-    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5).after(math.log(0.4), 1)
-    assert recovery.share == 0.0
-    recovery = recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
-    slow, fast = 0.4 + 0.1 * (0.1 - 0.4), 0.4 + 0.5 * (0.1 - 0.4)
+    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5)
+    for likelihood in (0.2, 0.4, 0.6):
+        recovery = recovery.after(math.log(likelihood), 1)
+        assert recovery.share == 0.0
+    assert recovery.slow == pytest.approx(0.4)  # of few scans the mean
+    assert recovery.fast == pytest.approx(0.3 + 0.5 * (0.6 - 0.3))
+    before, recovery = recovery, recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
+    slow = before.slow + (0.1 - before.slow) / 4
+    fast = before.fast + (0.1 - before.fast) / 2
     assert recovery.share == pytest.approx(1 - fast / slow)
     assert recovery.after(math.log(0.9), 1).after(math.log(0.9), 1).share == 0.0
     assert recovery.after(0.0, 0) == recovery  # a blind scan
-    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.9))
+    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.8))
+    for _ in range(200):
+        recovery = recovery.after(math.log(0.3), 1)
+    last = recovery.after(math.log(0.7), 1)
+    assert last.slow - recovery.slow == pytest.approx(0.1 * 0.4)
 
 
 @pytest.mark.parametrize("cell", [1.0, 4.0])
@@ -159,7 +168,7 @@ def test_it_resamples_when_it_should(robot, prior, drive, interval, selective):
         before = after
 
 
-def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
+def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
     """Position errors of a robot that stands, is carried off at step 10, and turns about there."""
     lidar = Lidar(beams=15, field_of_view=5.0, max_range=400.0)
     robot = localizers.RobotModel(
@@ -175,7 +184,7 @@ def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, in
     rng = np.random.default_rng(3)
     scans = LOPSIDED.ranges(truth, lidar.bearings) + rng.normal(0, 10, (len(truth), 15))
     localizer = localizers.make(
-        "amcl", robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast
+        name, robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast
     )
     prior = localizers.GaussianPrior(mean=tuple(truth[0]), sd_position=5.0, sd_heading=0.05)
     localizer.reset(prior, [], np.random.default_rng(0))
@@ -187,13 +196,14 @@ def lost_and_found(alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, in
     return np.array(errors), belief.events.random_poses
 
 
-def test_a_kidnapped_robot_is_found_again_by_random_poses_and_not_without():
-    errors, drawn = lost_and_found(0.001, 0.1)
+@pytest.mark.parametrize("name", ["amcl", "mcl-map", "mcl-plan"])
+def test_a_kidnapped_robot_is_found_again_by_random_poses_and_not_without(name):
+    errors, drawn = lost_and_found(name, 0.001, 0.1)
     assert errors[:10].max() < 15
     assert errors[10] > 150  # carried off by 220 px
     assert errors[-10:].max() < 15
     assert drawn > 0
-    errors, drawn = lost_and_found(0.0, 0.0)
+    errors, drawn = lost_and_found(name, 0.0, 0.0)
     assert errors[-10:].min() > 50
     assert drawn == 0
 

@@ -304,7 +304,7 @@ def test_draws_that_were_taken_twice_are_told_apart_by_the_jitter(robot, prior):
 
 def test_a_start_that_no_plan_fits_is_the_prior_and_is_counted(robot, prior):
     nowhere = np.tile([50.0, 0.0], (40, 1))
-    made = localizers.make("mcl-map", robot, particles=50, start_draws=3, beta=INF)
+    made = localizers.make("mcl-map", robot, particles=50, start_draws=3, plan_beta=INF)
     start = made.reset(prior, nowhere, RNG(0))
     assert start.events.infeasible_plans == 1
     assert start.events.weight_collapses == 1
