@@ -28,6 +28,7 @@ _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
 _LONGEST = 560.0  # px of the paper's room
+_LEAST_SCALE = 0.01
 
 
 def camera_of(trial: Trial, scale: float = 2.0) -> Camera:
@@ -37,8 +38,10 @@ def camera_of(trial: Trial, scale: float = 2.0) -> Camera:
     """
     room = scenario_of(trial).room()
     x0, y0, x1, y1 = room.floor_plan.bounds
-    longest = max(x1 - x0, y1 - y0) / pixel(room.floor_plan.unit)
-    view = View(room.floor_plan, scale * min(1.0, _LONGEST / longest))
+    longest = max(x1 - x0, y1 - y0)
+    size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
+    small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
+    view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
     return Camera(view, room.world.robot.radius, trial.lag)
 
 

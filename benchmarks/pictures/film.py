@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 
 from benchmarks.pictures.frames import Camera
-from benchmarks.tables.table_1 import TITLES
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
 from deqmcl_gym.numerics import arrays
@@ -43,16 +42,15 @@ class Film:
         moments: seen so far.
     """
 
-    def __init__(self, camera: Camera, method: str, stride: int) -> None:
+    def __init__(self, camera: Camera, title: str, stride: int) -> None:
         """Begin a film of one method.
 
         Args:
             camera: looks at the room.
-            method: the localizer's name.
+            title: stands below it.
             stride: steps per frame.
         """
-        self._camera, self._stride = camera, stride
-        self._title = TITLES.get(method, method)
+        self._camera, self._title, self._stride = camera, title, stride
         self.moments: list[Moment] = []
         self.frames: list[Image] = []
         self._best: list[tuple[float, float, float]] = []

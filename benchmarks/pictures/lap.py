@@ -34,9 +34,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     camera = camera_of(trial, scale=1.6)
     setup = scenario_of(trial)
     unit = setup.world.floor_plan.unit
-    film = Film(camera, trial.localizer, LAP_STRIDE)
-    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
+    film = Film(camera, title, LAP_STRIDE)
+    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()

@@ -33,6 +33,7 @@ class Lap:
         title: heading.
         caption: what is to be seen.
         trials: shown side by side, one of each method.
+        labels: of the methods.
         keys: the names under which their results are kept.
         animation: WebP.
         still: PNG, for those who want no motion.
@@ -42,6 +43,7 @@ class Lap:
     title: str
     caption: str
     trials: tuple[Trial, ...]
+    labels: tuple[str, ...]
     keys: tuple[str, ...]
     animation: bytes = b""
     still: bytes = b""
@@ -66,15 +68,17 @@ def laps(panel: Panel) -> list[Lap]:
             for record in reversed(panel.records[method])
             if record["trial"]["trial"] == world
         }
-        names = " and ".join(panel.labels[method] for method in first)
+        labels = tuple(panel.labels[method] for method in first)
         chosen.append(
             Lap(
                 name=f"lap-{panel.number}-{place.lower()}",
                 title=f"{place} of {len(ranked)} worlds",
-                caption=f"World {world}, {names}: {what} of {panel.labels[focus.method]} "
-                f"{value:.1f}. Every {_STRIDE}th step; orange: present, pink: past, light blue: "
-                "future; at the end the ways of truth and best cluster.",
+                caption=f"World {world}, {' and '.join(labels)}: {what} of "
+                f"{panel.labels[focus.method]} {value:.1f}. Every {_STRIDE}th step; orange: "
+                "present, pink: past, light blue: future; at the end the ways of truth and best "
+                "cluster.",
                 trials=tuple(trial_of(record["trial"]) for record in first.values()),
+                labels=labels,
                 keys=tuple(record["key"] for record in first.values()),
             )
         )
@@ -89,7 +93,7 @@ def drawn(lap: Lap) -> Lap:
     """
     if tuple(map(key_of, lap.trials)) != lap.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
-    rows = [_frames(trial) for trial in lap.trials]
+    rows = [_frames(*shown) for shown in zip(lap.trials, lap.labels, strict=True)]
     longest = max(map(len, rows))
     padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
     frames = [side_by_side(images) for images in zip(*padded, strict=True)]
@@ -132,9 +136,9 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
     return candidates[0] if candidates else None
 
 
-def _frames(trial: Trial) -> list[Image]:
+def _frames(trial: Trial, label: str) -> list[Image]:
     camera = camera_of(trial, _SCALE)
-    film = Film(camera, trial.localizer, _STRIDE)
+    film = Film(camera, label, _STRIDE)
     for _ in film.of(trial_moments(trial)):
         pass
     return film.frames
