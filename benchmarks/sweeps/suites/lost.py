@@ -25,13 +25,12 @@ _RIVAL = method("mcl-map", particles=10_000)
 LOST_SUITES = MappingProxyType(
     {
         "lost": Sweep(
-            title="Lost in an office building, with a dispatcher's route: 200 worlds, 2 runs each",
+            title="Lost in an office building, with a dispatcher's route: 200 worlds",
             scenario="lost",
             localizers=(*_BLIND, _AMCL, _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
             trials=200,
-            filter_seeds=2,
             vary=(axis(params__particles=(2_000, 10_000, 50_000)),),
         ),
         "lost-quick": Sweep(
@@ -88,19 +87,17 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=200,
-            filter_seeds=2,
             vary=(
                 axis(scenario=("kidnapped", "kidnapped-stale")),
                 axis(params__particles=(2_000, 10_000)),
             ),
         ),
         "driving": Sweep(
-            title="To a goal through doors, driven on the estimate: 200 worlds, 2 runs each",
+            title="To a goal through doors, driven on the estimate: 200 worlds",
             localizers=(*_BLIND, method("amcl", **_RECOVERY), _SENSOR, *methods("dead-reckoning")),
             baseline="mcl-map",
             lag=0,
             trials=200,
-            filter_seeds=2,
             vary=(
                 axis(scenario=("driving", "driving-route", "driving-blind", "driving-perfect")),
                 axis(params__particles=(500, 2_000)),
