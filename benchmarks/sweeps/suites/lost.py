@@ -11,15 +11,15 @@ from benchmarks.sweeps.suites.parts import axis, method, methods
 from benchmarks.trials.spec import frozen
 
 _AHEAD = 50  # steps of the plan: 10 m
-_DRAWS = 20
+_DRAWS = {"start_draws": 20, "start_jitter": 0.3}  # m; without it few poses are left
 _RECOVERY = {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}  # as Nav2 recommends
 
 _BLIND = methods("mcl", "mcl-map")
 _SENSOR = method("mcl-plan", lag=_AHEAD)
-_START = method("mcl-map", start_draws=_DRAWS)
+_START = method("mcl-map", **_DRAWS)
 _AMCL = method("amcl", max_particles=20_000, **_RECOVERY)
 # a start informed by the plan costs about as long as the run: the rival has twice the particles
-_ONCE = method("mcl-plan", lag=0, start_draws=_DRAWS, particles=5_000)
+_ONCE = method("mcl-plan", lag=0, **_DRAWS, particles=5_000)
 _RIVAL = method("mcl-map", particles=10_000)
 
 LOST_SUITES = MappingProxyType(
@@ -82,7 +82,7 @@ LOST_SUITES = MappingProxyType(
                 method("mcl-map", **_RECOVERY),
                 _AMCL,
                 method("mcl-plan", lag=_AHEAD, **_RECOVERY),
-                method("mcl-map", start_draws=_DRAWS, **_RECOVERY),
+                method("mcl-map", **_DRAWS, **_RECOVERY),
             ),
             baseline="mcl-map",
             lag=0,
