@@ -10,11 +10,12 @@ import PIL
 from benchmarks.files import written
 from benchmarks.pictures.frames import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
-from benchmarks.trials.episode import Moment, room_of, trial_moments
+from benchmarks.trials.episode import Moment, scenario_of, trial_moments
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
-from benchmarks.trials.spec import Params, Trial
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
 from localizers import Belief
@@ -26,12 +27,22 @@ LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 2  # steps per frame
 _FRAME_MILLISECONDS = 80
+_LONGEST = 560.0  # px of the paper's room
+_LEAST_SCALE = 0.01
 
 
-def camera_of(scenario: str, lag: int, scale: float = 2.0, world: Params = ()) -> Camera:
-    """Return a camera for the room of a scenario, changed as ``world`` says."""
-    room = room_of(scenario, world)
-    return Camera(View(room.floor_plan, scale), room.radius, lag)
+def camera_of(trial: Trial, scale: float = 2.0) -> Camera:
+    """Return a camera for the room of a trial.
+
+    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
+    """
+    room = scenario_of(trial).room()
+    x0, y0, x1, y1 = room.floor_plan.bounds
+    longest = max(x1 - x0, y1 - y0)
+    size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
+    small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
+    view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
+    return Camera(view, room.radius, trial.lag)
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
@@ -48,7 +59,7 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
 
 def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
     """Draw what can be drawn of these methods, each given by its trial 0, by file name."""
-    seen = {t.localizer: (camera_of(t.scenario, t.lag), list(trial_moments(t))) for t in trials}
+    seen = {t.localizer: (camera_of(t), list(trial_moments(t))) for t in trials}
     contents: dict[str, bytes] = {}
     for method in FIG_4_METHODS:
         if method in seen:
@@ -59,7 +70,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
         contents |= _fig_5(*seen[FIG_5_METHOD])
     shown = [method for method in LAP_METHODS if method in seen]
     if shown:
-        small = camera_of(trials[0].scenario, trials[0].lag, scale=1.2)
+        small = camera_of(trials[0], scale=1.2)
         laps = [lap_frames(seen[method][1], small, method) for method in shown]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
         contents["lap.webp"] = webp(frames, _FRAME_MILLISECONDS)

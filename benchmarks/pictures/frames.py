@@ -30,6 +30,7 @@ _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to f
     (0, ORANGE, "present"),
 )
 _LINE = 24  # image pixels per line of text
+_LAST = 1500  # ms that the last image stays
 
 
 @dataclass(frozen=True)
@@ -48,22 +49,36 @@ class Camera:
 
     def frame(self, moment: Moment, method: str, note: str = "") -> Image:
         """Draw one moment: clouds, robot, step number; below it the method, a note, a legend."""
+        drawing, clouds = self.scene(moment)
+        drawing.robot(moment.truth, self.radius)
+        image = with_strip(drawing.image, 2 * _LINE + 8)
+        left, below = self.view.margin, drawing.image.shape[0]
+        title = TITLES.get(method, method)
+        write_words(image, f"{title}{', ' if note else ''}{note}", (left, below + _LINE - 8))
+        write_legend(image, [*clouds, ("robot", GRAY)], (left, below + 2 * _LINE - 4))
+        return image
+
+    @property
+    def layers(self) -> list[tuple[str, Color]]:
+        """All clouds that a scene may have, the present first, with their colours."""
+        return [
+            (f"{words} {state_name(sign * self.lag)}", color)
+            for sign, color, words in reversed(_LAYERS)
+            if self.lag or sign == 0
+        ]
+
+    def scene(self, moment: Moment) -> tuple[Drawing, list[tuple[str, Color]]]:
+        """Draw the map, the clouds and the step number; return what is in the colours, too."""
         drawing = Drawing(self.view)
-        legend: list[tuple[str, Color]] = [("robot", GRAY)]
+        legend: list[tuple[str, Color]] = []
         for sign, color, words in _LAYERS:
             offset = sign * self.lag
             held = moment.belief.points(offset)
             if held is None or (sign != 0 and offset == 0):
                 continue
             drawing.points(held[0], color, size=3 if self.view.scale > 1 else 2)
-            legend.append((f"{words} {state_name(offset)}", color))
-        drawing.robot(moment.truth, self.radius).number(moment.step)
-        image = with_strip(drawing.image, 2 * _LINE + 8)
-        left, below = self.view.margin, drawing.image.shape[0]
-        title = TITLES.get(method, method)
-        write_words(image, f"{title}{', ' if note else ''}{note}", (left, below + _LINE - 8))
-        write_legend(image, legend[1:][::-1] + legend[:1], (left, below + 2 * _LINE - 4))
-        return image
+            legend.insert(0, (f"{words} {state_name(offset)}", color))
+        return drawing.number(moment.step), legend
 
 
 def png(image: Image) -> bytes:
@@ -74,13 +89,17 @@ def png(image: Image) -> bytes:
 
 
 def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
-    """Return RGB images as an animated, endless WebP without loss, which would leave ghosts."""
+    """Return RGB images as an animated, endless WebP without loss, which would leave ghosts.
+
+    The last image stays for a second and a half.
+    """
     first, *others = map(PIL.Image.fromarray, frames)
     buffer = io.BytesIO()
     # A quarter of the time of OpenCV's encoder, a sixth larger: less effort, and no key frames,
     # which only players that seek have a use for.
     first.save(
-        buffer, "WEBP", save_all=True, append_images=others, duration=milliseconds, loop=0,
+        buffer, "WEBP", save_all=True, append_images=others, loop=0,
+        duration=[milliseconds] * len(others) + [max(milliseconds, _LAST)],
         lossless=True, method=3, quality=0, kmin=0, kmax=0,
     )  # fmt: skip
     return buffer.getvalue()

@@ -1,6 +1,6 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,8 @@ import numpy as np
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import LAP_STRIDE, camera_of
-from benchmarks.pictures.frames import Camera, webp
+from benchmarks.pictures.film import Film
+from benchmarks.pictures.frames import webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.tables.table_1 import TITLES, state_name
@@ -19,7 +20,6 @@ from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, check_writable, write
-from deqmcl_gym.world.drawing import Image
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
@@ -31,12 +31,12 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     if log is not None:
         check_writable(log)
     own_folder(out, "run")
-    camera = camera_of(trial.scenario, trial.lag, scale=1.6)
+    camera = camera_of(trial, scale=1.6)
     setup = scenario_of(trial)
     unit = setup.unit
-    film = _Film(camera, trial.localizer)
-    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     title = TITLES.get(trial.localizer, trial.localizer)
+    film = Film(camera, title, LAP_STRIDE)
+    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
     curves = {
         state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()
@@ -65,23 +65,6 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
             *([] if log is None else [f"Log: {log}"]),
         ]
     )
-
-
-class _Film:
-    """Draws an episode while it is run: a localizer may change its belief at the next step."""
-
-    def __init__(self, camera: Camera, method: str) -> None:
-        self._camera, self._method = camera, method
-        self.moments: list[Moment] = []
-        self.frames: list[Image] = []
-
-    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
-        """Pass the episode on; draw each moment after it was looked at."""
-        for moment in episode:
-            yield moment
-            self.moments.append(moment)
-            if moment.step % LAP_STRIDE == 0:
-                self.frames.append(self._camera.frame(moment, self._method))
 
 
 def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.replay.scoring import FOUND, NEAR, Played, Row
+from benchmarks.replay.scoring import Played, Row
+from benchmarks.report.journeys import LOCALIZED, share_chart
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, picture
-from benchmarks.tables.stats import wilson
+from benchmarks.tables.journeys import curve_of
+from benchmarks.trials.fixes import FOUND, NEAR
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Indices
 
@@ -74,30 +76,17 @@ def error_chart(row: Row, look: Look, top: float, number: int) -> Picture:
 
 def localized_chart(rows: Sequence[Row], looks: Looks) -> Picture:
     """Share of runs that are localized for good over the distance driven."""
-    figure, axes = canvas(4.8, 2.9, legend_of=[row.localizer for row in rows])
-    end = max(float(played.way[-1]) for row in rows for played in row.played)
+    curves = {}
     for row in rows:
-        found = sorted(
-            played.metres_to_localize
-            for played in row.played
-            if math.isfinite(played.metres_to_localize)
-        )
-        way = [0.0, *found, end]
-        shares = np.arange(len(found) + 1) / row.seeds
-        shares = np.append(shares, shares[-1])
-        low, high = np.array([wilson(float(share), row.seeds) for share in shares]).T
-        color = looks[row.localizer].color
-        axes.fill_between(way, 100 * low, 100 * high, step="post", color=color, alpha=0.15, lw=0)
-        axes.step(way, 100 * shares, where="post", color=color, label=row.localizer)
-    axes.set(xlabel="driven, m", xlim=(0, end), ylabel="localized for good, % of runs")
-    axes.set_ylim(0, 102)
-    return picture(
-        figure,
+        metres = [played.fixes.metres_to_localize for played in row.played]
+        runs = [*metres, *[math.inf] * row.failed]
+        curves[row.localizer] = curve_of({run: [m] for run, m in enumerate(runs)})
+    return share_chart(
+        curves,
+        looks,
+        end=max(float(played.way[-1]) for row in rows for played in row.played),
         name="localized",
-        title="Localized",
-        caption="Share of runs whose best cluster is within 1 m and 30° from there to the end. "
-        "Bands: Wilson's 95 % interval.",
-        alt="Share of runs that are localized for good over the distance driven",
+        words=LOCALIZED,
     )
 
 

@@ -11,12 +11,11 @@ from benchmarks.replay.errors import PoseErrors, absolute, relative_errors
 from benchmarks.replay.playing import Track
 from benchmarks.replay.running import Run
 from benchmarks.replay.setting import metre
+from benchmarks.tables.journeys import median
 from benchmarks.tables.stats import wilson
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from benchmarks.trials.fixes import FOUND, NEAR, Fixes
+from deqmcl_gym.numerics.types import Floats, Indices
 
-NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
-FOUND = "1m"  # from where on metres to localize are counted
-_LAST = 0.25  # share of the records in which a success is localized throughout
 _LOST_STEPS, _LOST = 20, 1.0  # records, m: as ``benchmarks.setup.thresholds``
 
 
@@ -55,35 +54,27 @@ class Played:
         """RPE from record to record, m; None without two references."""
         return self._in_metres(relative_errors) if self.known.size > 1 else None
 
-    def localized(self, near: str) -> Bools:
-        """Whether the best cluster is within a distance and an angle of ``NEAR``, (known,)."""
-        distance, angle = NEAR[near]
-        assert self.errors is not None
-        is_near: Bools = (self.errors.translation <= distance) & (self.errors.rotation <= angle)
-        return is_near
-
-    def success(self, near: str) -> float:
-        """1 if localized in every record of the last 25 %, else 0; NaN without a reference."""
-        last = self.known >= math.floor((1 - _LAST) * len(self.track.times))
-        return float(self.localized(near)[last].all()) if last.any() else math.nan
-
-    @property
-    def metres_to_localize(self) -> float:
-        """Metres driven from where on it stays localized; inf if it never does, NaN: unknown."""
-        if self.errors is None:
-            return math.nan
-        lost = np.flatnonzero(~self.localized(FOUND))
-        first = lost[-1] + 1 if lost.size else 0
-        return float(self.way[self.known[first]]) if first < self.known.size else math.inf
+    @cached_property
+    def fixes(self) -> Fixes:
+        """Where the best cluster is, at the records with a reference."""
+        errors = self.errors or PoseErrors(translation=np.empty(0), rotation=np.empty(0))
+        return Fixes(
+            steps=self.known,
+            count=len(self.track.times),
+            way=self.way[self.known],
+            distance=errors.translation,
+            angle=errors.rotation,
+            quality=np.full(self.known.size, math.nan),
+        )
 
     @property
     def scores(self) -> dict[str, float]:
         """Its numbers by column."""
         return {
             **_errors_of([self]),
-            **{f"success_{near}": self.success(near) for near in reversed(NEAR)},
+            **{f"success_{near}": self.fixes.success(near) for near in reversed(NEAR)},
             "lost": self._lost,
-            "metres_to_localize": self.metres_to_localize,
+            "metres_to_localize": self.fixes.metres_to_localize,
             "ape_rmse": math.nan if self.errors is None else self.errors.rmse,
             "rpe_rmse": math.nan if self.relative is None else self.relative.rmse,
             "agreement_01": self.agreement[0],
@@ -147,7 +138,7 @@ class Row:
             **shares,
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
-            "metres_to_localize": _median(metres),
+            "metres_to_localize": median(metres),
         }
 
     @property
@@ -185,10 +176,3 @@ def _errors_of(played: Sequence[Played]) -> dict[str, float]:
         "position_p95": float(np.quantile(position, 0.95)),
         "heading_median": float(np.median(heading)),
     }
-
-
-def _median(values: Sequence[float]) -> float:
-    """Return the median; the larger of the two in the middle if it is infinite."""
-    ordered = sorted(values)
-    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
-    return low if low == high else (low + high) / 2

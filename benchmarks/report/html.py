@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from benchmarks.files import command_line
 from benchmarks.report import tables, words
+from benchmarks.report.journeys import journey_tables
 from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
@@ -27,6 +28,7 @@ def html(story: Story) -> str:
         panels=story.panels,
         curves=story.curves,
         tables=tables,
+        journey_tables=journey_tables,
         words=words,
         baseline=full_name(results.baseline),
         overview=words.overview(results, story.panels),

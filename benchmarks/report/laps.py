@@ -6,10 +6,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from benchmarks.pictures.figures import camera_of
+from benchmarks.pictures.film import Film
 from benchmarks.pictures.frames import png, side_by_side, webp
-from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.comparison import Comparison, outcomes_of
+from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.episode import trial_moments
+from benchmarks.trials.journeys import JOURNEY_SCORES
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial, frozen, unworded
 from deqmcl_gym.validation import InputError
@@ -18,6 +21,7 @@ from deqmcl_gym.world.drawing import Image
 _STRIDE = 4  # steps per frame
 _MILLISECONDS = 160
 _SCALE = 1.0
+_LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +33,7 @@ class Lap:
         title: heading.
         caption: what is to be seen.
         trials: shown side by side, one of each method.
+        labels: of the methods.
         keys: the names under which their results are kept.
         animation: WebP.
         still: PNG, for those who want no motion.
@@ -38,6 +43,7 @@ class Lap:
     title: str
     caption: str
     trials: tuple[Trial, ...]
+    labels: tuple[str, ...]
     keys: tuple[str, ...]
     animation: bytes = b""
     still: bytes = b""
@@ -51,26 +57,28 @@ def laps(panel: Panel) -> list[Lap]:
     focus = _focus(panel.present)
     if focus is None:
         return []
-    ranked = sorted((e, world) for world, e in focus.errors.items() if not math.isnan(e))
+    ranked, what = _ranked(panel, focus)
     places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
     shown = dict.fromkeys((focus.baseline, focus.method))
     chosen = []
-    for place, (error, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
+    for place, (value, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
         first = {
             method: record
             for method in shown
             for record in reversed(panel.records[method])
             if record["trial"]["trial"] == world
         }
-        names = " and ".join(panel.labels[method] for method in first)
+        labels = tuple(panel.labels[method] for method in first)
         chosen.append(
             Lap(
                 name=f"lap-{panel.number}-{place.lower()}",
                 title=f"{place} of {len(ranked)} worlds",
-                caption=f"World {world}, {names}: error of {panel.labels[focus.method]} "
-                f"{error:.1f}. Every {_STRIDE}th step; orange: present, pink: past, "
-                "light blue: future.",
+                caption=f"World {world}, {' and '.join(labels)}: {what} of "
+                f"{panel.labels[focus.method]} {value:.1f}. Every {_STRIDE}th step; orange: "
+                "present, pink: past, light blue: future; at the end the ways of truth and best "
+                "cluster.",
                 trials=tuple(trial_of(record["trial"]) for record in first.values()),
+                labels=labels,
                 keys=tuple(record["key"] for record in first.values()),
             )
         )
@@ -85,11 +93,11 @@ def drawn(lap: Lap) -> Lap:
     """
     if tuple(map(key_of, lap.trials)) != lap.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
-    rows = [_frames(trial) for trial in lap.trials]
+    rows = [_frames(*shown) for shown in zip(lap.trials, lap.labels, strict=True)]
     longest = max(map(len, rows))
     padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
     frames = [side_by_side(images) for images in zip(*padded, strict=True)]
-    still = png(frames[len(frames) // 2])
+    still = png(frames[-1])  # the whole way
     return replace(lap, animation=webp(frames, _MILLISECONDS), still=still)
 
 
@@ -102,19 +110,35 @@ def trial_of(canonical: dict[str, Any]) -> Trial:
     return Trial(**given)
 
 
+def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:
+    """Return the worlds of a method by its error, or by the metres until it is localized."""
+    worlds, what = focus.errors, "error"
+    if _LOCALIZED.name in focus.journey:
+        own = outcomes_of(panel.records, panel.failed)[focus.method]
+        worlds, what = by_world(own.restricted(_LOCALIZED)), "metres to localize"
+    there = {record["trial"]["trial"] for record in panel.records[focus.method]}
+    ranked = [(value, world) for world, value in worlds.items() if not math.isnan(value)]
+    return sorted(one for one in ranked if one[1] in there), what
+
+
 def _focus(rows: Sequence[Comparison]) -> Comparison | None:
-    """DEQ-MCL if it was run; else what differs most from its baseline; else the baseline."""
+    """What is shown beside its baseline.
+
+    Of lost robots what is localized earliest; else DEQ-MCL if it was run; else what differs most
+    from its baseline; else the baseline.
+    """
+    found = [row for row in rows if _LOCALIZED.name in row.journey and not row.is_baseline]
+    earliest = sorted(found, key=lambda row: row.journey[_LOCALIZED.name].restricted)
     named = [row for row in rows if row.method.localizer == "deq-mcl"]
     others = [row for row in rows if not math.isnan(row.diff.mean)]
     ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
-    candidates = [*named, *ranked, *rows]
+    candidates = [*earliest, *named, *ranked, *rows]
     return candidates[0] if candidates else None
 
 
-def _frames(trial: Trial) -> list[Image]:
-    camera = camera_of(trial.scenario, trial.lag, _SCALE, trial.world)
-    return [
-        camera.frame(moment, trial.localizer)
-        for moment in trial_moments(trial)
-        if moment.step % _STRIDE == 0
-    ]
+def _frames(trial: Trial, label: str) -> list[Image]:
+    camera = camera_of(trial, _SCALE)
+    film = Film(camera, label, _STRIDE)
+    for _ in film.of(trial_moments(trial)):
+        pass
+    return film.frames

@@ -8,6 +8,7 @@ from tabulate import tabulate
 from benchmarks.files import command_line
 from benchmarks.report import tables, words
 from benchmarks.report.animations import lap_files
+from benchmarks.report.journeys import journey_tables
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
@@ -53,6 +54,7 @@ def markdown(story: Story, folder: str) -> str:
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {_plain(panel.title)}"]
+    parts += [_table(heading, content) for heading, content in journey_tables(panel)]
     parts.append(_table("", tables.verdict_table(panel)))
     parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
     parts += [_table("Against the paper's methods", table) for table in tables.rival_tables(panel)]

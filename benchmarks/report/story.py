@@ -15,6 +15,7 @@ from benchmarks.report.charts import (
     time_charts,
 )
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
+from benchmarks.report.journeys import journey_charts
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.style import Look, looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
@@ -79,7 +80,11 @@ def _section(panel: Panel, look: Mapping[str, Look]) -> Section:
     drawn = [chart(panel, look) for chart in (offset_chart, calibration_chart, speed_chart)]
     return replace(
         section,
-        charts=[points_chart(panel, look), *(chart for chart in drawn if chart)],
+        charts=[
+            *journey_charts(panel, look),
+            points_chart(panel, look),
+            *(chart for chart in drawn if chart),
+        ],
         over_time=time_charts(panel, look),
     )
 

@@ -101,7 +101,8 @@ def _source(results: Results, animator: "Animator") -> str:
 
 def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
     """Return the files of a report by name."""
-    compared = panels(results.records, results.baseline, results.limits)
+    failures = [failure.trial for failure in results.failures]
+    compared = panels(results.records, results.baseline, results.limits, failures)
     tables = {
         "results.csv": results_csv(compared),
         "trials.csv": trials_csv(results.finished),

@@ -39,6 +39,11 @@ class LogScenario(Scenario):
         """Of all lengths."""
         return self._recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
 
+    @property
+    def has_goal(self) -> bool:
+        """False: a log goes where it went."""
+        return False
+
     def room(self) -> LogEnv:
         """Return the log as an env.
 

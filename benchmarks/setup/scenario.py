@@ -11,7 +11,7 @@ from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.units import pixel, scaled
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.validation import InputError, integer, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
@@ -35,6 +35,9 @@ class Scenario:
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: what the filters are told of x_0.
         agent: who drives, by name.
+        disturbance: wrappers around the world, innermost first: ({"kind": "kidnap", …}, …).
+        buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
+            without a seed of its own.
         thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
     """
@@ -45,8 +48,13 @@ class Scenario:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
+    disturbance: tuple[Mapping[str, Any], ...] = ()
+    buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
+
+    def __post_init__(self) -> None:
+        integer("buildings", self.buildings, low=1)
 
     @cached_property
     def world(self) -> World:
@@ -62,6 +70,22 @@ class Scenario:
     def room(self) -> TrialEnv:
         """Return the env, set up to run all planned steps."""
         return RoomEnv(**self.env, ends_at_goal=False)
+
+    @property
+    def has_goal(self) -> bool:
+        """Whether its robot is to arrive somewhere."""
+        return self.world.route is not None
+
+    def in_building(self, trial: int) -> Self:
+        """Return this scenario in the building of a trial's number."""
+        floor_plan = self.env.get("floor_plan")
+        if not isinstance(floor_plan, Mapping) or "office" not in floor_plan:
+            return self
+        office = floor_plan["office"]
+        if "seed" in office:
+            return self
+        seeded = {**floor_plan, "office": {**office, "seed": trial % self.buildings}}
+        return replace(self, env={**self.env, "floor_plan": seeded})
 
     def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for: the room's map and lidar, this noise."""
@@ -112,6 +136,9 @@ class Scenario:
         groups = grouped(values, (*_PARTS, "horizon"), "part of the world")
         world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
+        given = groups.get("floor_plan", self.env.get("floor_plan"))
+        if given is not None:
+            whole["floor_plan"] = given  # as it was said: offices differ by trial
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
         return {**self.env, **whole, **horizon}
 

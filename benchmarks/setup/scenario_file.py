@@ -13,7 +13,7 @@ from benchmarks.setup.world_files import beside, file_digest, files_of
 from deqmcl_gym.validation import part
 from localizers.naming.digests import digest_of
 
-_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "thresholds")
+_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 
 
 def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenario:
@@ -42,6 +42,7 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
             changed,
             words=documents.text("words", given.get("words", path.stem)),
             agent=documents.text("agent", given.get("agent", base.agent)),
+            buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
             source=sha256(
                 f"{base.source}{digest_of(path, _texts(given))}{files}".encode()

@@ -16,6 +16,7 @@ from benchmarks.files import (
     writable_folder,
     write_text,
 )
+from benchmarks.trials.journeys import JOURNEY_SCORES
 from benchmarks.trials.plans import SIGNALS
 from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import Trial
@@ -198,7 +199,23 @@ def _unlike(content: dict[str, Any], folder: str) -> str | None:
         return f"has a curve or qualities of another length than its {str(steps)[:20]} steps"
     if not all(key.removeprefix("-").isdecimal() for key in content["profile"]):
         return "has a profile of no offsets"
-    return _unlike_plan(content.get("plan"), steps)
+    why = _unlike_journey(content.get("journey"), steps)
+    return why or _unlike_plan(content.get("plan"), steps)
+
+
+def _unlike_journey(journey: Any, steps: int) -> str | None:
+    """Say where the scores and curves of the whole run, if it has any, are not as they are kept."""
+    if journey is None:
+        return None
+    why = misfit(journey, {"scores": {str: _NUMBER}, "curves": {str: [float]}}, "journey")
+    if why:
+        return why
+    if other := journey["scores"].keys() - JOURNEY_SCORES.keys():
+        return f"has a score of the whole run named {min(other)[:20]!r}"
+    lengths = {len(curve) for curve in journey["curves"].values()}
+    if "way" not in journey["curves"] or len(lengths) != 1 or not 0 < max(lengths) <= steps + 1:
+        return f"has curves of the whole run of another length than its {str(steps)[:20]} steps"
+    return None
 
 
 def _unlike_plan(plan: Any, steps: int) -> str | None:

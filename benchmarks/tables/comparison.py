@@ -1,13 +1,16 @@
 """Every method of a panel against the panel's baseline, over paired worlds."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from benchmarks.tables.auroc import Auroc, auroc_of
+from benchmarks.tables.journeys import JourneyScore, Outcomes, longest_ways
 from benchmarks.tables.pairing import (
     Method,
     Record,
+    Run,
     Runs,
     agree,
     by_world,
@@ -50,6 +53,7 @@ class Comparison:
         win_rate: share of worlds where its error is the smaller one.
         p, p_holm: Wilcoxon's signed-rank test of the differences, alone and corrected for all
             tests of the panel at this offset.
+        journey: scores of whole runs by name, if the panel's are about such; only at offset 0.
     """
 
     method: Method
@@ -68,6 +72,7 @@ class Comparison:
     win_rate: float = math.nan
     p: float = math.nan
     p_holm: float = math.nan
+    journey: dict[str, JourneyScore] = field(default_factory=dict)
 
     @property
     def is_baseline(self) -> bool:
@@ -80,11 +85,15 @@ class Comparison:
         return not self.diff.low <= 0 <= self.diff.high and self.p_holm < ALPHA
 
 
-def compared(methods: dict[Method, list[Record]], baseline: str) -> list[Comparison]:
+def compared(
+    methods: dict[Method, list[Record]], baseline: str, failed: Mapping[Method, Sequence[Run]]
+) -> list[Comparison]:
     """Compare the methods of a panel: by method, then offset, in the order of their trials.
 
-    Holm's family is what the panel tests at one offset.
+    Holm's family is what the panel tests at one offset. Runs that ``failed`` count in the scores of
+    whole runs only.
     """
+    journeys = outcomes_of(methods, failed)
     rows = []
     for method, records in methods.items():
         reference = baseline_of(method, methods, baseline)
@@ -105,6 +114,7 @@ def compared(methods: dict[Method, list[Record]], baseline: str) -> list[Compari
                 lost=Estimate(lost, *wilson(lost, len(worlds))),
                 detection=Auroc() if offset else auroc_of(records),
                 baseline=reference,
+                journey={} if offset else _journey(journeys, method, reference),
             )
             rows.append(row if row.is_baseline else _against(row, errors, present))
     return _corrected(rows)
@@ -136,12 +146,41 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
     )
 
 
+def outcomes_of(
+    methods: Mapping[Method, Sequence[Record]], failed: Mapping[Method, Sequence[Run]]
+) -> dict[Method, Outcomes]:
+    """Return the whole runs of each method of a panel."""
+    longest = longest_ways(chain.from_iterable(methods.values()))
+    return {
+        method: Outcomes(records=records, failed=failed.get(method, ()), longest=longest)
+        for method, records in methods.items()
+    }
+
+
+def _journey(
+    journeys: Mapping[Method, Outcomes], method: Method, reference: Method
+) -> dict[str, JourneyScore]:
+    own, theirs = journeys[method], journeys[reference]
+    if own is theirs:
+        return {score.name: own.summary(score) for score in own.scores}
+    return {score.name: own.against(theirs, score) for score in own.scores}
+
+
 def _corrected(rows: list[Comparison]) -> list[Comparison]:
-    adjusted: dict[int, float] = {}
+    """Correct all tests of the panel at one offset together, by Holm's method."""
+    corrected = list(rows)
     for offset in {row.offset for row in rows}:
-        family = [i for i, row in enumerate(rows) if row.offset == offset]
-        adjusted |= dict(zip(family, holm([rows[i].p for i in family]), strict=True))
-    return [replace(row, p_holm=_six_digits(adjusted[i])) for i, row in enumerate(rows)]
+        places = [i for i, row in enumerate(rows) if row.offset == offset]
+        tests = {(i, ""): rows[i].p for i in places}
+        tests |= {(i, name): own.p for i in places for name, own in rows[i].journey.items()}
+        adjusted = dict(zip(tests, map(_six_digits, holm([*tests.values()])), strict=True))
+        for i in places:
+            journey = {
+                name: replace(own, p=_six_digits(own.p), p_holm=adjusted[i, name])
+                for name, own in rows[i].journey.items()
+            }
+            corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey)
+    return corrected
 
 
 def _six_digits(p: float) -> float:

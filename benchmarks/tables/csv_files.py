@@ -7,10 +7,12 @@ from operator import attrgetter
 from typing import Any
 
 from benchmarks.tables.comparison import AVERAGED, RANGED, Comparison
+from benchmarks.tables.journeys import scores_in, value_in
 from benchmarks.tables.pairing import Method, Record, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
+from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import thawed
 
@@ -24,12 +26,16 @@ _RUN = (*_SETTING, *_METHOD, "trial", "filter_seed")
 
 def results_csv(panels: Iterable[Panel]) -> str:
     """Return results.csv: a line per panel, method and offset; nothing of the machine."""
+    listed = list(panels)
+    columns = dict(_COLUMNS)
+    for score in scores_in(record for p in listed for own in p.records.values() for record in own):
+        columns |= _of_journey(score)
     lines = (
-        [*_panel(panel), *_method(row.method), *(value(row) for value in _COLUMNS.values())]
-        for panel in panels
+        [*_panel(panel), *_method(row.method), *(value(row) for value in columns.values())]
+        for panel in listed
         for row in panel.rows
     )
-    return csv_text([*_PANEL, *_COLUMNS], lines)
+    return csv_text([*_PANEL, *columns], lines)
 
 
 def gaps_csv(panels: Iterable[Panel]) -> str:
@@ -63,7 +69,9 @@ def plans_csv(rows: Iterable[Validity]) -> str:
 
 
 def trials_csv(records: Iterable[Record]) -> str:
-    """Return trials.csv: a line per trial, method and offset."""
+    """Return trials.csv: a line per trial, method and offset; scores of whole runs at offset 0."""
+    listed = list(records)
+    whole = scores_in(listed)
     trouble = ("weight_collapses", "replanned_steps", "infeasible_plans")
     counts = (*trouble, "skipped_beams", "blind_scans")
     lines = (
@@ -72,11 +80,13 @@ def trials_csv(records: Iterable[Record]) -> str:
             *(score.get(name) for name in ("offset", *SCORE_NAMES)),
             *(record["steps_done"], record["scans_used"]),
             *(record["events"].get(name) for name in counts),
+            *(None if score["offset"] else value_in(record, journey) for journey in whole),
         ]
-        for record in records
+        for record in listed
         for score in record["scores"]
     )
-    return csv_text([*_RUN, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts], lines)
+    header = [*_RUN, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts]
+    return csv_text([*header, *(journey.name for journey in whole)], lines)
 
 
 def timings_csv(records: Iterable[Record]) -> str:
@@ -125,6 +135,24 @@ def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
 
 def _of_score(name: str, end: str) -> Column:
     return lambda row: getattr(row.scores[name], end)
+
+
+def _of_journey(score: Score) -> dict[str, Column]:
+    """Columns of a score of whole runs: its value, and the comparison if methods are compared."""
+    paths = {score.name: "value.mean", f"{score.name}_low": "value.low"}
+    paths[f"{score.name}_high"] = "value.high"
+    if score.censored:
+        paths[f"{score.name}_restricted"] = "restricted"
+    if score.tested:
+        ends = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high"}
+        paths |= {f"{score.name}_{end}": path for end, path in ends.items()}
+        paths |= {f"{score.name}_{test}": test for test in ("p", "p_holm")}
+    return {column: _in_journey(score.name, path) for column, path in paths.items()}
+
+
+def _in_journey(name: str, path: str) -> Column:
+    read = attrgetter(path)
+    return lambda row: read(row.journey[name]) if name in row.journey else None
 
 
 _COLUMNS: dict[str, Column] = {

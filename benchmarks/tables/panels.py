@@ -11,9 +11,11 @@ from benchmarks.tables.pairing import (
     BASELINE,
     Method,
     Record,
+    Run,
     Setting,
     agree,
     method_of,
+    run_of,
     setting_of,
 )
 from benchmarks.tables.thresholds import Thresholds, thresholds_of
@@ -33,6 +35,7 @@ class Panel:
         rows: every method against the baseline, at all offsets.
         gaps: every method against the limit of its target, where there is one.
         records: finished trials by method.
+        failed: runs that failed by method.
         thresholds: far and lost, and the unit of length.
     """
 
@@ -44,6 +47,7 @@ class Panel:
     rows: list[Comparison]
     gaps: list[Gap]
     records: dict[Method, list[Record]]
+    failed: dict[Method, list[Run]]
     thresholds: Thresholds
 
     @property
@@ -53,13 +57,19 @@ class Panel:
 
 
 def panels(
-    records: Iterable[Record], baseline: str = BASELINE, limits: Sequence[LimitRuns] = ()
+    records: Iterable[Record],
+    baseline: str = BASELINE,
+    limits: Sequence[LimitRuns] = (),
+    failures: Iterable[dict[str, Any]] = (),
 ) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 
     A setting has a panel for every value of the numbers of which one localizer has several; a
-    method without such a parameter is in each of them.
+    method without such a parameter is in each of them. ``failures`` are the trials that failed.
     """
+    failed: dict[tuple[Setting, Method], list[Run]] = {}
+    for record in ({"trial": trial} for trial in failures):
+        failed.setdefault((setting_of(record), method_of(record)), []).append(run_of(record))
     settings: dict[Setting, dict[Method, list[Record]]] = {}
     for record in records:
         methods = settings.setdefault(setting_of(record), {})
@@ -71,6 +81,7 @@ def panels(
         listed = sorted(methods, key=lambda method: named.index(method.localizer))
         for swept in _swept(listed):
             members = {m: methods[m] for m in listed if agree(m.params, swept)}
+            lacking = {method: failed.get((setting, method), []) for method in members}
             found.append(
                 Panel(
                     number=len(found) + 1,
@@ -78,9 +89,10 @@ def panels(
                     setting=setting,
                     swept=swept,
                     labels=_labels(list(members)),
-                    rows=compared(members, baseline),
+                    rows=compared(members, baseline, lacking),
                     gaps=gaps(setting, swept, members, limits),
                     records=members,
+                    failed=lacking,
                     thresholds=thresholds_of(next(iter(members.values()))[0]),
                 )
             )

@@ -88,6 +88,20 @@ def wilcoxon(differences: Floats) -> float:
     return float(math.erfc(abs(z) / math.sqrt(2)))
 
 
+def sign_test(differences: Floats) -> float:
+    """Two-sided exact p of the test that a difference is as often above 0 as below.
+
+    Zeros are dropped. Of differences of 0 and 1 it is McNemar's test, exact. 1 if all are zero, NaN
+    of nothing.
+    """
+    if not differences.size or np.isnan(differences).any():
+        return math.nan
+    above, below = int((differences > 0).sum()), int((differences < 0).sum())
+    n = above + below
+    tail = sum(math.comb(n, i) for i in range(min(above, below) + 1))
+    return float(min(1.0, 2 * tail / 2**n))
+
+
 def holm(p_values: Sequence[float]) -> list[float]:
     """Holm's (1979) adjusted p-values of a family of tests; NaN is no member and stays NaN."""
     adjusted = list(p_values)

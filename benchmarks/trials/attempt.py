@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.episode import scenario_of, task_of, trial_moments
+from benchmarks.trials.episode import groups_of, scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
@@ -28,7 +28,8 @@ class Outcome:
 def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
     room = scenario_of(trial).room()
-    return trace_of(trial_moments(trial, room), trial.offsets, task_of(room))
+    task, groups = task_of(room), groups_of(trial, room)
+    return trace_of(trial_moments(trial, room), trial.offsets, task, groups)
 
 
 def attempt(trial: Trial, key: str) -> Outcome:

@@ -18,11 +18,15 @@ import numpy as np
 
 from benchmarks.setup.agent import Agent
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.priors import Uniform
 from benchmarks.setup.scenario import Scenario
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.disturbances import disturbed
+from benchmarks.trials.journeys import Group, groups_named
 from benchmarks.trials.spec import Params, Trial
+from benchmarks.trials.symmetry import is_symmetric
+from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
@@ -40,6 +44,10 @@ class Moment:
         belief: what the localizer believes after it.
         seconds: time the localizer took.
         action: the command that led here, (2,); None at t = 0.
+        plan: the actions that the localizer was told are to follow, (h, 2); None: not known.
+        collided: whether a wall stopped the robot on the way here.
+        goal: where the robot is to arrive, (2,); None if nowhere.
+        route: corners of the way to it as it is planned now, (k, 2).
     """
 
     step: int
@@ -48,6 +56,10 @@ class Moment:
     belief: Belief
     seconds: float
     action: Reals | None = None
+    plan: Reals | None = None
+    collided: bool = False
+    goal: Reals | None = None
+    route: Reals | None = None
 
 
 def moments(
@@ -71,10 +83,14 @@ def moments(
     """
     ranges, info = env.reset(seed=seed)
     truth, own = info.pop("truth"), agent.plan_at_reset(info)
-    given_plan = np.array(_shown_plan(info) if own is None else own)
+    ahead = _shown_plan(info) if own is None else own
+    given_plan = np.array(ahead)
     started = time.perf_counter()
     belief = localizer.reset(prior, given_plan, rng)
-    yield Moment(0, truth, ranges, belief, time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    yield Moment(
+        0, truth, ranges, belief, seconds, None, ahead, False, info.get("goal"), info.get("route")
+    )
     step, ended = 0, False
     while not ended:
         action, plan = agent.act(belief, info)
@@ -85,14 +101,17 @@ def moments(
         started = time.perf_counter()
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
-        yield Moment(step, truth, ranges, belief, seconds, info["action"])
+        yield Moment(
+            step, truth, ranges, belief, seconds, info["action"], ahead, info["collided"],
+            info.get("goal"), info.get("route"),
+        )  # fmt: skip
 
 
 def trial_moments(trial: Trial, room: TrialEnv | None = None) -> Iterator[Moment]:
     """Run a trial in its room, made here if none is given; yield each step."""
     setup = scenario_of(trial)
     room = setup.room() if room is None else room
-    env = disturbed(room.unwrapped, trial.disturbance)
+    env = staged(trial, room)
     env.reset(seed=trial.world_seed)  # a prior may be around the start drawn here
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
@@ -101,12 +120,13 @@ def trial_moments(trial: Trial, room: TrialEnv | None = None) -> Iterator[Moment
 
 
 def scenario_of(trial: Trial) -> Scenario:
-    """Return a trial's scenario, with the changes that the trial makes to it.
+    """Return a trial's scenario, with the changes that the trial makes to it, in its building.
 
     Raises:
         InputError: unknown scenario or name, or a bad value.
     """
-    return scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    changed = scenario(trial.scenario).changed(dict(trial.world), dict(trial.assumed))
+    return changed.in_building(trial.trial)
 
 
 def room_of(name: str, world: Params = ()) -> TrialEnv:
@@ -131,6 +151,35 @@ def task_of(room: TrialEnv) -> Task:
     )
 
 
+def groups_of(trial: Trial, room: TrialEnv) -> tuple[Group, ...]:
+    """Return the groups of scores that a trial is about, by the parts that it is made of.
+
+    A robot that may be anywhere is lost; where a half turn gives the same map, two places fit. One
+    that is carried off is to be found again. One that knows where it starts is to arrive where its
+    route ends.
+    """
+    setup = scenario_of(trial)
+    lost = isinstance(setup.prior, Uniform)
+    about = {
+        "lost": lost,
+        "ambiguity": lost and is_symmetric(room.floor_plan),
+        "recovery": any(isinstance(layer, Kidnap) for layer in _layers(staged(trial, room))),
+        "driving": setup.has_goal and not lost,
+    }
+    return groups_named([name for name, asked in about.items() if asked])
+
+
+def staged(trial: Trial, room: TrialEnv) -> gym.Env[Any, Any]:
+    """Return a trial's room inside its scenario's disturbances, and inside its own."""
+    return disturbed(room.unwrapped, (*scenario_of(trial).disturbance, *trial.disturbance))
+
+
+def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
+    while isinstance(env, gym.Wrapper):
+        yield env
+        env = env.env
+
+
 def check_setting(trial: Trial) -> None:
     """Build a trial's world, what its filters assume, and its agent, without running it.
 
@@ -139,7 +188,7 @@ def check_setting(trial: Trial) -> None:
     """
     setup = scenario_of(trial)
     room = setup.room()
-    disturbed(room.unwrapped, trial.disturbance).reset(seed=trial.world_seed)
+    staged(trial, room).reset(seed=trial.world_seed)
     make_agent(setup.agent, setup.robot_model(room))
     setup.prior_in(room)
 

@@ -33,7 +33,10 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 
 
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
-    """Return a trial's result as JSON-able values: scores, curves, qualities, counts, plans."""
+    """Return a trial's result as JSON-able values: scores, curves, qualities, counts, plans.
+
+    What not every trial has stands only where it has it: ``plan``, ``journey``.
+    """
     return {
         "unit": trace.unit,
         "thresholds": asdict(thresholds),
@@ -50,7 +53,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
         "steps_done": trace.steps,
         "scans_used": trace.scans_used,
         "events": trace.events,
-    } | plan_record(trace.plans[1:])
+    } | (plan_record(trace.plans[1:]) | trace.journey)
 
 
 def profile(trace: Trace, lag: int) -> dict[int, float]:

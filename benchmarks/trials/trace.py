@@ -9,6 +9,8 @@ import numpy as np
 
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
+from benchmarks.trials.journey_log import JourneyLog
+from benchmarks.trials.journeys import Group
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
@@ -55,6 +57,7 @@ class Trace:
         plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
+        journey: scores and curves of the whole run, see ``JourneyLog.scored``; {} if none is asked.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -67,6 +70,7 @@ class Trace:
     quality: Floats
     plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
+    journey: dict[str, Any] = field(default_factory=dict)
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
@@ -75,14 +79,16 @@ class Trace:
         return len(self.truth) - 1
 
 
-def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> Trace:
-    """Run an episode to its end and keep its trace at these offsets."""
+def trace_of(
+    episode: Iterable[Moment], offsets: Iterable[int], task: Task, groups: Sequence[Group] = ()
+) -> Trace:
+    """Run an episode to its end; keep its trace at these offsets, and its scores of groups."""
     asked = tuple(offsets)
-    lap = _Lap(task)
+    lap, journey = _Lap(task), JourneyLog(task, groups)
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for collector in (lap, scored, sampled):
+        for collector in (lap, journey, scored, sampled):
             collector.see(moment)
     return Trace(
         unit=task.floor_plan.unit,
@@ -93,6 +99,7 @@ def trace_of(episode: Iterable[Moment], offsets: Iterable[int], task: Task) -> T
         quality=np.array(lap.quality),
         plans=lap.plans,
         events=_events(lap.belief),
+        journey=journey.scored(),
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 

@@ -1,6 +1,6 @@
 """What ``reset`` and ``step`` tell beside the observation."""
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from deqmcl_gym.numerics.types import Floats, Singles
 
@@ -17,6 +17,9 @@ class RoomInfo(TypedDict):
         collided: whether the step was stopped by a wall.
         truth: the true pose (x, y, θ), (3,) float64. For scoring: an estimator that
             reads it has been told the answer.
+        goal: of a world with a route: where it ends (x, y), (2,) float64.
+        route: of a world with a route: its corners as planned, from where the robot was expected to
+            the goal, (k, 2) float64. For whoever drives: its beginning is the answer at reset.
     """
 
     planned_actions: Singles
@@ -24,3 +27,5 @@ class RoomInfo(TypedDict):
     action: Singles
     collided: bool
     truth: Floats
+    goal: NotRequired[Floats]
+    route: NotRequired[Floats]

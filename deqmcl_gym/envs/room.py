@@ -11,12 +11,12 @@ from deqmcl_gym.envs.info import RoomInfo
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
-from deqmcl_gym.world.course import check_free
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.course import Course, check_free
 from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.physics import contacts_of
-from deqmcl_gym.world.plan import FixedPlan, Plan
+from deqmcl_gym.world.plan import FixedPlan
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream
 
@@ -61,9 +61,9 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     Args:
         preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
-        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of a
-            ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`, "grid"
-            or "polygons".
+        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
+            a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
+            "grid" or "polygons".
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot: radius and largest action.
@@ -72,8 +72,9 @@ class RoomEnv(gym.Env[Any, Singles]):
         lap: step lengths, or waypoints of the planned path.
         driver: who follows that path from the true pose, and plans anew at every step; "none" takes
             the preset's away.
+        route: a way from a start to a goal, drawn in each episode, instead of the lap.
         horizon: how many planned actions are shown; None shows the whole rest.
-        ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
+        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for the plan, progress and clock beside it.
         render_mode: None or "rgb_array".
         unknown: nothing; refused with the nearest name.
@@ -82,7 +83,6 @@ class RoomEnv(gym.Env[Any, Singles]):
         floor_plan: the map m, for localizers too.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
-        course: the lap: its path, start, and actions as planned beforehand.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -98,6 +98,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         start: Start | dict[str, Any] | None = None,
         lap: Lap | dict[str, Any] | None = None,
         driver: Driver | dict[str, Any] | str | None = None,
+        route: Route | dict[str, Any] | str | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
@@ -107,9 +108,9 @@ class RoomEnv(gym.Env[Any, Singles]):
         self._setting = setting = Setting.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
-            driver=driver, observation=observation, **unknown,
+            driver=driver, route=route, observation=observation, **unknown,
         )  # fmt: skip
-        self.world, self.course = setting.world, setting.course
+        self.world = setting.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = contacts_of(self.world)
         if render_mode is not None:
@@ -135,10 +136,22 @@ class RoomEnv(gym.Env[Any, Singles]):
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 
-        Of a driver: those of a lap without noise from the expected start.
+        Of a driver: those without noise from the expected start.
+
+        Raises:
+            RuntimeError: it is that of a route, and there is no episode.
         """
-        plan = self._setting.plan if self._begun is None else self._begun.plan
+        plan = self._setting.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions
+
+    @property
+    def course(self) -> Course:
+        """Lap or route: its path, start, and actions as planned beforehand.
+
+        Raises:
+            RuntimeError: it is a route, and there is no episode.
+        """
+        return self._setting.course if self._is_lap_ahead else self._episode.course
 
     @property
     def elapsed_steps(self) -> int:
@@ -185,13 +198,25 @@ class RoomEnv(gym.Env[Any, Singles]):
         episode.ended = episode.done or given_up
         return self._seen(info), reward, episode.done, given_up, info
 
-    def place(self, at: Pose) -> None:
-        """Put the robot at a free pose, without telling anyone; the reward ignores the jump.
+    def place(self, at: Pose, noticed: bool = True) -> None:
+        """Put the robot at a free pose; the reward ignores the jump.
+
+        Args:
+            at: (x, y, θ).
+            noticed: whether a driver sees it, and plans from there; else his plan stays as it is.
 
         Raises:
             InputError: the robot would touch a wall there.
         """
-        self._episode.place(self.checked_pose("the pose", at))
+        self._episode.place(self.checked_pose("the pose", at), noticed)
+
+    def elsewhere(self, rng: np.random.Generator) -> Pose:
+        """Draw a free pose: anywhere on a lap, on a route as its start is drawn.
+
+        Raises:
+            InputError: none was found.
+        """
+        return self._setting.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
@@ -202,7 +227,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         """
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
-        episode.plan = _replaceable(episode.plan).replaced(episode.step + 1, rows)
+        assert isinstance(episode.plan, FixedPlan)  # without a driver
+        episode.plan = episode.plan.replaced(episode.step + 1, rows)
 
     def checked_pose(self, what: str, at: Pose) -> Pose:
         """Return a pose where the robot is clear of the walls, else refuse it."""
@@ -212,7 +238,11 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     def checked_plan(self, what: str, actions: ArrayLike) -> Singles:
         """Return actions (k, 2) that can replace the plan's, float32, else refuse them."""
-        _replaceable(self._setting.plan)
+        if self.world.driver is not None:
+            raise InputError(
+                "a driver makes the plan at every step, so it cannot be replaced: "
+                "choose a world without a driver."
+            )
         return self._setting.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -223,13 +253,17 @@ class RoomEnv(gym.Env[Any, Singles]):
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
-        return self._setting.picture(episode.pose, episode.scan, episode.step)
+        return self._setting.picture(episode.course, episode.pose, episode.scan, episode.step)
+
+    @property
+    def _is_lap_ahead(self) -> bool:
+        return self._begun is None and self._setting.journeys is None
 
     def _seen(self, info: dict[str, Any]) -> Any:
         episode = self._episode
-        share = episode.step / episode.plan.limit
-        planned = info["planned_actions"]
-        return self._setting.seen(episode.scan, planned, episode.progress, share)
+        covered = episode.progress / episode.course.path.length
+        elapsed = episode.step / episode.plan.limit
+        return self._setting.seen(episode.scan, info["planned_actions"], covered, elapsed)
 
     @property
     def _episode(self) -> Episode:
@@ -247,16 +281,9 @@ def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
         "collided": collided,
         "truth": np.array(episode.pose),
     }
+    if episode.course.goal is not None:
+        info["goal"], info["route"] = np.array(episode.course.goal), episode.course.path.corners + 0
     return cast("dict[str, Any]", info)
-
-
-def _replaceable(plan: Plan) -> FixedPlan:
-    if not isinstance(plan, FixedPlan):
-        raise InputError(
-            "a driver makes the plan at every step, so it cannot be replaced: "
-            "choose a world without a driver."
-        )
-    return plan
 
 
 def _check_no_options(options: object) -> None:

@@ -15,14 +15,14 @@ from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.numerics.types import Bools, Indices, Singles
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
-from deqmcl_gym.world.plan import FixedPlan, Plan
+from deqmcl_gym.world.plan import FixedPlan
 from deqmcl_gym.world.setting import Setting
 
 Actions = Singles
 Info = dict[str, Any]
 StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
-_MASKS = tuple(f"_{key}" for key in RoomInfo.__annotations__)
+_MASKS = tuple(f"_{key}" for key in sorted(RoomInfo.__required_keys__))
 _MODES = {mode.value: mode for mode in AutoresetMode}
 MAX_BYTES = 16 * 2**30  # of all rooms
 
@@ -63,7 +63,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
         ]
         self._setting = setting = Setting.of(**room)
-        self._plan = _same_for_all(setting.plan)
+        self._plan = _same_for_all(setting)
         self.num_envs = _number(num_envs, setting)
         self.world, self.course = setting.world, setting.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
@@ -155,7 +155,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         self._check_begun("render")
         rooms = self._rooms
         seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
-        return tuple(self._setting.picture(*room) for room in seen)
+        return tuple(self._setting.picture(self.course, *room) for room in seen)
 
     def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
         """Begin an episode in each of ``rooms``: of these seeds (n,), or the room's next one."""
@@ -198,7 +198,8 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         if self._setting.observation == "scan":
             return rooms.scans.copy()
         planned, _ = plan.after_each(rooms.steps)
-        return self._setting.seen(rooms.scans, planned, rooms.progress, rooms.steps / plan.limit)
+        covered = rooms.progress / self._setting.course.path.length
+        return self._setting.seen(rooms.scans, planned, covered, rooms.steps / plan.limit)
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
@@ -274,10 +275,11 @@ def _number(rooms: int, setting: Setting) -> int:
     return given
 
 
-def _same_for_all(plan: Plan) -> FixedPlan:
-    if not isinstance(plan, FixedPlan):
-        raise InputError(
-            "the rooms of a world with a driver have plans of their own, so they run one by one: "
-            'give gym.make_vec(..., vectorization_mode="sync").'
-        )
-    return plan
+def _same_for_all(setting: Setting) -> FixedPlan:
+    part = "a driver" if setting.journeys is None else "a route"
+    if setting.journeys is None and isinstance(setting.plan, FixedPlan):
+        return setting.plan
+    raise InputError(
+        f"the rooms of a world with {part} have plans of their own, so they run one by one: "
+        'give gym.make_vec(..., vectorization_mode="sync").'
+    )

@@ -81,10 +81,13 @@ class Rooms:
         Raises:
             InputError: no start drawn is free; then all rooms stay as they were.
         """
-        starts = [self._setting.start(*episode) for episode in episodes]
+        setting = self._setting
+        starts = [setting.start(setting.course, *episode) for episode in episodes]
         robots = self._robots
         robots.poses[rooms] = np.array(starts)
-        robots.arcs[rooms] = np.array([self._setting.first_arc((x, y)) for x, y, _ in starts])
+        robots.arcs[rooms] = np.array(
+            [setting.first_arc(setting.course, (x, y)) for x, y, _ in starts]
+        )
         robots.gaps[rooms] = robots.progress[rooms] = 0.0
         robots.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):

@@ -11,16 +11,14 @@ from numpy.typing import ArrayLike
 from deqmcl_gym import validation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.validation import InputError, integer, number, shown
+from deqmcl_gym.validation import InputError, boolean, integer, number, shown
+from deqmcl_gym.world.course import MAX_STEPS
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.setting import scan_space
 from deqmcl_gym.world.streams import Stream
 
 Action = Singles
 StepResult = tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]
-
-
-_DRAWS = 100_000  # of a free pose
 
 
 class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
@@ -63,7 +61,8 @@ def _check_all_happen(env: gym.Env[Any, Any]) -> None:
     """Refuse a step that no episode comes to: after the plan, or the limit of a TimeLimit."""
     layers = list(_layers(env))
     limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
-    last = len(room_of(env).plan)
+    room = room_of(env)  # routes differ between episodes: those that end before it give a warning
+    last = len(room.plan) if room.world.route is None else MAX_STEPS
     for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
         most = min([last, *limits])
         if once.due > most:
@@ -83,13 +82,23 @@ class Kidnap(_Once):
     Args:
         env: a RoomEnv, or wrappers around one.
         step: before which step, from 1.
-        pose: where to (x, y, θ); None draws a free pose anew in each episode.
+        pose: where to (x, y, θ); None draws a free pose anew in each episode; in a world with a
+            route so that the way from there to the goal is one that could be drawn.
+        noticed: whether a driver sees it and plans from there; else he goes on showing the plan
+            that he had. Without a driver nobody does.
     """
 
     what = "the kidnapping"
 
-    def __init__(self, env: gym.Env[Singles, Action], step: int, pose: Pose | None = None) -> None:
-        super().__init__(env, step, pose=pose)
+    def __init__(
+        self,
+        env: gym.Env[Singles, Action],
+        step: int,
+        pose: Pose | None = None,
+        noticed: bool = True,
+    ) -> None:
+        super().__init__(env, step, pose=pose, noticed=noticed)
+        self._noticed = boolean("noticed", noticed)
         self._pose = None if pose is None else self.room.checked_pose("the pose", pose)
         _check_all_happen(self)
         self._twin = sum(isinstance(layer, Kidnap) and layer.draws for layer in _layers(env))
@@ -101,18 +110,10 @@ class Kidnap(_Once):
 
     def happen(self) -> None:
         """Carry the robot away."""
-        self.room.place(self._drawn_pose() if self._pose is None else self._pose)
-
-    def _drawn_pose(self) -> Pose:
-        rng = self.room.stream(Stream.KIDNAP, self._twin)
-        x0, y0, x1, y1 = self.room.floor_plan.bounds
-        for _ in range(_DRAWS):
-            x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
-            if self.room.floor_plan.free([(x, y)], self.room.world.body)[0]:
-                return x, y, float(rng.uniform(-np.pi, np.pi))
-        raise InputError(
-            f"none of {_DRAWS:,} poses drawn for the kidnapping is free: give it a pose."
-        )
+        pose = self._pose
+        if pose is None:
+            pose = self.room.elsewhere(self.room.stream(Stream.KIDNAP, self._twin))
+        self.room.place(pose, self._noticed)
 
 
 class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):

@@ -130,10 +130,48 @@ class Driver:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Route:
+    """An open way instead of the lap: from a start to a goal, both drawn anew in each episode.
+
+    ``start.pose`` and ``goal`` replace what is drawn.
+
+    Attributes:
+        goal: (x, y); None draws one.
+        min_length: of a way of which an end is drawn.
+        max_length: of a way of which an end is drawn.
+        clearance: from the robot's rim to walls, at least.
+        comfort: from the way to walls, where there is room.
+        tolerance: how near to the goal a robot is there.
+    """
+
+    goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)
+    min_length: float = field(default=250.0, metadata=LENGTH)
+    max_length: float = field(default=3000.0, metadata=LENGTH)
+    clearance: float = field(default=2.5, metadata=LENGTH)
+    comfort: float = field(default=40.0, metadata=LENGTH)
+    tolerance: float = field(default=25.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        if self.goal is not None:
+            x, y = array("route.goal", self.goal, (2,)).tolist()
+            object.__setattr__(self, "goal", (x, y))
+        number("route.min_length", self.min_length, low=0)
+        number("route.max_length", self.max_length, low=0, above=True)
+        if self.min_length > self.max_length:
+            raise InputError(
+                f"route.min_length is {self.min_length:g}, but must be at most route.max_length, "
+                f"{self.max_length:g}."
+            )
+        number("route.clearance", self.clearance, low=0)
+        number("route.comfort", self.comfort, low=0, above=True)
+        number("route.tolerance", self.tolerance, low=0, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
 class World:
     """Everything an episode is made of, but its seed.
 
-    Without a driver the plan is the lap, the same at every step.
+    Without a driver the plan is the lap or the route, fixed before the start.
     """
 
     floor_plan: Map
@@ -143,6 +181,14 @@ class World:
     start: Start = field(default_factory=Start)
     lap: Lap = field(default_factory=Lap)
     driver: Driver | None = None
+    route: Route | None = None
+
+    def __post_init__(self) -> None:
+        if self.route is not None and self.lap.waypoints is not None:
+            raise InputError(
+                "a world has a route or lap.waypoints: give only one of them, or "
+                'route = "none" for the lap.'
+            )
 
     @cached_property
     def pixel(self) -> float:
@@ -178,7 +224,7 @@ class World:
         JSON, or ``{"office": {"seed": 3}, "form": "grid"}`` (or "polygons").
         If its unit is another one, the parts of this world are converted to it, then changed.
         Changes to a driver that the world does not have are changes to ``Driver()``, and
-        ``driver="none"`` takes it away.
+        ``driver="none"`` takes it away; a route likewise.
 
         Raises:
             InputError: unknown part or key, or a bad value.
@@ -188,9 +234,10 @@ class World:
         given = {name: value for name, value in given.items() if value is not None}
         world = self._moved_to(_floor_plan(given.pop("floor_plan", self.floor_plan)))
         changes: dict[str, Any] = {}
-        if "driver" in given:
-            default = world.driver or scaled(Driver(), world.pixel)
-            changes["driver"] = _driver(given.pop("driver"), default)
+        for name, kind in _OPTIONAL.items():
+            if name in given:
+                default = getattr(world, name) or scaled(kind(), world.pixel)
+                changes[name] = _optional(name, given.pop(name), default)
         for name, value in given.items():
             old = getattr(world, name)
             changes[name] = part(name, type(old), value, old)
@@ -200,6 +247,9 @@ class World:
         factor = pixel(floor_plan.unit) / self.pixel
         world = self if factor == 1 else scaled(self, factor)
         return replace(world, floor_plan=floor_plan)
+
+
+_OPTIONAL: Mapping[str, Any] = {"driver": Driver, "route": Route}
 
 
 def _floor_plan(given: Any) -> Map:
@@ -241,13 +291,12 @@ def _office(given: Mapping[str, Any]) -> Map:
     return office.grid if form == "grid" else office.polygons
 
 
-def _driver(given: Any, default: Driver) -> Driver | None:
-    if isinstance(given, str):
-        if given == "none":
-            return None
-        raise InputError(
-            f'driver is {given!r}, but must be a Driver, a mapping of changes to it, or "none" for '
-            "no driver."
-        )
-    changed: Driver = part("driver", Driver, given, default)
-    return changed
+def _optional(name: str, given: Any, default: Any) -> Any:
+    if not isinstance(given, str):
+        return part(name, type(default), given, default)
+    if given == "none":
+        return None
+    raise InputError(
+        f"{name} is {given!r}, but must be a {type(default).__name__}, a mapping of changes to it, "
+        f'or "none" for no {name}.'
+    )

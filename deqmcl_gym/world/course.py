@@ -1,4 +1,4 @@
-"""The planned lap: a closed path in mid-corridor and the actions that drive it once around."""
+"""What is planned: a path, the lap in mid-corridor or a way to a goal, and the actions for it."""
 
 import math
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from deqmcl_gym.numerics.elementary import atan2_64
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, digits
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.path import Path, Pose, wrapped
+from deqmcl_gym.world.path import Path, Point, Pose, wrapped
 
 MAX_STEPS = 100_000  # of a plan: 0.8 MB in every info
 
@@ -23,9 +23,9 @@ class Course:
     """What a world plans: a path, a pose to start from, and the actions of the lap.
 
     Attributes:
-        path: closed, counterclockwise unless waypoints say otherwise.
+        path: of a lap closed, counterclockwise unless waypoints say otherwise; else open.
         start: expected pose at reset (x, y, θ).
-        arc: arc length of the path where the lap begins, the nearest to the start.
+        arc: arc length of the path where the robot begins, the nearest to the start.
         actions: (distance, turn), (T, 2) float32.
     """
 
@@ -55,6 +55,20 @@ class Course:
                 "lap.waypoints."
             )
         return cls(path, start, arc, plan_actions(path, arc, start, world))
+
+    @classmethod
+    def along(cls, corners: Floats, start: Pose, world: World) -> "Course":
+        """Plan the way along ``corners`` (k, 2), from a start at the first of them."""
+        path = Path(corners, closed=False)
+        return cls(path, start, 0.0, plan_actions(path, 0.0, start, world))
+
+    @property
+    def goal(self) -> Point | None:
+        """Where an open path ends."""
+        if self.path.closed:
+            return None
+        x, y = self.path.corners[-1].tolist()
+        return x, y
 
 
 def check_free(what: str, at: Pose, world: World) -> None:
@@ -129,7 +143,7 @@ def mid_corridor(floor_plan: Map) -> Floats:
 
 
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
-    """Return the actions (distance, turn) that drive from ``start`` round the lap, (T, 2).
+    """Return the actions (distance, turn) that drive from ``start`` along a path, (T, 2).
 
     Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
 
@@ -150,7 +164,7 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
-            f"the lap would have about {steps:.3g} steps, but a plan may have at most "
+            f"the way would have about {steps:.3g} steps, but a plan may have at most "
             f"{MAX_STEPS:,}: give a larger lap.step or lap.turn."
         )
     actions: list[tuple[float, float]] = []

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path import Pose, wrapped
 from deqmcl_gym.world.physics import Contacts, Physics
-from deqmcl_gym.world.plan import Plan
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream, episode_stream
@@ -15,6 +15,7 @@ class Episode:
     """All that changes between two resets.
 
     Attributes:
+        course: the path, and what was planned for it.
         plan: says what is to be done next.
         step: steps carried out.
         pose: the true one (x, y, θ).
@@ -30,34 +31,46 @@ class Episode:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
-            InputError: no start drawn is free.
+            InputError: no start drawn is free, or no way was found.
         """
         world = setting.world
         self._setting = setting
-        self._path = setting.course.path
+        self.course, self.plan = setting.begun(seed, number)
         self._seed, self._number = seed, number
         self._noise = world.noise
         self._motion = self.stream(Stream.MOTION)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        self.pose = setting.start(seed, number)
+        self.pose = setting.start(self.course, seed, number)
         self._physics = Physics(walls, self.pose[:2])
-        self.arc = setting.first_arc(self.pose[:2])
+        self.arc = setting.first_arc(self.course, self.pose[:2])
         self.way = self.progress = 0.0
-        self.done = False
-        self.plan: Plan
-        self.plan, self.step, self.ended = setting.plan, 0, False
+        self.step, self.done, self.ended = 0, False, False
         self.scan = self._sensor.scan(self.pose)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
         return episode_stream(self._seed, self._number, stream, twin)
 
-    def place(self, pose: Pose) -> None:
-        """Put the robot somewhere; that makes no progress."""
+    def place(self, pose: Pose, noticed: bool = True) -> None:
+        """Put the robot somewhere; that makes no progress.
+
+        Args:
+            pose: where to.
+            noticed: whether a driver knows, and plans from there; else his plan stays as it is.
+        """
+        if isinstance(self.plan, GuidedPlan) and not noticed:
+            self.plan = self.plan.left_as_it_is(self)
         self.pose = pose
         self._physics.place(pose[:2])
-        before, self.arc = self.arc, self._path.arc(pose[:2])
-        self.way += self._path.advance(before, self.arc)
+        journeys, goal = self._setting.journeys, self.course.goal
+        if journeys is not None and goal is not None and isinstance(self.plan, GuidedPlan):
+            self.course = journeys.onwards(goal, pose)
+            self.plan = self._setting.plan_for(self.course, self.step)
+            self.arc = self.way = 0.0
+            return
+        path = self.course.path
+        before, self.arc = self.arc, path.arc(pose[:2])
+        self.way += path.advance(before, self.arc)
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
         """Turn, drive, take a scan: one step of noisy motion.
@@ -68,12 +81,23 @@ class Episode:
         before = self._physics.position
         collided = self._move(distance, turn)
         self.step += 1
-        self.arc, progress = self._path.follow(before, self._physics.position, self.arc)
+        self.arc, progress = self.course.path.follow(before, self._physics.position, self.arc)
         self.way += progress
         self.progress += progress
-        reward, self.done = judged(progress, self.progress, collided, *self._setting.rewards)
+        rewards = self._setting.rewards
+        reward, self.done = judged(progress, self.progress, collided, *rewards)
+        if self._is_at_goal():
+            reward, self.done = reward + rewards[1], True
         self.scan = self._sensor.scan(self.pose)
         return reward, collided
+
+    def _is_at_goal(self) -> bool:
+        """Whether the robot is where its route ends, if that ends the episode."""
+        route, goal = self._setting.world.route, self.course.goal
+        if route is None or goal is None or not self._setting.ends_at_goal:
+            return False
+        dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
+        return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)
 
     def _move(self, distance: float, turn: float) -> bool:
         noise = self._noise

@@ -1,5 +1,6 @@
-"""A closed polygonal path: where on it one is, and how far one has come."""
+"""A polygonal path, closed or open: where on it one is, and how far one has come."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,18 +22,25 @@ def wrapped(angle: float) -> float:
 
 @dataclass(frozen=True)
 class Path:
-    """A closed polygonal path, driven in the order of its corners.
+    """A polygonal path, driven in the order of its corners.
 
     Attributes:
         corners: (k, 2).
+        closed: whether the last corner is joined to the first.
     """
 
     corners: Floats
+    closed: bool = True
 
     @cached_property
     def length(self) -> float:
-        """Once around."""
+        """Once around, or from end to end."""
         return float(self._lengths.sum())
+
+    @property
+    def period(self) -> float:
+        """Way after which the path comes round; ∞ if it is open."""
+        return self.length if self.closed else math.inf
 
     def arc(self, point: Point) -> float:
         """Arc length from corner 0 to the path's point nearest to ``point``."""
@@ -40,8 +48,8 @@ class Path:
         return path_kernels.nearest_arc(x, y, self.edges)
 
     def at(self, arc: float) -> Pose:
-        """Pose on the path at an arc length, heading along it."""
-        arc %= self.length
+        """Pose on the path at an arc length, heading along it; of an open one, at most its end."""
+        arc = arc % self.length if self.closed else min(max(arc, 0.0), self.length)
         edge = int(np.searchsorted(self._before, arc, side="right")) - 1
         dx, dy = self._along[edge]
         share = (arc - self._before[edge]) / self._lengths[edge]
@@ -50,15 +58,14 @@ class Path:
 
     def advance(self, before: float, after: float) -> float:
         """Signed way along the path between two arc lengths, the shorter way round."""
-        way: float = centred64(after - before, self.length)
-        return way
+        return path_kernels.shorter(after - before, self.period)
 
     def follow(self, start: Point, end: Point, before: float) -> tuple[float, float]:
         """Return the arc length at ``end`` of a drive that began at arc ``before``, and the way.
 
         Where the path meets itself, it is followed in its order; see ``path_kernels.follow``.
         """
-        return path_kernels.follow(*start, *end, before, self.edges, self.length)
+        return path_kernels.follow(*start, *end, before, self.edges, self.period)
 
     def bottom_centre(self) -> float:
         """Return the arc length of the middle of the lowest edge."""
@@ -66,19 +73,29 @@ class Path:
         return float((self._before + self._lengths / 2)[middles[:, 1].argmin()])
 
     def corners_from(self, arc: float) -> Floats:
-        """Return the points to drive to, once around from an arc length."""
+        """Return the points to drive to from an arc length: once around, or to the end."""
         entry = np.array(self.at(arc)[:2])
         after = int(np.searchsorted(self._before, arc, side="right"))
+        if not self.closed:
+            return np.vstack([entry, self.corners[after:]])
         order = np.roll(self.corners, -after, axis=0)
         return np.vstack([entry, order, entry])
 
+    @property
+    def outline(self) -> Floats:
+        """Its line from the first corner to where it ends, (n, 2)."""
+        return np.vstack([self.corners, self.corners[:1]]) if self.closed else self.corners
+
     @cached_property
     def edges(self) -> Floats:
-        """Rows (x, y, dx, dy, length, arc length of the corner), (k, 6)."""
-        return np.column_stack([self.corners, self._along, self._lengths, self._before])
+        """Rows (x, y, dx, dy, length, arc length of the corner), one for each edge, (n, 6)."""
+        starts = self.corners[: len(self._along)]
+        return np.column_stack([starts, self._along, self._lengths, self._before])
 
     @cached_property
     def _along(self) -> Floats:
+        if not self.closed:
+            return np.diff(self.corners, axis=0)
         return np.roll(self.corners, -1, axis=0) - self.corners
 
     @cached_property

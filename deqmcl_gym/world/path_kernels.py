@@ -1,6 +1,7 @@
-"""The compiled geometry of a closed path, and of driving along it. In float64.
+"""The compiled geometry of a path, and of driving along it. In float64.
 
-A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6).
+A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
+period: its length if it is closed, else ∞.
 """
 
 import numpy as np
@@ -27,8 +28,14 @@ def nearest_arc(x: float, y: float, edges: Floats) -> float:
 
 
 @compiled
+def shorter(way: float, period: float) -> float:
+    """The same way along a path, signed, the shorter way round."""
+    return way if period == np.inf else centred64(way, period)
+
+
+@compiled
 def follow(
-    from_x: float, from_y: float, x: float, y: float, before: float, edges: Floats, length: float
+    from_x: float, from_y: float, x: float, y: float, before: float, edges: Floats, period: float
 ) -> tuple[float, float]:
     """Return the arc length that one comes to by driving from arc ``before`` to (x, y); the way.
 
@@ -42,7 +49,7 @@ def follow(
     driven = np.sqrt(step_x * step_x + step_y * step_y)
     if driven == 0.0:
         return before, 0.0
-    same = 1e-9 * length  # but for rounding errors
+    same = 1e-9 * (edges[-1, 5] + edges[-1, 4])  # of the path's length: rounding errors
     least, least_off = np.inf, np.inf
     arc, way = before, 0.0
     for corner_x, corner_y, dx, dy, edge_length, edge_arc in edges:
@@ -51,7 +58,7 @@ def follow(
         off_x, off_y = to_x - share * dx, to_y - share * dy
         distance = np.sqrt(off_x * off_x + off_y * off_y)
         there = edge_arc + share * edge_length
-        gone = driven + centred64(there - before - driven, length)
+        gone = driven + shorter(there - before - driven, period)
         back = max(-(step_x * dx + step_y * dy) / edge_length, 0.0)
         cost = max(distance, (abs(gone) - driven) / 8) + back
         off = abs(gone - driven)
@@ -66,32 +73,38 @@ def roll_out(
     arc: float,
     way: float,
     edges: Floats,
-    length: float,
-    rules: tuple[float, float, float, float, float],
+    period: float,
+    rules: tuple[float, float, float, float, float, float],
     actions: Actions,
 ) -> int:
-    """Fill in what a driver would do from ``pose`` without noise, until its lap is done.
+    """Fill in what a driver would do from ``pose`` without noise, until it is done.
 
     Args:
         pose: of the robot.
         arc: arc length at which it is on the path.
         way: made along the path so far.
         edges: of the path.
-        length: of the path.
+        period: of the path.
         rules: way to the look-ahead point; heading error beyond which it turns on the spot; step;
-            largest turn of a step; way at which the lap is done.
+            largest turn of a step; way at which it is done; distance from the end of the path at
+            which it is done.
         actions: distance, turn, (n, 2).
 
     Returns:
         How many actions there are, at most n.
     """
     x, y, heading = pose
-    look_ahead, on_the_spot, step, most, end = rules
+    look_ahead, on_the_spot, step, most, end, near = rules
+    length = edges[-1, 5] + edges[-1, 4]
+    end_x, end_y = _point_at(length, edges)
     rows: int = actions.shape[0]
     for count in range(rows):
-        if way >= end:
+        to_x, to_y = end_x - x, end_y - y
+        if way >= end or np.sqrt(to_x * to_x + to_y * to_y) <= near:
             return count
-        goal_x, goal_y = _point_at((arc + look_ahead) % length, edges)
+        ahead = arc + look_ahead
+        ahead = min(ahead, length) if period == np.inf else ahead % period
+        goal_x, goal_y = _point_at(ahead, edges)
         error = centred64(atan2_64(goal_y - y, goal_x - x) - heading, TURN)
         actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
         actions[count, 1] = min(max(error, -most), most)
@@ -99,7 +112,7 @@ def roll_out(
         heading = centred64(heading + np.float64(actions[count, 1]), TURN)
         distance = np.float64(actions[count, 0])
         to_x, to_y = x + distance * cos64(heading), y + distance * sin64(heading)
-        arc, gone = follow(x, y, to_x, to_y, arc, edges, length)
+        arc, gone = follow(x, y, to_x, to_y, arc, edges, period)
         x, y = to_x, to_y
         way += gone
     return rows

@@ -51,7 +51,7 @@ class Plan(Protocol):
 
     @property
     def actions(self) -> Actions:
-        """The whole lap from the expected start, (T, 2) float32: distance, turn."""
+        """The whole way from the expected start, (T, 2) float32: distance, turn."""
         ...
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
@@ -64,24 +64,26 @@ class Plan(Protocol):
 
 @dataclass(frozen=True)
 class FixedPlan:
-    """A lap planned beforehand: what is to be done at each step, whatever happens.
+    """What is to be done at each step as planned beforehand, whatever happens.
 
     Attributes:
-        actions: (distance, turn), (T, 2) float32; action t is that of step t + 1.
+        actions: (distance, turn), (T, 2) float32; action t is that of step t + 1 after ``begun``.
         horizon: h, actions shown ahead.
+        begun: step of the episode after which it begins.
     """
 
     actions: Actions
     horizon: int
+    begun: int = 0
 
     @property
     def limit(self) -> int:
-        """T, the number of steps."""
-        return len(self.actions)
+        """The last step."""
+        return self.begun + len(self.actions)
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
         """Return the next h actions, wherever the robot is; see ``Plan.after``."""
-        step = underway.step
+        step = underway.step - self.begun
         end = step + self.horizon
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
@@ -91,7 +93,8 @@ class FixedPlan:
 
     def replaced(self, step: int, actions: Actions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
-        return FixedPlan(np.vstack([self.actions[:step], actions]), self.horizon)
+        kept = self.actions[: step - self.begun]
+        return FixedPlan(np.vstack([kept, actions]), self.horizon, self.begun)
 
     @cached_property
     def _padded(self) -> Actions:

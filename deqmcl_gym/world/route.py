@@ -1,7 +1,8 @@
 """Routes on a map: the shortest way from one place to another that keeps clear of walls."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ from deqmcl_gym.maps.map import Map
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.path import Point
 
 _CELL = 5.0  # px: 0.1 m
+_IN_SIGHT = 100  # cells ahead that are looked at for a straight way
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # the other four are these backwards
 _COST_OF_WALLS = 4.0  # how much longer a way may be that stays where there is room
 
@@ -33,39 +36,61 @@ class Routes:
     radius: float
     comfort: float
 
-    def between(self, start: tuple[float, float], goal: tuple[float, float]) -> Floats:
+    def __post_init__(self) -> None:
+        if find_spec("scipy") is None:
+            raise InputError(
+                "routes need SciPy, which is not installed: pip install 'deqmcl-gym[routes]'."
+            )
+
+    def between(self, start: Point, goal: Point) -> Floats:
         """Return the corners of the route, start and goal included, (k, 2).
 
         Raises:
             InputError: start or goal is not in free space, or there is no way.
         """
+        return self.to(goal).start_at(start)
+
+    def to(self, goal: Point) -> "RoutesTo":
+        """Return the routes from anywhere to a goal.
+
+        Raises:
+            InputError: the goal is not in free space.
+        """
         from scipy.sparse.csgraph import dijkstra
 
-        first, last = (self._node(what, at) for what, at in (("start", start), ("goal", goal)))
-        _, before = dijkstra(self._graph, directed=False, indices=last, return_predecessors=True)
-        nodes = [first]
-        while nodes[-1] != last:
-            following = before[nodes[-1]]
-            if following < 0:
-                raise InputError(
-                    f"there is no way from ({start[0]:g}, {start[1]:g}) to ({goal[0]:g}, "
-                    f"{goal[1]:g}) for a robot that needs {self.radius:g} "
-                    f"{self.floor_plan.unit} of room on either side."
-                )
-            nodes.append(int(following))
-        points = np.vstack([start, self._centres[nodes[1:-1]], goal])
-        return points[self._corners(points)]
+        self.check("goal", goal)
+        costs, following = dijkstra(
+            self._graph, directed=False, indices=self.cell(goal), return_predecessors=True
+        )
+        return RoutesTo(self, goal, costs, following)
 
-    def _corners(self, points: Floats) -> Indices:
+    def check(self, what: str, at: Point) -> None:
+        """Refuse a place without room for the robot."""
+        if self.cell(at) < 0:
+            raise InputError(
+                f"the {what} ({at[0]:g}, {at[1]:g}) is less than {self.radius:g} "
+                f"{self.floor_plan.unit} from a wall, or outside: give a place in free space."
+            )
+
+    def cell(self, at: Point) -> int:
+        """Number of the free cell at a place; -1 if there is none."""
+        x_low, y_low, _, _ = self.floor_plan.bounds
+        rows, columns = self._numbers.shape
+        column, row = (int((at[i] - low) // self._cell) for i, low in enumerate((x_low, y_low)))
+        inside = 0 <= column < columns and 0 <= row < rows
+        return int(self._numbers[row, column]) if inside else -1
+
+    def taut(self, points: Floats) -> Floats:
         """Leave out points that a straight way may pass by without coming nearer to walls."""
         room = np.minimum(self.floor_plan.distance(points), self.comfort)
         kept = [0]
         while kept[-1] < len(points) - 1:
             here = kept[-1]
-            least = np.minimum.accumulate(room[here:])[1:]
-            seen = self._in_sight(points[here], points[here + 1 :], least)
+            ahead = slice(here + 1, here + 1 + _IN_SIGHT)
+            least = np.minimum(np.minimum.accumulate(room[ahead]), room[here])
+            seen = self._in_sight(points[here], points[ahead], least)
             kept.append(here + 1 + int(np.flatnonzero(seen)[-1]) if seen.any() else here + 1)
-        return np.array(kept)
+        return points[kept]
 
     def _in_sight(self, start: Floats, ends: Floats, room: Floats) -> Bools:
         """Whether discs of radii ``room``, less a cell, can go straight to ``ends``."""
@@ -74,20 +99,6 @@ class Routes:
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
         seen: Bools = nearest.min(axis=0) >= np.maximum(room - self._cell, self.radius)
         return seen
-
-    def _node(self, what: str, at: tuple[float, float]) -> int:
-        x_low, y_low, _, _ = self.floor_plan.bounds
-        columns, rows = self._numbers.shape[1], self._numbers.shape[0]
-        column, row = ((at[i] - low) / self._cell for i, low in enumerate((x_low, y_low)))
-        node = -1
-        if 0 <= column < columns and 0 <= row < rows:
-            node = int(self._numbers[int(row), int(column)])
-        if node < 0:
-            raise InputError(
-                f"the {what} ({at[0]:g}, {at[1]:g}) is less than {self.radius:g} "
-                f"{self.floor_plan.unit} from a wall, or outside: give a place in free space."
-            )
-        return node
 
     @cached_property
     def _cell(self) -> float:
@@ -112,10 +123,11 @@ class Routes:
     def _numbers(self) -> Indices:
         """Number of each free cell, -1 elsewhere, (rows, columns)."""
         free = self._room > 0
-        return np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
+        return np.where(free, np.cumsum(free, dtype=np.int32).reshape(free.shape) - 1, -1)
 
     @cached_property
-    def _centres(self) -> Floats:
+    def centres(self) -> Floats:
+        """Middles of the free cells, (n, 2)."""
         rows, columns = np.nonzero(self._numbers >= 0)
         x_low, y_low, _, _ = self.floor_plan.bounds
         return np.column_stack(
@@ -128,17 +140,78 @@ class Routes:
         from scipy.sparse import coo_array
 
         room, numbers = self._room, self._numbers
-        dear = 1 + _COST_OF_WALLS * np.clip(1 - room / self.comfort, 0, 1)
+        dear = self._cell * (1 + _COST_OF_WALLS * np.clip(1 - room / self.comfort, 0, 1))
         starts, ends, costs = [], [], []
         for down, right in _NEIGHBOURS:
             here, there = _shifted(numbers, down, right)
             fits = (here >= 0) & (there >= 0)
             starts.append(here[fits])
             ends.append(there[fits])
-            costs.append(np.hypot(down, right) * sum(_shifted(dear, down, right))[fits] / 2)
-        size = len(self._centres)
+            costs.append(np.sqrt(down**2 + right**2) * sum(_shifted(dear, down, right))[fits] / 2)
+        size = len(self.centres)
         values = np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))
         return coo_array(values, shape=(size, size)).tocsr()
+
+
+@dataclass(frozen=True, eq=False)
+class RoutesTo:
+    """The routes from anywhere to one goal.
+
+    Attributes:
+        routes: of the map.
+        goal: their end.
+        costs: least weighted length from each free cell to the goal, ∞ if there is no way, (n,).
+        following: the next cell on the way from each one, (n,).
+    """
+
+    routes: Routes
+    goal: Point
+    costs: Floats
+    following: Indices
+
+    def cost_from(self, start: Point) -> float:
+        """Length of the way from a place, more near walls; ∞ if there is none."""
+        cell = self.routes.cell(start)
+        return float(self.costs[cell]) if cell >= 0 else np.inf
+
+    def start_at(self, start: Point) -> Floats:
+        """Return the corners of the route from a place, both ends included, (k, 2).
+
+        Raises:
+            InputError: it is not in free space, or there is no way.
+        """
+        self.routes.check("start", start)
+        if not np.isfinite(self.cost_from(start)):
+            raise InputError(
+                f"there is no way from ({start[0]:g}, {start[1]:g}) to ({self.goal[0]:g}, "
+                f"{self.goal[1]:g}) for a robot that needs {self.routes.radius:g} "
+                f"{self.routes.floor_plan.unit} of room on either side."
+            )
+        return self._onwards(start, self.routes.cell(start))
+
+    def start_near(self, start: Point) -> Floats:
+        """Return the corners of the route from any place, (k, 2).
+
+        In a wall, or nearer to one than a route comes, it leads by the nearest cell with a way.
+        """
+        if np.isfinite(self.cost_from(start)):
+            return self._onwards(start, self.routes.cell(start))
+        off = ((self.routes.centres - start) ** 2).sum(axis=1)
+        nearest = int(np.where(np.isfinite(self.costs), off, np.inf).argmin())
+        entry: Point = tuple(self.routes.centres[nearest].tolist())
+        return np.vstack([start, self._onwards(entry, nearest)])
+
+    def _onwards(self, start: Point, cell: int) -> Floats:
+        cells = [cell]
+        while (following := int(self.following[cells[-1]])) >= 0:
+            cells.append(following)
+        return self.routes.taut(np.vstack([start, self.routes.centres[cells[1:-1]], self.goal]))
+
+
+@lru_cache(maxsize=32)
+def routes_on(floor_plan: Map, radius: float, comfort: float) -> Routes:
+    """Return the routes of a map; those of the last maps are kept, as they take a while."""
+    return Routes(floor_plan, radius, comfort)
 
 
 def _shifted(values: Any, down: int, right: int) -> tuple[Any, Any]:

@@ -16,6 +16,7 @@ from deqmcl_gym.world.commands import Commands
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import GuidedPlan
+from deqmcl_gym.world.journey import Journeys
 from deqmcl_gym.world.path import Point, Pose, wrapped
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.presets import WORLDS
@@ -26,25 +27,24 @@ if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing
 
 _START_TRIES = 1000
+_FREE_TRIES = 100_000
 _ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
 _ARGUMENTS += ("observation", "render_mode")
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A world with its plan, and the rules of its episodes.
+    """A world, and the rules of its episodes.
 
     Attributes:
         world: all parts of the world, as configured.
-        course: the lap as planned: path, start and actions.
-        plan: what ``info`` shows of the coming actions.
-        ends_at_goal: end the episode when the lap is done, even if the plan has steps left.
+        horizon: how many planned actions ``info`` shows; None: all.
+        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: what a step shows: "scan", or "dict" for the plan, progress and clock too.
     """
 
     world: World
-    course: Course
-    plan: Plan
+    horizon: int | None
     ends_at_goal: bool
     observation: str
 
@@ -66,10 +66,52 @@ class Setting:
         for name in parts:
             one_of("argument", name, _ARGUMENTS)
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
-        course = Course.of(world)
-        plan = _plan(world, course, horizon)
+        rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
-        return cls(world, course, plan, boolean("ends_at_goal", ends_at_goal), observation)
+        setting = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
+        if setting.journeys is None:
+            _ = setting.plan  # refuses what cannot be driven
+        else:
+            setting.journeys.check()
+            if observation == "dict" and rows is None:
+                raise InputError(
+                    'observation is "dict" and there is a route, whose plans differ in length: '
+                    "give a horizon, such as 50."
+                )
+        return setting
+
+    @cached_property
+    def journeys(self) -> Journeys | None:
+        """The ways of a world with a route; None if it has a lap."""
+        return None if self.world.route is None else Journeys(self.world)
+
+    @cached_property
+    def course(self) -> Course:
+        """The lap as planned: path, start and actions."""
+        return Course.of(self.world)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What ``info`` shows of the coming actions of the lap."""
+        return self.plan_for(self.course)
+
+    def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
+        """Return what is planned for the ``number``-th episode after seeding.
+
+        Raises:
+            InputError: no way was found.
+        """
+        if self.journeys is None:
+            return self.course, self.plan
+        course = self.journeys.drawn(seed, number)
+        return course, self.plan_for(course)
+
+    def plan_for(self, course: Course, begun: int = 0) -> Plan:
+        """Return the plan for a course that begins after the step ``begun`` of an episode."""
+        world = self.world
+        if world.driver is not None:
+            return GuidedPlan.of(world, world.driver, course, self.horizon, begun)
+        return FixedPlan(course.actions, self.horizon or len(course.actions))
 
     @cached_property
     def commands(self) -> Commands:
@@ -79,8 +121,10 @@ class Setting:
     @cached_property
     def rewards(self) -> tuple[float, float, float]:
         """The goal, what it pays, and what a contact costs, in progress along the path."""
-        goal, px = once_round(self.course.path.length, self.world.robot.radius), self.world.pixel
-        return goal if self.ends_at_goal else math.inf, GOAL_BONUS * px, COLLISION_PENALTY * px
+        px, goal = self.world.pixel, math.inf  # a route is done at a place
+        if self.ends_at_goal and self.journeys is None:
+            goal = once_round(self.course.path.length, self.world.robot.radius)
+        return goal, GOAL_BONUS * px, COLLISION_PENALTY * px
 
     @cached_property
     def observation_space(self) -> gym.Space[Any]:
@@ -88,7 +132,7 @@ class Setting:
         scans = scan_space(self.world.lidar)
         if self.observation == "scan":
             return scans
-        actions, shape = self.commands.space, (self.plan.horizon, 1)
+        actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
         return gym.spaces.Dict(
             scan=scans,
             plan=gym.spaces.Box(np.tile(actions.low, shape), np.tile(actions.high, shape)),
@@ -96,61 +140,80 @@ class Setting:
             clock=gym.spaces.Box(0.0, 1.0, (1,), np.float32),
         )
 
-    def seen(self, scan: Singles, planned: Singles, progress: Any, share: Any) -> Any:
+    def seen(self, scan: Singles, planned: Singles, covered: Any, elapsed: Any) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
         Args:
             scan: (B,) or (n, B).
             planned: the actions to come, (h, 2) or (n, h, 2).
-            progress: along the path since reset, a number or (n,).
-            share: of the steps of the plan that are done, a number or (n,).
+            covered: share of the path since reset, a number or (n,).
+            elapsed: share of the steps of the plan, a number or (n,).
         """
         if self.observation == "scan":
             return scan.copy()
-        laps = np.clip(np.divide(progress, self.course.path.length), -1.0, 1.0)
+        covered = np.clip(covered, -1.0, 1.0)
         return {
             "scan": scan.copy(),
             "plan": planned.copy(),
-            "progress": np.asarray(laps, np.float32)[..., None],
-            "clock": np.asarray(share, np.float32)[..., None],
+            "progress": np.asarray(covered, np.float32)[..., None],
+            "clock": np.asarray(elapsed, np.float32)[..., None],
         }
 
-    def first_arc(self, start: Point) -> float:
-        """Return the arc length at which an episode begins, that of the lap's or near it."""
-        course = self.course
+    def first_arc(self, course: Course, start: Point) -> float:
+        """Return the arc length at which an episode begins, that of the course's or near it."""
         arc, _ = course.path.follow(course.start[:2], start, course.arc)
         return arc
 
-    def start(self, seed: int, number: int) -> Pose:
+    def start(self, course: Course, seed: int, number: int) -> Pose:
         """Return where the ``number``-th episode after seeding begins, heading in [-π, π).
 
         Raises:
             InputError: no start drawn is free.
         """
-        x, y, heading = self._drawn_start(seed, number)
+        x, y, heading = self._drawn_start(course, seed, number)
         return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
 
-    def picture(self, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
+    def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
+        """Draw a free pose: anywhere on a lap, on a route as its start is drawn.
+
+        Raises:
+            InputError: none was found.
+        """
+        if self.journeys is not None and course.goal is not None:
+            return self.journeys.elsewhere(course.goal, rng)
+        x0, y0, x1, y1 = self.world.floor_plan.bounds
+        for _ in range(_FREE_TRIES):
+            x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
+            if self.world.floor_plan.free([(x, y)], self.world.body)[0]:
+                return x, y, float(rng.uniform(-np.pi, np.pi))
+        raise InputError(
+            f"none of {_FREE_TRIES:,} poses drawn for the kidnapping is free: give it a pose."
+        )
+
+    def picture(self, course: Course, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
         """Return the world with the robot, its scan and the number of steps, (h, w, 3) RGB."""
-        drawing = self.drawing().beams(pose, self.world.lidar.bearings, scan)
+        drawing = self.drawing(course).beams(pose, self.world.lidar.bearings, scan)
         return drawing.robot(pose, self.world.robot.radius).number(step).image
 
-    def drawing(self) -> "Drawing":
-        """Begin a picture: walls and lap.
+    def drawing(self, course: Course | None = None) -> "Drawing":
+        """Begin a picture: walls, and the path if there is one.
 
         Raises:
             InputError: the room is too large for one.
         """
         from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
 
-        corners = self.course.path.corners
-        return Drawing(View(self.world.floor_plan)).path([*corners, corners[0]], LIGHT_BLUE)
+        drawing = Drawing(View(self.world.floor_plan))
+        if course is None:
+            return drawing
+        drawing.path(course.path.outline, LIGHT_BLUE)
+        return drawing if course.goal is None else drawing.points([course.goal], LIGHT_BLUE, 9)
 
-    def _drawn_start(self, seed: int, number: int) -> Pose:
+    def _drawn_start(self, course: Course, seed: int, number: int) -> Pose:
         start, radius = self.world.start, self.world.body
         if start.sd_position == start.sd_heading == 0.0:
-            return self.course.start
-        x, y, heading = self.course.start
+            return course.start
+        x, y, heading = course.start
         rng = episode_stream(seed, number, Stream.START)
         sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
         for _ in range(_START_TRIES):
@@ -166,10 +229,3 @@ class Setting:
 def scan_space(lidar: Lidar) -> gym.spaces.Box:
     """Return the space of all scans of a lidar."""
     return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)
-
-
-def _plan(world: World, course: Course, horizon: int | None) -> Plan:
-    if world.driver is not None:
-        return GuidedPlan.of(world, world.driver, course, horizon)
-    rows = len(course.actions) if horizon is None else horizon
-    return FixedPlan(course.actions, integer("horizon", rows, low=1, high=MAX_STEPS))

@@ -21,6 +21,7 @@ class Stream(enum.IntEnum):
     START = 2
     DROPOUT = 3
     KIDNAP = 4
+    ROUTE = 5
 
 
 def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:

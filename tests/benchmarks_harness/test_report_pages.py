@@ -23,6 +23,7 @@ LAP = Lap(
     title="Best",
     caption="World 0.",
     trials=(),
+    labels=("mcl",),
     keys=("mcl-0-0",),
     animation=b"RIFFwebp",
     still=b"\x89PNG",

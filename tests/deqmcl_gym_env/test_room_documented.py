@@ -13,7 +13,7 @@ from deqmcl_gym.envs.info import RoomInfo
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Start
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.streams import Stream
 
@@ -21,6 +21,7 @@ PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_t
 PARTS = {
     "lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap,
     "driver": Driver,
+    "route": Route,
 }  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def test_info_has_its_types_and_shapes_and_the_plan_shows_the_next_actions_and_t
         infos.append(env.step(action)[4])
         np.testing.assert_array_equal(infos[-1]["truth"], env.pose)
     for step, info in enumerate(infos):
-        assert set(info) == set(RoomInfo.__annotations__)
+        assert set(info) == RoomInfo.__required_keys__
         assert type(info["planned_count"]) is int
         assert type(info["collided"]) is bool
         for key, dtype in ARRAYS.items():

@@ -1,0 +1,172 @@
+"""A run as frames: truth, cloud, mean, best cluster, plan and error in every one."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+import cv2
+import numpy as np
+
+from benchmarks.pictures.frames import Camera
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.fixes import Fixes, driven, metre
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.world.drawing import (
+    BLACK,
+    GRAY,
+    Color,
+    Drawing,
+    Image,
+    with_strip,
+    write_legend,
+    write_words,
+)
+from localizers import best_cluster
+from localizers.api import mean_pose
+
+_BEST: Color = (0, 114, 178)
+_PLAN: Color = (0, 158, 115)
+_LINE = 20  # image pixels per line of text
+_SIZE = 0.42  # of letters
+_LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
+_MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
+
+
+class Film:
+    """Draws an episode while it is run: a localizer may change its belief at the next step.
+
+    The last frame has the whole way, with the place from where on the robot stays localized.
+
+    Attributes:
+        frames: drawn so far.
+        moments: seen so far.
+    """
+
+    def __init__(self, camera: Camera, title: str, stride: int) -> None:
+        """Begin a film of one method.
+
+        Args:
+            camera: looks at the room.
+            title: stands below it.
+            stride: steps per frame.
+        """
+        self._camera, self._title, self._stride = camera, title, stride
+        self.moments: list[Moment] = []
+        self.frames: list[Image] = []
+        self._best: list[tuple[float, float, float]] = []
+
+    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
+        """Pass the episode on; draw moments after they were looked at."""
+        for moment in episode:
+            yield moment
+            points = moment.belief.points()
+            assert points is not None, "a belief has points of the present"
+            unit = self._camera.view.floor_plan.unit
+            self._best.append(best_cluster(*points, unit=unit).mean)
+            self.moments.append(moment)
+            mean = mean_pose(*points)
+            if moment.step % self._stride == 0:
+                self.frames.append(self._frame(moment, mean))
+        self.frames.append(self._frame(moment, mean, whole=True))
+
+    def _frame(self, moment: Moment, mean: tuple[float, ...], *, whole: bool = False) -> Image:
+        camera, best = self._camera, self._best[-1]
+        drawing, clouds = camera.scene(moment)
+        drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
+        if whole:
+            drawing.path(self._best, _BEST, 1)
+        if moment.plan is not None and len(moment.plan):
+            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+        radius = max(camera.radius, _LEAST / camera.view.per_length)
+        drawing.robot(moment.truth, radius)
+        _ring(drawing, best, 1.3 * radius)
+        _cross(drawing, mean)
+        note = self._localized(drawing) if whole else ""
+        unit = camera.view.floor_plan.unit
+        x, y, _ = moment.truth.tolist()
+        off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
+        digits = 0 if unit == "px" else 2
+        best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
+        words = [self._title, f"step {moment.step}: best {best_off}, mean {mean_off} off{note}"]
+        return _captioned(drawing, words, [*_MARKS, *clouds], [*_MARKS, *camera.layers])
+
+    def _localized(self, drawing: Drawing) -> str:
+        """Mark the place from where on it stays localized; say how far the robot had come."""
+        unit = metre(self._camera.view.floor_plan.unit)
+        truth = np.array([moment.truth for moment in self.moments], np.float64)
+        off = np.array(self._best) - truth
+        commands = [m.action[0] for m in self.moments if m.action is not None]
+        way = driven(np.array(commands, np.float64)) / unit
+        fixes = Fixes(
+            steps=np.arange(len(truth)),
+            count=len(truth),
+            way=way,
+            distance=np.hypot(off[:, 0], off[:, 1]) / unit,
+            angle=np.abs(arrays.wrapped(off[:, 2])),
+            quality=np.full(len(truth), math.nan),
+        )
+        metres = fixes.metres_to_localize
+        if not math.isfinite(metres):
+            return ", never localized"
+        place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
+        cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
+        return f", localized after {metres:.1f} m"
+
+
+def laid(pose: Reals, plan: Reals) -> Floats:
+    """Return the way of a plan (h, 2) from a pose, without noise, (h + 1, 2)."""
+    distance, turn = np.asarray(plan, np.float64).T
+    heading = pose[2] + np.cumsum(turn)
+    steps = np.column_stack([distance * np.cos(heading), distance * np.sin(heading)])
+    way: Floats = np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
+    return way
+
+
+def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
+    """Draw a pose as a circle with a line along its heading."""
+    nose = pose[0] + 1.8 * radius * math.cos(pose[2]), pose[1] + 1.8 * radius * math.sin(pose[2])
+    centre, tip = drawing.view.pixels([pose[:2], nose])
+    around = round(radius * drawing.view.per_length)
+    cv2.circle(drawing.image, _at(centre), around, _BEST, 2, cv2.LINE_AA)
+    cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
+
+
+def _cross(drawing: Drawing, pose: tuple[float, ...]) -> None:
+    (place,) = drawing.view.pixels([pose[:2]])
+    cv2.drawMarker(drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA)
+
+
+def _at(place: Floats) -> tuple[int, int]:
+    column, row = np.rint(place).astype(int).tolist()
+    return column, row
+
+
+def _captioned(
+    drawing: Drawing,
+    words: Sequence[str],
+    legend: Sequence[tuple[str, Color]],
+    longest: Sequence[tuple[str, Color]],
+) -> Image:
+    """Return the drawing above lines of words and a legend, with room for the longest one."""
+    left, (width, below) = drawing.view.margin, drawing.view.size
+    rows = _rows(legend, width - 2 * left)
+    lines = len(words) + len(_rows(longest, width - 2 * left))
+    image = with_strip(drawing.image, 2 * math.ceil(_LINE * lines / 2) + 8)
+    for place, line in enumerate(words, 1):
+        write_words(image, line, (left, below + place * _LINE - 4), _SIZE)
+    for place, row in enumerate(rows, len(words) + 1):
+        write_legend(image, row, (left, below + place * _LINE - 4), _SIZE)
+    return image
+
+
+def _rows(legend: Sequence[tuple[str, Color]], width: int) -> list[list[tuple[str, Color]]]:
+    rows: list[list[tuple[str, Color]]] = [[]]
+    used = 0
+    for entry in legend:
+        (letters, _), _ = cv2.getTextSize(entry[0], cv2.FONT_HERSHEY_SIMPLEX, _SIZE, 1)
+        used += letters + 36
+        if used > width and rows[-1]:
+            rows.append([])
+            used = letters + 36
+        rows[-1].append(entry)
+    return rows

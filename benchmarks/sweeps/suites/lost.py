@@ -1,0 +1,107 @@
+"""Lost, kidnapped, driving: filters that see a route and filters that do not; see docs/lost.md.
+
+``lag`` is 0 in all of them: what is believed of the past is not scored. Of ``mcl-plan`` it is how
+many steps of the plan are evidence at every step, 0.2 m each.
+"""
+
+from types import MappingProxyType
+
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.suites.parts import axis, method, methods
+from benchmarks.trials.spec import frozen
+
+_AHEAD = 50  # steps of the plan: 10 m
+_DRAWS = {"start_draws": 20, "start_jitter": 0.3}  # m; without it few poses are left
+_RECOVERY = {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}  # as Nav2 recommends
+
+_BLIND = methods("mcl", "mcl-map")
+_SENSOR = method("mcl-plan", lag=_AHEAD)
+_START = method("mcl-map", **_DRAWS)
+_AMCL = method("amcl", max_particles=20_000, **_RECOVERY)
+# a start informed by the plan costs about as long as the run: the rival has twice the particles
+_ONCE = method("mcl-plan", lag=0, **_DRAWS, particles=5_000)
+_RIVAL = method("mcl-map", particles=10_000)
+
+LOST_SUITES = MappingProxyType(
+    {
+        "lost": Sweep(
+            title="Lost in an office building, with a dispatcher's route: 200 worlds",
+            scenario="lost",
+            localizers=(*_BLIND, _AMCL, _SENSOR, _START),
+            baseline="mcl-map",
+            lag=0,
+            trials=200,
+            vary=(axis(params__particles=(2_000, 10_000, 50_000)),),
+        ),
+        "lost-quick": Sweep(
+            title="Lost in an office building: a quick look",
+            scenario="lost",
+            localizers=(*methods("mcl-map"), _START),
+            baseline="mcl-map",
+            lag=0,
+            trials=10,
+            params=frozen({"particles": 5_000}),
+        ),
+        "lost-hard": Sweep(
+            title="Lost with one weak beam, and where two places fit the scans: 200 worlds",
+            localizers=(*methods("mcl-map"), _SENSOR, _START),
+            baseline="mcl-map",
+            lag=0,
+            trials=200,
+            params=frozen({"particles": 10_000}),
+            vary=(axis(scenario=("lost-weak", "lost-symmetric", "lost-symmetric-route")),),
+        ),
+        "lost-equal-time": Sweep(
+            title="A route at the start, or its time spent on particles: 200 worlds, 2 runs each",
+            localizers=(_RIVAL, method("mcl", particles=10_000), _ONCE),
+            baseline="mcl-map",
+            lag=0,
+            trials=200,
+            filter_seeds=2,
+            vary=(axis(scenario=("lost", "lost-weak", "lost-symmetric")),),
+        ),
+        "lost-regimes": Sweep(
+            title="Where a route at the start pays: beams, width of corridors, length of the route",
+            scenario="lost",
+            localizers=(_RIVAL, _ONCE),
+            baseline="mcl-map",
+            lag=0,
+            trials=20,
+            vary=(
+                axis(world__lidar__beams=(1, 4, 16)),
+                axis(world__floor_plan__office__corridor=(1.2, 2.0, 3.2)),
+                axis(
+                    world__route__min_length=(8.0, 20.0, 40.0),
+                    world__route__max_length=(12.0, 28.0, 60.0),
+                ),
+            ),
+        ),
+        "kidnapped": Sweep(
+            title="Carried off in mid-route, with a new plan and with the old one: 200 worlds",
+            localizers=(
+                method("mcl-map", **_RECOVERY),
+                _AMCL,
+                method("mcl-plan", lag=_AHEAD, **_RECOVERY),
+                method("mcl-map", **_DRAWS, **_RECOVERY),
+            ),
+            baseline="mcl-map",
+            lag=0,
+            trials=200,
+            vary=(
+                axis(scenario=("kidnapped", "kidnapped-stale")),
+                axis(params__particles=(2_000, 10_000)),
+            ),
+        ),
+        "driving": Sweep(
+            title="To a goal through doors, driven on the estimate: 200 worlds",
+            localizers=(*_BLIND, method("amcl", **_RECOVERY), _SENSOR, *methods("dead-reckoning")),
+            baseline="mcl-map",
+            lag=0,
+            trials=200,
+            vary=(
+                axis(scenario=("driving", "driving-route", "driving-blind", "driving-perfect")),
+                axis(params__particles=(500, 2_000)),
+            ),
+        ),
+    }
+)

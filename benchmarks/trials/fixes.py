@@ -1,0 +1,100 @@
+"""Where a belief says the robot is, against where it is: from when on a lost robot is localized.
+
+The one home of these scores, for worlds and for logs. Lengths are in m.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.numerics.types import Bools, Floats, Indices
+
+NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
+FOUND = "1m"  # from where on metres to localize are counted
+LAST = 0.25  # share of a run's steps in which a success is localized throughout
+COMMITTED, FAR = 0.5, 2.0  # quality above which a belief commits itself; m off: falsely
+RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fixes:
+    """How far off the best cluster of a belief is at the steps whose true pose is known.
+
+    Attributes:
+        steps: which steps, ascending, (k,).
+        count: how many steps the run has, the one at t = 0 included.
+        way: driven until each by the commands, m, (k,).
+        distance: of the best cluster's mean to the truth, m, (k,).
+        angle: between their headings, rad, (k,).
+        quality: P(not lost), (k,); NaN where the belief gives none.
+    """
+
+    steps: Indices
+    count: int
+    way: Floats
+    distance: Floats
+    angle: Floats
+    quality: Floats
+
+    def localized(self, near: str) -> Bools:
+        """Whether the best cluster is within a distance and an angle of ``NEAR``, (k,)."""
+        distance, angle = NEAR[near]
+        is_near: Bools = (self.distance <= distance) & (self.angle <= angle)
+        return is_near
+
+    @property
+    def last(self) -> Bools:
+        """Whether a step is one of the last 25 %, (k,)."""
+        late: Bools = self.steps >= math.floor((1 - LAST) * self.count)
+        return late
+
+    def success(self, near: str) -> float:
+        """1 if localized in every step of the last 25 %, else 0; NaN if none of them is known."""
+        return float(self.localized(near)[self.last].all()) if self.last.any() else math.nan
+
+    @property
+    def metres_to_localize(self) -> float:
+        """Metres driven from where on it stays localized; inf: never; NaN: nothing is known."""
+        if not self.steps.size:
+            return math.nan
+        lost = np.flatnonzero(~self.localized(FOUND))
+        first = lost[-1] + 1 if lost.size else 0
+        return float(self.way[first]) if first < self.steps.size else math.inf
+
+    @property
+    def rated(self) -> Bools:
+        """Whether a step t ≥ 1 has a quality, (k,)."""
+        rated: Bools = np.isfinite(self.quality) & (self.steps >= 1)
+        return rated
+
+    @property
+    def false(self) -> Bools:
+        """Whether the belief commits itself, quality > 0.5, while more than 2 m off, (k,)."""
+        false: Bools = (self.quality > COMMITTED) & (self.distance > FAR)
+        return false
+
+    def metres_to_recover(self, carried: int) -> float:
+        """Metres from the kidnap to 20 steps on end within 0.45 m of the truth; inf: never.
+
+        Args:
+            carried: the first step after the robot was carried off.
+        """
+        after = np.flatnonzero(self.steps >= carried)
+        near = self.distance[after] <= RECOVERED
+        runs = np.convolve(near, np.ones(RECOVERED_STEPS), "valid") if near.size else near
+        whole = np.flatnonzero(runs > RECOVERED_STEPS - 0.5)
+        if near.size < RECOVERED_STEPS or not whole.size:
+            return math.inf
+        return float(self.way[after[whole[0]]] - self.way[after[0]])
+
+
+def metre(unit: str) -> float:
+    """Return how many of a map's units are a metre; a pixel of the paper's room is 2 cm."""
+    return pixel(unit) / pixel("m")
+
+
+def driven(distances: Floats) -> Floats:
+    """Return the way until each step, from the commanded distances of the steps t ≥ 1."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(distances))])

@@ -1,0 +1,108 @@
+"""What is kept of a whole run while it lasts, and how it stands in a record."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.trials.clouds import Task
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.fixes import Fixes, driven, metre
+from benchmarks.trials.journeys import Group, Journey, scores_of
+from benchmarks.trials.symmetry import half_turned, weight_near
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals
+from localizers import best_cluster, quality_of
+
+
+class JourneyLog:
+    """Collects a run from its moments; the best cluster is sought once a step."""
+
+    def __init__(self, task: Task, groups: Sequence[Group]) -> None:
+        self._task, self._groups = task, groups
+        self._metre = metre(task.floor_plan.unit)
+        self._turned = any(group.name == "ambiguity" for group in groups)
+        self._truth: list[Reals] = []
+        self._commanded: list[float] = []
+        self._collided: list[bool] = []
+        self._fixes: list[tuple[float, ...]] = []  # step, x, y, θ, quality, masses
+        self._goal: Reals | None = None
+        self._planned = math.nan
+
+    def see(self, moment: Moment) -> None:
+        """Take in a step."""
+        self._truth.append(moment.truth)
+        self._collided.append(moment.collided)
+        self._goal = moment.goal
+        if moment.step == 0 and moment.route is not None:
+            self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
+        if moment.action is not None:
+            self._commanded.append(float(moment.action[0]))
+        if self._groups and (points := moment.belief.points()) is not None:
+            best = best_cluster(*points, unit=self._task.floor_plan.unit).mean
+            quality = quality_of(moment.belief)
+            rated = math.nan if quality is None else quality
+            self._fixes.append((moment.step, *best, rated, *self._masses(*points, moment.truth)))
+
+    def scored(self) -> dict[str, Any]:
+        """Return the part of a record about this run: its scores and curves; {} if none is asked.
+
+        An infinite score and an unknown one are null.
+        """
+        if not self._groups or not self._fixes:
+            return {}
+        run = self.journey()
+        found = {
+            name: value if math.isfinite(value) else None
+            for name, value in scores_of(run, self._groups).items()
+        }
+        curves = {
+            "way": run.fixes.way,
+            "distance": run.fixes.distance,
+            "angle": run.fixes.angle,
+        }
+        if run.masses is not None:
+            curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
+        short = {name: [_short(value) for value in values] for name, values in curves.items()}
+        return {"journey": {"scores": found, "curves": short}}
+
+    def journey(self) -> Journey:
+        """Return the run so far."""
+        size = np.array([self._metre, self._metre, 1.0])
+        truth = np.array(self._truth, np.float64) / size
+        table = np.array(self._fixes, np.float64)
+        steps = table[:, 0].astype(np.intp)
+        off = truth[steps] - table[:, 1:4] / size
+        way = driven(np.array(self._commanded)) / self._metre
+        goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
+        room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
+        return Journey(
+            fixes=Fixes(
+                steps=steps,
+                count=len(truth),
+                way=way[steps],
+                distance=np.hypot(off[:, 0], off[:, 1]),
+                angle=np.abs(arrays.wrapped(off[:, 2])),
+                quality=table[:, 4],
+            ),
+            driven=way,
+            truth=truth,
+            collided=np.array(self._collided),
+            clearance=float(room.min() - self._task.radius) / self._metre,
+            goal=goal,
+            planned=self._planned / self._metre,
+            masses=table[:, 5:] if self._turned else None,
+        )
+
+    def _masses(self, poses: Reals, weights: Floats, truth: Reals) -> tuple[float, ...]:
+        if not self._turned:
+            return ()
+        here = np.asarray(truth, np.float64)
+        there = half_turned(self._task.floor_plan, here[None])[0]
+        return tuple(weight_near(poses, weights, pose, self._metre) for pose in (here, there))
+
+
+def _short(value: float) -> float:
+    """Four digits: a curve of a long run is many numbers."""
+    return float(f"{value:.4g}")

@@ -1,0 +1,208 @@
+"""The scores of a whole run: is the robot found, found again, and does it arrive?
+
+Beside ``metrics``, which are of a belief at one offset. A run has those groups of scores that its
+scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the paper's room is 2 cm.
+"""
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Fixes
+from deqmcl_gym.numerics.types import Bools, Floats
+
+ARRIVED = 0.5  # m from the goal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Journey:
+    """A run from its start to its end. n = T + 1 states.
+
+    Attributes:
+        fixes: where the best cluster was.
+        driven: by the commands until each state, (n,).
+        truth: true poses, (n, 3).
+        collided: whether the step to each state was stopped by a wall, (n,).
+        clearance: least distance of the robot's rim to a wall.
+        goal: where it was to arrive, (2,); None if nowhere.
+        planned: length of the route from the start to the goal; NaN without a goal.
+        masses: weight within 1 m and 30° of the truth and of its twin under a half turn of the
+            map, (k, 2), at the steps of ``fixes``; None if that was not asked for.
+    """
+
+    fixes: Fixes
+    driven: Floats
+    truth: Floats
+    collided: Bools
+    clearance: float
+    goal: Floats | None = None
+    planned: float = math.nan
+    masses: Floats | None = None
+
+    @property
+    def carried(self) -> int:
+        """The first state after the robot was carried off: where it moved farthest uncommanded."""
+        moved = np.hypot(*np.diff(self.truth[:, :2], axis=0).T)
+        return 1 + int(np.argmax(moved - np.diff(self.driven)))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it ends within 0.5 m of the goal, without having touched a wall."""
+        assert self.goal is not None
+        off = math.hypot(*(self.truth[-1, :2] - self.goal))
+        return off <= ARRIVED and not self.collided.any()
+
+    @property
+    def spl(self) -> float:
+        """Success weighted by path length: S · planned / max(driven, planned).
+
+        Anderson et al. 2018, "On evaluation of embodied navigation agents"; the route stands for
+        the shortest way, which would scrape along walls.
+        """
+        path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
+        longer = max(path, self.planned)
+        return float(self.arrived) * (self.planned / longer if longer > 0 else 1.0)
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score of a whole run.
+
+    Attributes:
+        name: in records and tables.
+        unit: "share" (of runs; 0 or 1 of one), "m", "steps" or "" (a number).
+        words: what it is, as the heading of a column.
+        of: the score; NaN is not available.
+        failed: what a run has that came to no end.
+        tested: whether methods are compared by it.
+    """
+
+    name: str
+    unit: str
+    words: str
+    of: Callable[[Journey], float]
+    failed: float = math.nan
+    tested: bool = False
+
+    @property
+    def censored(self) -> bool:
+        """Whether infinite stands for "not within this run": metres until something happens."""
+        return self.failed == math.inf
+
+
+@dataclass(frozen=True)
+class Group:
+    """Scores that belong together."""
+
+    name: str
+    scores: tuple[Score, ...]
+
+
+def _success(near: str, *, tested: bool = False) -> Score:
+    distance, angle = NEAR[near]
+    words = f"localized to the end ({distance:g} m, {math.degrees(angle):.0f}°)"
+    name = f"success_{near}"
+    return Score(name, "share", words, lambda run: run.fixes.success(near), 0.0, tested)
+
+
+def _committed(run: Journey) -> float:
+    late = run.fixes.rated & run.fixes.last
+    return float(run.fixes.false[late].any()) if late.any() else math.nan
+
+
+def _committed_steps(run: Journey) -> float:
+    rated = run.fixes.rated
+    return float(run.fixes.false[rated].mean()) if rated.any() else math.nan
+
+
+def _to_recover(run: Journey) -> float:
+    return run.fixes.metres_to_recover(run.carried)
+
+
+def _late_mass(which: int) -> Callable[[Journey], float]:
+    def of(run: Journey) -> float:
+        assert run.masses is not None
+        late = run.masses[run.fixes.last]
+        return float(late[:, which].mean()) if late.size else math.nan
+
+    return of
+
+
+def _split(run: Journey) -> float:
+    """The smaller share of the mass that is near either, at the end: ½ undecided, 0 picked one."""
+    masses = np.array([_late_mass(which)(run) for which in (0, 1)])
+    return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
+
+
+GROUPS = (
+    Group(
+        "lost",
+        (
+            _success("1m", tested=True),
+            _success("05m"),
+            Score(
+                "metres_to_localize",
+                "m",
+                "metres to localize, median",
+                lambda run: run.fixes.metres_to_localize,
+                math.inf,
+                tested=True,
+            ),
+            Score("false_commitment", "share", "false commitment at the end", _committed),
+            Score("false_steps", "", "of all steps", _committed_steps),
+        ),
+    ),
+    Group(
+        "ambiguity",
+        (
+            Score("mass_truth", "", "weight near the truth", _late_mass(0)),
+            Score("mass_twin", "", "weight near its twin", _late_mass(1)),
+            Score("mass_split", "", "the smaller of the two, of both", _split),
+        ),
+    ),
+    Group(
+        "recovery",
+        (
+            Score(
+                "recovered",
+                "share",
+                f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
+                lambda run: float(math.isfinite(_to_recover(run))),
+                0.0,
+                tested=True,
+            ),
+            Score(
+                "metres_to_recover",
+                "m",
+                "metres to recover, median",
+                _to_recover,
+                math.inf,
+                tested=True,
+            ),
+        ),
+    ),
+    Group(
+        "driving",
+        (
+            Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
+            Score("spl", "", "SPL", lambda run: run.spl, 0.0),
+            Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
+            Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
+            Score("time", "steps", "steps", lambda run: float(len(run.truth) - 1)),
+        ),
+    ),
+)
+JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
+
+
+def groups_named(names: Collection[str]) -> tuple[Group, ...]:
+    """Return groups by name, in the order of ``GROUPS``."""
+    return tuple(group for group in GROUPS if group.name in names)
+
+
+def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
+    """Return the scores of a run by name."""
+    return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}

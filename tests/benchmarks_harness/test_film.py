@@ -1,0 +1,68 @@
+"""A film: truth, cloud, estimates, plan and error in every frame; at the end the whole way."""
+
+import math
+
+import numpy as np
+import pytest
+from fake_episode import FakeBelief
+
+from benchmarks.pictures.film import Film, laid
+from benchmarks.pictures.frames import Camera
+from benchmarks.trials.episode import Moment
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.world.drawing import View
+
+HALL = PolygonMap(outer=[(0, 0), (60, 0), (60, 40), (0, 40)], unit="m")
+BLUE, GREEN, GRAY, ORANGE = (0, 114, 178), (0, 158, 115), (128, 128, 128), (255, 140, 0)
+STEPS, FOUND = 12, 7
+
+
+def episode(rng):
+    """A drive along y = 10 with 20,000 particles, anywhere until they are at the truth."""
+    for step in range(STEPS + 1):
+        truth = np.array([10.0 + step, 10.0, 0.0])
+        wrong = np.array([40.0, 30.0, 0.0])
+        cloud = (truth if step >= FOUND else wrong) + rng.normal(0, 0.3, (20_000, 3))
+        belief = FakeBelief({0: (cloud, np.full(20_000, 1 / 20_000))})
+        plan = np.array([[1.0, 0.0]] * 20)
+        action = np.array([1.0, 0.0]) if step else None
+        yield Moment(step, truth, np.empty(0), belief, 0.0, action, plan)
+
+
+def filmed():
+    film = Film(Camera(View(HALL, 0.2), 0.25, 0), "mcl", 4)
+    assert len(list(film.of(episode(np.random.default_rng(0))))) == STEPS + 1
+    return film
+
+
+def has(image, color, place, within=8):
+    """Whether a colour is to be seen near a place of the hall."""
+    column, row = np.rint(View(HALL, 0.2).pixels([place])[0]).astype(int)
+    seen = image[row - within : row + within + 1, column - within : column + within + 1]
+    return (np.abs(seen.astype(int) - color) < 60).all(axis=-1).any()  # thin lines are blended
+
+
+def test_every_frame_shows_truth_best_cluster_cloud_and_plan_in_a_building():
+    film = filmed()
+    assert len(film.frames) == 4 + 1
+    assert len({frame.shape for frame in film.frames}) == 1
+    for step, frame in zip((0, 4, 8, 12, 12), film.frames, strict=True):
+        x = 10 + step
+        believed = (x, 10) if step >= FOUND else (40, 30)
+        assert has(frame, GRAY, (x, 10))
+        assert has(frame, BLUE, believed)
+        assert has(frame, ORANGE, believed)
+        assert has(frame, GREEN, (x + 15, 10))
+        assert not has(frame, GREEN, (x + 25, 10))
+
+
+def test_the_last_frame_has_the_way_and_the_place_from_where_on_it_is_localized():
+    *_, before, last = filmed().frames
+    assert has(last, GREEN, (10 + FOUND, 10), within=10)
+    assert not has(before, GREEN, (10 + FOUND, 10), within=10)
+    assert has(last, BLUE, (40, 30))  # where the best cluster was
+
+
+def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
+    way = laid(np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]]))
+    assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))

@@ -1,0 +1,170 @@
+"""Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report."""
+
+import math
+
+import numpy as np
+import pytest
+from report_cases import finished, parsed, trial_of
+from test_store import TRIAL  # a canonical trial
+
+from benchmarks.report.journeys import journey_charts, journey_tables
+from benchmarks.report.laps import laps
+from benchmarks.report.style import looks
+from benchmarks.sweeps.store import Store
+from benchmarks.tables.csv_files import results_csv, trials_csv
+from benchmarks.tables.journeys import curve_of, median, median_estimate
+from benchmarks.tables.panels import panels
+from benchmarks.tables.stats import sign_test, wilson
+
+NEVER = math.inf
+
+
+def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
+    # two runs on world 2: its half counts as half a world
+    curve = curve_of({0: [1.0], 1: [3.0], 2: [2.0, NEVER], 3: [NEVER]})
+    assert curve.metres.tolist() == [0, 1, 2, 3]
+    assert curve.share.tolist() == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
+    assert (curve.low[-1], curve.high[-1]) == wilson(2.5 / 4, 4)
+
+
+def test_the_curve_of_runs_that_are_localized_at_once_begins_at_one():
+    assert curve_of({0: [0.0], 1: [0.0]}).share.tolist() == [1]
+    assert curve_of({0: [NEVER]}).share.tolist() == [0]
+
+
+def test_the_median_of_censored_metres_is_infinite_if_half_of_them_are():
+    assert median([1.0, NEVER, 2.0]) == 2
+    assert median([1.0, 2.0]) == 1.5
+    assert median([1.0, NEVER]) == NEVER
+
+
+def test_the_interval_of_a_median_is_between_the_40th_and_61st_of_a_hundred():
+    # the table of Conover 1999: P(Binomial(100, ½) < 40) = 0.0176, < 41 0.0284
+    assert median_estimate([float(i) for i in range(1, 101)]) == (50.5, 40, 61)
+    assert median_estimate([1.0] * 5 + [NEVER]) == (1, 1, NEVER)
+    assert math.isnan(median_estimate([1.0] * 5).low)  # 2/2⁵ > 5 %
+
+
+@pytest.mark.parametrize(
+    ("better", "worse", "p"),
+    [(5, 1, 14 / 64), (6, 0, 2 / 64), (3, 3, 1.0), (0, 0, 1.0)],  # twice a binomial tail
+)
+def test_the_sign_test_counts_discordant_pairs_as_mc_nemar_does(better, worse, p):
+    apart = np.array([1.0] * better + [-1.0] * worse + [0.0] * 7)
+    assert sign_test(apart) == pytest.approx(p)
+    assert sign_test(-apart) == sign_test(apart)
+
+
+def test_the_sign_test_of_nothing_is_unknown():
+    assert math.isnan(sign_test(np.empty(0)))
+
+
+def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **scores):
+    """A finished trial that localizes after so many metres of a way."""
+    found = math.isfinite(metres)
+    record = finished(method, world, 1.0 + world, filter_seed=filter_seed)
+    return record | {
+        "journey": {
+            "scores": {
+                "success_1m": float(found if success is None else success),
+                "metres_to_localize": metres if found else None,
+            }
+            | scores,
+            "curves": {"way": [0.0, way], "distance": [3.0, 0.0], "angle": [0.0, 0.0]},
+        }
+    }
+
+
+BLIND = [run("mcl-map", world, metres) for world, metres in enumerate([4.0, NEVER, 8.0, NEVER])]
+AWARE = [run("mcl-plan", world, metres) for world, metres in enumerate([2.0, 3.0, 8.0])]
+FAILED = [trial_of("mcl-plan", 3)]
+
+
+def compared():
+    (panel,) = panels([*BLIND, *AWARE], "mcl-map", failures=FAILED)
+    return panel
+
+
+def test_metres_are_compared_by_restricted_means_and_a_failed_run_is_not_localized():
+    blind, aware = (row.journey["metres_to_localize"] for row in compared().present)
+    assert blind.value.mean == NEVER  # two of four
+    assert blind.restricted == (4 + 10 + 8 + 10) / 4
+    assert aware.value.mean == 5.5
+    assert aware.restricted == (2 + 3 + 8 + 10) / 4
+    assert aware.diff.mean == (-2 - 7 + 0 + 0) / 4
+    assert math.isnan(blind.diff.mean)
+
+
+def test_shares_are_of_all_runs_the_failed_ones_too():
+    blind, aware = (row.journey["success_1m"] for row in compared().present)
+    assert blind.value.mean == 0.5
+    assert aware.value == (0.75, *wilson(0.75, 4))
+    assert (aware.diff.mean, aware.p) == (0.25, 1.0)  # one discordant pair
+
+
+def test_a_run_that_ends_early_is_not_the_better_for_it():
+    # it breaks off after 1 m: its metres count as the 10 that the other drove
+    broken = run("mcl-plan", 0, NEVER, way=1.0)
+    (panel,) = panels([run("mcl-map", 0, NEVER, way=10.0), broken], "mcl-map")
+    assert panel.present[1].journey["metres_to_localize"].restricted == 10
+
+
+def test_all_tests_of_a_panel_are_one_family_of_holm():
+    worlds = range(12)
+    blind = [run("mcl-map", world, 9.0) for world in worlds]
+    aware = [run("mcl-plan", world, 1.0 + 0.1 * world) for world in worlds]
+    (panel,) = panels([*blind, *aware], "mcl-map")
+    row = panel.present[1]
+    metres, success = row.journey["metres_to_localize"], row.journey["success_1m"]
+    assert (row.p, success.p) == (1.0, 1.0)  # the same errors, the same successes
+    assert metres.p == pytest.approx(2 / 2**12)
+    assert metres.p_holm == pytest.approx(3 * 2 / 2**12, rel=1e-5)
+
+
+def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
+    rows = parsed(results_csv([compared()]))
+    assert rows[1]["success_1m"] == "0.75"
+    assert rows[0]["metres_to_localize"] == "inf"
+    assert float(rows[1]["metres_to_localize_diff"]) == -2.25
+    assert "recovered" not in rows[0]
+    assert "spl" not in rows[0]
+    lines = parsed(trials_csv(BLIND))
+    assert [line["metres_to_localize"] for line in lines] == ["4.0", "inf", "8.0", "inf"]
+    assert "success_1m" not in parsed(trials_csv([finished("mcl", 0, 1.0)]))[0]
+
+
+def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
+    panel = compared()
+    ((heading, table),) = journey_tables(panel)
+    assert heading == "Localized"
+    assert table.lines[0][:4] == ["mcl-map", "50 % (15 % to 85 %)", "baseline", "–"]
+    assert table.lines[0][4] == "never"
+    (chart,) = journey_charts(panel, looks(panel.labels.values()))
+    assert chart.alt.endswith("At the end: mcl-map 50%, mcl-plan 75%.")
+    (plain,) = panels([finished("mcl", 0, 1.0)])
+    assert journey_tables(plain) == journey_charts(plain, {}) == []
+
+
+def test_lost_robots_are_shown_by_when_they_were_localized():
+    best, median_one, worst = laps(compared())
+    shown = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
+    assert shown == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
+    assert "metres to localize of mcl-plan 2.0" in best.caption
+
+
+def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_path):
+    store, key = Store(tmp_path), TRIAL.key("code")
+    kept = BLIND[1] | {"trial": TRIAL.canonical()}
+    kept = {name: value for name, value in kept.items() if name not in ("key", "seconds")}
+    store.put(key, kept, 1.0)
+    assert store.get(key, TRIAL)["journey"] == kept["journey"]
+    scores, curves = kept["journey"]["scores"], kept["journey"]["curves"]
+    for spoilt in (
+        {"scores": scores | {"fame": 1.0}, "curves": curves},
+        {"scores": scores | {"success_1m": "yes"}, "curves": curves},
+        {"scores": scores, "curves": curves | {"way": [0.0]}},
+        {"scores": scores, "curves": {"way": [0.0] * 100}},
+        {"scores": scores, "curves": {}},
+    ):
+        with pytest.raises(ValueError, match=r"whole run|journey"):
+            store.put(key, kept | {"journey": spoilt}, 1.0)
