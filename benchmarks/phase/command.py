@@ -11,7 +11,7 @@ from benchmarks.phase.precession import PERFECT, Lap
 from benchmarks.pictures.plots import require_plots
 from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import integer
+from deqmcl_gym.validation import InputError, integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
 
@@ -32,8 +32,13 @@ def run_phase(
     require_plots()
     from benchmarks.phase.figure import phase_figure
 
-    own_folder(out, "phase")
     room = room_of(trials[0].scenario)
+    if room.world.route is not None:
+        raise InputError(
+            f"the scenario {trials[0].scenario} has a route, but place fields lie along a lap: "
+            "choose a scenario with a lap."
+        )
+    own_folder(out, "phase")
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
     laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two
