@@ -7,6 +7,7 @@ import numpy as np
 
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.journey import Journeys
@@ -52,6 +53,8 @@ class ToGoal:
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
         """Return no plan: nothing is believed yet."""
+        if "goal" not in info:
+            raise InputError("the agent drives to a goal: give a world with a route.")
         self.goal = _point(info["goal"])
         return np.empty((0, 2), np.float32)
 

@@ -33,10 +33,13 @@ def run_phase(
     require_plots()
     from benchmarks.phase.figure import phase_figure
 
-    own_folder(out, "phase")
     room = room_of(trials[0].scenario)
-    if not isinstance(room, RoomEnv):
-        raise InputError("phase needs a planned lap, which a log has not: choose another scenario.")
+    if not isinstance(room, RoomEnv) or room.world.route is not None:
+        raise InputError(
+            f"the scenario {trials[0].scenario} has no lap, along which place fields lie: choose "
+            "one that has."
+        )
+    own_folder(out, "phase")
     path = room.course.path
     places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
     laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two

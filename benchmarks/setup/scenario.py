@@ -35,7 +35,7 @@ class Scenario:
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: what the filters are told of x_0.
         agent: who drives, by name.
-        disturbance: wrappers around the world, innermost first: ({"kind": "kidnap", …}, …).
+        disturbance: wrappers around the world, innermost first: ((("kind", "kidnap"), …), …).
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
             without a seed of its own.
         thresholds: of the scores.
@@ -48,7 +48,7 @@ class Scenario:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
-    disturbance: tuple[Mapping[str, Any], ...] = ()
+    disturbance: tuple[tuple[tuple[str, Any], ...], ...] = ()
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""

@@ -1,7 +1,7 @@
 """Trouble by name: what a sweep says as ``{kind = "kidnap", step = 100}`` as an env's wrapper."""
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Any
 
@@ -14,9 +14,7 @@ from deqmcl_gym.validation import InputError, one_of
 KINDS = MappingProxyType({"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange})
 
 
-def disturbed(
-    env: gym.Env[Any, Any], wrappers: Iterable[Params | Mapping[str, Any]]
-) -> gym.Env[Any, Any]:
+def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Params]) -> gym.Env[Any, Any]:
     """Return ``env`` inside its wrappers, innermost first.
 
     Raises:

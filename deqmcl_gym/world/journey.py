@@ -15,7 +15,7 @@ from deqmcl_gym.world.route import Routes, RoutesTo, routes_on
 from deqmcl_gym.world.streams import Stream, episode_stream
 
 _ENDS = 20  # drawn, of which routes are planned to
-_OTHERS = 1_000  # drawn for each of them
+_OTHERS = 300  # drawn for each of them
 _DRAWS = 100_000  # of a free place
 
 

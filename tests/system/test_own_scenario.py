@@ -4,12 +4,16 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
 from sweep_command import lines
 
+from deqmcl_gym.maps import GridMap
+from deqmcl_gym.maps.office import CELL, Office
+
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
-[ROOM] = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+ROOM, OFFICE = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
@@ -76,3 +80,19 @@ def test_a_mistake_in_it_is_said_in_one_sentence_and_nothing_is_written(room, ca
         assert said.startswith(f"deqmcl: {room}: unknown part of the world 'drivr': did you mean")
         assert said.count("\n") == 1
     assert [path.name for path in room.parent.iterdir()] == ["room.toml"]
+
+
+def test_run_drives_through_an_office_of_ones_own_and_phase_says_why_not(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("office.toml").write_text(OFFICE)
+    free = Office(wings=1, corridors=1).cells(np.random.default_rng(0))
+    GridMap(occupancy=np.where(free, 0, 100).astype(np.int8), resolution=CELL).save("office.yaml")
+    of = ("--scenario", "office.toml", "--localizer", "mcl-map", "--particles", "50", "--lag", "3")
+    assert exit_code("run", *of, "--out", "out") == 0
+    assert "position RMSE" in capsys.readouterr().out
+    assert (Path("out") / "lap.webp").stat().st_size > 0
+    assert exit_code("phase", *FEW[2:], "--scenario", "office.toml", "--out", "phase") == 2
+    assert "has a route, but place fields lie along a lap" in capsys.readouterr().err
+    assert not Path("phase").exists()

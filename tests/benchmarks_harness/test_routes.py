@@ -1,0 +1,162 @@
+"""Scenarios in buildings: the same journey for all methods, and agents that drive to a goal."""
+
+import numpy as np
+import pytest
+
+from benchmarks.agents.on_route import OnRoute
+from benchmarks.agents.to_goal import ToGoal
+from benchmarks.setup.names import scenario
+from benchmarks.trials.disturbances import disturbed
+from benchmarks.trials.episode import scenario_of, trial_moments
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
+
+RADIUS, CELL = 0.25, 0.1
+NEAR = 3.0 * 2.0**-10  # m: float32 commands along 60 m, and the skin
+
+
+class Sure:
+    """A belief in one pose."""
+
+    def __init__(self, pose):
+        self.pose = np.array([pose], float)
+
+    def points(self, offset=0):
+        return self.pose, np.ones(1)
+
+
+def trial(name, number=0, **kwargs):
+    few = {"localizer": "mcl", "params": (("particles", 50),), "lag": 0, "seed": 0} | kwargs
+    return Trial(scenario=name, trial=number, **few)
+
+
+def begun(name, number=0):
+    """A trial's room, and what it tells at reset."""
+    one = trial(name, number)
+    room = scenario_of(one).room()
+    return room, room.reset(seed=one.world_seed)[1]
+
+
+def along(pose, actions):
+    """Where a robot without noise comes by, (n + 1, 2)."""
+    headings = pose[2] + np.cumsum(actions[:, 1], dtype=float)
+    ways = actions[:, :1] * np.column_stack([np.cos(headings), np.sin(headings)])
+    return np.vstack([pose[:2], pose[:2] + np.cumsum(ways, axis=0)])
+
+
+def contacts(room, pose, actions):
+    points = along(np.asarray(pose), np.asarray(actions))
+    return int(room.floor_plan.collides(points[:-1], points[1:], RADIUS - NEAR).sum())
+
+
+def shown(info):
+    return info["planned_actions"][: info["planned_count"]]
+
+
+def test_a_trial_has_its_building_and_its_journey_whatever_the_localizer():
+    rooms = [begun("lost", number) for number in (0, 1, 20)]
+    shapes = [room.floor_plan.occupancy.shape for room, _ in rooms]
+    assert rooms[0][0].floor_plan is rooms[2][0].floor_plan  # 20 buildings, each made once
+    assert shapes[0] != shapes[1]
+    assert not np.array_equal(rooms[0][1]["goal"], rooms[2][1]["goal"])
+    first, other = (
+        next(iter(trial_moments(trial("lost", 3, localizer=name)))) for name in ("mcl", "mcl-map")
+    )
+    np.testing.assert_array_equal(first.truth, other.truth)
+
+
+def test_a_building_of_a_given_seed_is_that_of_all_trials_and_widths_can_be_varied():
+    seeded = (("floor_plan.office.seed", 7),)
+    one, other = (scenario_of(trial("lost", k, world=seeded)).world.floor_plan for k in (0, 1))
+    assert one is other
+    wide = (("floor_plan.office.corridor", 3.0), ("route.min_length", 30.0))
+    varied = [scenario_of(trial("lost", k, world=wide)) for k in (0, 1)]
+    assert varied[0].world.floor_plan is not varied[1].world.floor_plan
+    assert varied[0].env["floor_plan"]["office"] == {"corridor": 3.0, "seed": 0}
+    assert varied[0].world.route.min_length == 30.0
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_the_route_fits_one_of_two_wings_or_both_of_two_halves(number):
+    room, info = begun("lost-symmetric", number)
+    rows, columns = room.floor_plan.occupancy.shape
+    # walls of 2 cells at both ends, three corridors of 20 and two wings
+    apart = ((columns - 2 * 2 - 3 * 20) // 2 + 20) * CELL
+    x, y, heading = info["truth"]
+    twin = (x + apart if x < columns * CELL / 2 else x - apart, y, heading)
+    assert contacts(room, info["truth"], shown(info)) == 0
+    assert contacts(room, twin, shown(info)) > 0
+
+    room, info = begun("lost-symmetric-route", number)
+    rows, columns = room.floor_plan.occupancy.shape
+    x, y, heading = info["truth"]
+    twin = (columns * CELL - x, rows * CELL - y, heading + np.pi)
+    assert contacts(room, info["truth"], shown(info)) == contacts(room, twin, shown(info)) == 0
+
+
+@pytest.mark.parametrize(("name", "honest"), [("kidnapped", True), ("kidnapped-stale", False)])
+def test_after_the_kidnap_the_plan_is_about_the_robot_or_is_not(name, honest):
+    one = trial(name)
+    setup = scenario_of(one)
+    env = disturbed(setup.room(), setup.disturbance)
+    _, info = env.reset(seed=one.world_seed)
+    for _ in range(75):
+        before, (*_, info) = info["truth"], env.step(info["planned_actions"][0])
+    assert np.hypot(*(info["truth"] - before)[:2]) > 1
+    assert (contacts(env.unwrapped, info["truth"], shown(info)) == 0) is honest
+
+
+@pytest.mark.parametrize("agent", [ToGoal, OnRoute])
+@pytest.mark.parametrize("number", range(2))
+def test_an_agent_that_is_told_the_truth_arrives_without_contact_by_free_space(agent, number):
+    setup = scenario("driving")
+    room, info = begun("driving", number)
+    driver = agent(setup.robot_model(room))
+    at_reset = driver.plan_at_reset(info)
+    assert at_reset is None or len(at_reset) == 0  # no plan of one's own before there is a belief
+    touched, ended = 0, False
+    while not ended:
+        action, plan = driver.act(Sure(info["truth"]), info)
+        assert contacts(room, info["truth"], np.vstack([action, plan])) == 0
+        *_, ended, _, info = room.step(action)
+        touched += info["collided"]
+    assert touched == 0
+    assert np.hypot(*(info["truth"][:2] - info["goal"])) <= 0.5
+
+
+def test_an_agent_that_believes_anything_acts_and_plans_through_free_space():
+    setup = scenario("driving")
+    room, info = begun("driving")
+    driver = ToGoal(setup.robot_model(room))
+    driver.plan_at_reset(info)
+    rng = np.random.default_rng(0)
+    low, high = room.floor_plan.bounds[:2], room.floor_plan.bounds[2:]
+    believed = [(*rng.uniform(low, high), rng.uniform(-np.pi, np.pi)) for _ in range(40)]
+    free = room.floor_plan.free(believed, RADIUS + 0.05 + CELL)
+    assert 5 < free.sum() < 35
+    for pose, clear in zip(believed, free, strict=True):
+        action, plan = driver.act(Sure(pose), info)
+        assert room.action_space.contains(np.asarray(action, np.float32))
+        assert not clear or contacts(room, pose, np.vstack([action, plan])) == 0
+
+
+def test_after_a_contact_it_turns_away_and_at_the_goal_it_looks_round():
+    setup = scenario("driving")
+    room, info = begun("driving")
+    driver = ToGoal(setup.robot_model(room))
+    driver.plan_at_reset(info)
+    action, plan = driver.act(Sure(info["truth"]), {**info, "collided": True})
+    assert np.vstack([action, plan])[:, 1].sum() == pytest.approx(np.radians(120), rel=1e-6)
+    assert np.vstack([action, plan])[:, 0].sum() == pytest.approx(0.4)
+    driver = ToGoal(setup.robot_model(room))
+    driver.plan_at_reset(info)
+    action, plan = driver.act(Sure((*info["goal"], 0.0)), info)
+    assert action[0] == 0 < action[1]
+    assert len(plan) == 0
+
+
+def test_an_agent_with_a_goal_needs_a_world_with_a_route():
+    paper = scenario("paper")
+    room = paper.room()
+    with pytest.raises(InputError, match="give a world with a route"):
+        ToGoal(paper.robot_model(room)).plan_at_reset(room.reset(seed=0)[1])

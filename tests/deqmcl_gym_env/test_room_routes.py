@@ -1,0 +1,205 @@
+"""Worlds with a route: a start and a goal, the way between them, and who drives it."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from room_cases import STILL
+from room_trace import ROOM_ID
+
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import Kidnap
+from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world import route as planner
+from deqmcl_gym.world.path import Path
+
+# of the scenarios lost and driving
+WORLD = {
+    "robot": {"radius": 0.25},
+    "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
+    "lap": {"step": 0.2},
+    "route": {"min_length": 15.0, "max_length": 60.0},
+}
+SMALL = {"wings": 1, "corridors": 1}
+CLOSED = {
+    "outer": [(0, 0), (350, 0), (350, 300), (0, 300)],
+    "obstacles": [[(150, 5), (160, 5), (160, 295), (150, 295)]],
+}
+
+
+def office(seed=0, **kwargs) -> RoomEnv:
+    kind = {key: kwargs.pop(key) for key in ("wings", "corridors") if key in kwargs}
+    return RoomEnv(floor_plan={"office": SMALL | kind | {"seed": seed}}, **(WORLD | kwargs))
+
+
+def driven(env, seed, most=3000):
+    """What is said in an episode in which the first planned action is carried out at each step."""
+    infos, ended = [env.reset(seed=seed)[1]], False
+    while not ended and len(infos) < most:
+        *_, ended, _, info = env.step(infos[-1]["planned_actions"][0])
+        infos.append(info)
+    return infos
+
+
+def check_arrives(env, seed):
+    infos = driven(env, seed)
+    assert not any(info["collided"] for info in infos)
+    assert np.hypot(*(infos[-1]["truth"][:2] - infos[-1]["goal"])) <= 0.5
+    assert infos[-1]["planned_count"] == 0
+    path = env.course.path
+    assert 15 <= path.length <= 60
+    assert not env.floor_plan.collides(path.corners[:-1], path.corners[1:], 0.3 - 1e-3).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_driver_who_sees_the_pose_reaches_every_goal_without_contact(seed):
+    env = office(seed, driver={})
+    for journey in range(5):
+        check_arrives(env, journey)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 2**32), st.integers(0, 2**32), st.integers(1, 3), st.integers(1, 3))
+def test_a_driver_who_sees_the_pose_reaches_every_goal_of_every_office(seed, way, wings, corridors):
+    check_arrives(office(seed, wings=wings, corridors=corridors, driver={}), way)
+
+
+def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
+    env = office(noise=STILL, ends_at_goal=False)
+    for seed in range(5):
+        infos = driven(env, seed)
+        assert not any(info["collided"] for info in infos)
+        # float32 commands: half an ulp of a turn below 0.5 rad, 60 m on, some hundred times
+        assert infos[-1]["truth"][:2] == pytest.approx(infos[-1]["goal"], abs=60 * 300 * 2.0**-26)
+
+
+def test_the_episode_ends_at_the_goal():
+    env = office(noise=STILL)
+    infos = driven(env, 1)
+    off = [np.hypot(*(info["truth"][:2] - info["goal"])) for info in infos]
+    assert off[-1] <= 0.5 < min(off[:-1])
+    assert infos[-1]["planned_count"] > 0
+
+
+def test_a_seed_is_a_journey_the_next_episode_another_and_other_streams_do_not_shift_it():
+    first, again = office(), office(lidar={"beams": 9}, noise=STILL)
+    told = first.reset(seed=5)[1], first.reset()[1]
+    same = again.reset(seed=5)[1], again.reset()[1]
+    for one, other in zip(told, same, strict=True):
+        np.testing.assert_array_equal(one["route"], other["route"])
+        np.testing.assert_array_equal(one["truth"], other["truth"])
+    assert not np.array_equal(told[0]["goal"], told[1]["goal"])
+    assert abs(told[0]["truth"][2]) <= np.pi
+
+
+def test_places_of_ones_own_replace_what_is_drawn():
+    free = office()
+    info = free.reset(seed=3)[1]
+    start, goal = tuple(info["truth"]), tuple(info["goal"])
+    for seed in range(3):
+        one = office(start={"pose": start}).reset(seed=seed)[1]
+        np.testing.assert_allclose(one["truth"], start)
+        other = office(route={**WORLD["route"], "goal": goal}).reset(seed=seed)[1]
+        np.testing.assert_allclose(other["goal"], goal)
+    both = office(start={"pose": start}, route={"goal": goal, "min_length": 100, "max_length": 100})
+    np.testing.assert_allclose(both.reset(seed=0)[1]["goal"], goal)
+
+
+def test_progress_adds_up_to_the_way():
+    env = office(noise=STILL, ends_at_goal=False)
+    info, total, ended = env.reset(seed=2)[1], 0.0, False
+    while not ended:
+        _, reward, ended, _, info = env.step(info["planned_actions"][0])
+        total += reward
+    assert total == pytest.approx(env.course.path.length, rel=1e-4)
+
+
+def test_a_driver_plans_from_where_the_robot_was_carried_or_shows_what_was_planned():
+    seen, blind = (Kidnap(office(driver={}), 20, noticed=noticed) for noticed in (True, False))
+    one, other = driven(seen, 4), driven(blind, 4)
+    np.testing.assert_array_equal(one[19]["planned_actions"], other[19]["planned_actions"])
+    np.testing.assert_allclose(one[20]["goal"], one[19]["goal"])
+    assert np.hypot(*(one[-1]["truth"][:2] - one[-1]["goal"])) <= 0.5
+    assert not any(info["collided"] for info in one)
+    shown = other[19]["planned_actions"][: other[19]["planned_count"]]
+    for step in (20, 21, len(shown)):
+        rest = other[19 + step]["planned_actions"][: other[19 + step]["planned_count"]]
+        np.testing.assert_array_equal(rest, shown[step:])
+    assert len(other) == 20 + len(shown)
+
+
+def test_gymnasium_finds_nothing_wrong_and_one_draws_it():
+    env = gym.make(
+        ROOM_ID, floor_plan={"office": SMALL}, render_mode="rgb_array", horizon=20, **WORLD
+    )
+    check_env(env.unwrapped)
+    env.reset(seed=0)
+    image = env.render().astype(int)
+    assert (image[:, :, 2] - image[:, :, 0] > 60).sum() > 300  # the way in blue, the goal is 81
+
+
+def test_many_rooms_with_routes_run_one_by_one():
+    with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync"'):
+        gym.make_vec(ROOM_ID, num_envs=2, floor_plan={"office": SMALL}, **WORLD)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "said"),
+    [
+        ({"route": {"min_length": 20, "max_length": 10}}, "must be at most route.max_length, 10"),
+        ({"route": {"goal": (0.1, 0.1)}}, r"the route\.goal \(0\.1, 0\.1\) is less than 0\.3 m"),
+        ({"start": {"pose": (0.1, 0.1, 0)}}, r"the start\.pose .* give a place in free space"),
+        ({"robot": {"radius": 3.0}}, "the floor plan has no place for a robot that needs 3.05 m"),
+        ({"route": "there"}, r"route is 'there', but must be a Route"),
+        ({"route": {"way": 3}}, "key in route"),
+        ({"lap": {"waypoints": [(1, 1), (2, 1), (2, 2)]}}, "a route or lap.waypoints"),
+        ({"floor_plan": {"office": {"floors": 3}}}, "key in floor_plan.office"),
+    ],
+)
+def test_a_world_that_has_no_routes_is_refused_in_one_sentence(kwargs, said):
+    with pytest.raises(InputError, match=said) as refused:
+        RoomEnv(**({"floor_plan": {"office": SMALL}} | WORLD | kwargs))
+    assert "\n" not in str(refused.value)
+
+
+def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():
+    with pytest.raises(InputError, match="no way of 500 to 600 m was found"):
+        office(route={"min_length": 500.0, "max_length": 600.0}).reset(seed=0)
+    apart = {"start": {"pose": (50, 50, 0)}, "route": {"goal": (300, 50)}}
+    with pytest.raises(InputError, match=r"there is no way from \(50, 50\) to \(300, 50\)"):
+        RoomEnv(floor_plan=PolygonMap(**CLOSED), **apart)
+    with pytest.raises(InputError, match="give places farther apart"):
+        RoomEnv(start={"pose": (50, 50, 0)}, route={"goal": (60, 50)})
+
+
+def test_without_scipy_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr(planner, "find_spec", lambda name: None)
+    planner.routes_on.cache_clear()
+    with pytest.raises(InputError, match=r"pip install 'deqmcl-gym\[routes\]'"):
+        RoomEnv(route={})
+
+
+def test_there_is_no_course_before_reset():
+    with pytest.raises(RuntimeError, match=r"call reset\(\) first"):
+        _ = office().course
+
+
+@given(st.lists(st.tuples(*[st.integers(-50, 50)] * 2), min_size=2, max_size=8), st.floats(0, 1))
+def test_an_open_path_is_followed_to_its_end_and_not_round(corners, share):
+    corners = np.array([c for i, c in enumerate(corners) if i == 0 or c != corners[i - 1]], float)
+    if len(corners) < 2:
+        return
+    path = Path(corners, closed=False)
+    assert path.length == pytest.approx(np.hypot(*np.diff(corners, axis=0).T).sum())
+    assert path.at(2 * path.length)[:2] == pytest.approx(tuple(corners[-1]))
+    at = path.at(share * path.length)[:2]
+    near = path.at(path.arc(at))[:2]
+    assert near == pytest.approx(at, abs=1e-9)
+    assert path.advance(0.0, path.length) == path.length
+    points = path.corners_from(share * path.length)
+    rest = np.hypot(*np.diff(points, axis=0).T).sum()
+    assert rest == pytest.approx((1 - share) * path.length, abs=1e-9)
