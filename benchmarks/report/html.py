@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmarks.files import command_line
-from benchmarks.report import tables, words
+from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
@@ -27,8 +27,10 @@ def html(story: Story) -> str:
         panels=story.panels,
         curves=story.curves,
         tables=tables,
-        words=words,
+        error_tables=error_tables,
+        verdicts=verdicts,
         baseline=full_name(results.baseline),
+        conclusion=verdicts.conclusion(results),
         overview=words.overview(results, story.panels),
         progress=words.progress(results),
         failed=tables.Table(
@@ -66,4 +68,5 @@ def page(template: str, **values: Any) -> str:
 def _variables() -> str:
     light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
     dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
-    return f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}\n"
+    of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
+    return f":root {{ {light}}}\n{of_dark}\n"

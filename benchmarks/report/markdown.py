@@ -6,8 +6,9 @@ import re
 from tabulate import tabulate
 
 from benchmarks.files import command_line
-from benchmarks.report import tables, words
+from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.animations import lap_files
+from benchmarks.report.parts import Block
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
@@ -23,13 +24,14 @@ def markdown(story: Story, folder: str) -> str:
     results, panels = story.results, story.panels
     parts = [
         f"# {_plain(results.title)}",
+        f"**{_plain(verdicts.conclusion(results))}**",
         _plain(words.overview(results, panels)),
-        f"**{words.progress(results)}** How to read it: "
+        f"{words.progress(results)} How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
     if len(panels) > 1:
         glances = (
-            tables.glance_table(panels),
+            error_tables.glance_table(panels),
             tables.detection_glance(panels),
             tables.validity_table(panels),
         )
@@ -53,22 +55,26 @@ def markdown(story: Story, folder: str) -> str:
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {_plain(panel.title)}"]
-    parts.append(_table("", tables.verdict_table(panel)))
-    parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
-    parts += [_table("Against the paper's methods", table) for table in tables.rival_tables(panel)]
-    if gaps := tables.gap_table(panel):
-        parts.append(_table("Optimality gap", gaps))
-    parts += [_image(chart, folder) for chart in section.charts]
-    parts.append("\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time))
-    parts.append(_table("Calibration", tables.calibration_table(panel)))
-    if detection := tables.detection_table(panel):
-        parts.append(_table(tables.DETECTION, detection))
-    parts.append(_table("Errors at every offset", tables.offsets_table(panel)))
+    parts.append(_plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
+    parts.append(_table("", error_tables.verdict_table(panel)))
+    parts.append("\n".join(f"- {_plain(one)}" for one in verdicts.findings(panel)))
+    parts.append(_plain(verdicts.power_hint(panel)))
+    for block in section.blocks:
+        parts += _block(block, folder)
     for lap in section.laps:
         parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
     if section.no_laps:
         parts.append(f"No animation: {_plain(section.no_laps)}")
     return [part for part in parts if part]
+
+
+def _block(block: Block, folder: str) -> list[str]:
+    parts = [f"**{_plain(block.heading)}.** {_plain(block.note)}"] if block.note else []
+    parts += [_table(block.heading, table) for table in block.tables]
+    if block.small:
+        shown = "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in block.pictures)
+        return [*parts, shown]
+    return [*parts, *(_image(one, folder) for one in block.pictures)]
 
 
 def _image(picture: Picture, folder: str) -> str:
@@ -78,7 +84,13 @@ def _image(picture: Picture, folder: str) -> str:
 
 def _table(heading: str, table: Table) -> str:
     cells = tabulate(
-        [[_plain(cell) for cell in line] for line in table.lines],
+        [
+            [
+                f"**{_plain(cell)}**" if (row, column) in table.strong else _plain(cell)
+                for column, cell in enumerate(line)
+            ]
+            for row, line in enumerate(table.lines)
+        ],
         table.header,
         tablefmt="github",
         disable_numparse=True,
@@ -97,10 +109,7 @@ def _failures(story: Story) -> str:
 
 def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
-    pictures = [*story.curves]
-    for section in story.sections:
-        pictures += [*section.charts, *section.over_time]
-    drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in pictures}
+    drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
     return drawn | lap_files([lap for section in story.sections for lap in section.laps])
 
 
