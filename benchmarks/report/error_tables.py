@@ -70,7 +70,8 @@ def is_plug_in(localizer: str) -> bool:
 def glance_table(panels: Sequence[Panel]) -> Table:
     """The errors of all methods on all settings, each marked with its finding, the best in bold."""
     labels = all_labels(panels)
-    lines, strong = [], []
+    lines: list[list[str]] = []
+    strong: list[tuple[int, int]] = []
     for panel in panels:
         cells = {panel.labels[row.method]: _marked(row) for row in panel.present}
         least = min((row.error.mean for row in panel.present), default=math.nan)

@@ -1,6 +1,7 @@
 """report.html: one page without network and scripts, escaped by jinja2."""
 
 import json
+import re
 from base64 import b64encode
 from importlib.resources import files
 from typing import Any
@@ -61,8 +62,15 @@ def page(template: str, **values: Any) -> str:
     )
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
+    engine.filters["whole"] = _whole
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
     return engine.get_template(template).render(style=Markup(_variables() + css), **values)
+
+
+def _whole(cell: str) -> str:
+    """The cell, broken over lines nowhere but before an interval or an SD."""
+    inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
+    return re.sub(r"(?<=\d) (?=[%×])", "\u00a0", inside)
 
 
 def _variables() -> str:

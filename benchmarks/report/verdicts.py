@@ -35,8 +35,12 @@ def conclusion(results: Results) -> str:
         return "No trial is finished."
     best = Counter(full_name(one.best.method.localizer) for one in found if one.best is not None)
     parts = [f"{name} in {count}" for name, count in best.most_common()]
+    baseline = full_name(results.baseline)
+    if not parts:
+        return (
+            f"In none of {len(found)} settings is a method confirmed to be better than {baseline}."
+        )
     if none := len(found) - best.total():
-        baseline = full_name(results.baseline)
         parts.append(f"no method is confirmed to be better than {baseline} in {none}")
     return f"Best in {len(found)} settings: {'; '.join(parts)}."
 

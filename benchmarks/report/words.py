@@ -45,7 +45,7 @@ def capital(sentence: str) -> str:
 def named(row: Comparison, panel: Panel) -> str:
     """The method's name in words, with its label where that says more."""
     name, label = full_name(row.method.localizer), panel.labels[row.method]
-    return name if label == row.method.localizer else f"{name} ({label})"
+    return name if label in (name, row.method.localizer) else f"{name} ({label})"
 
 
 def p_value(p: float) -> str:
