@@ -10,6 +10,8 @@ from types import ModuleType
 
 from benchmarks.commands import (
     check,
+    export,
+    leaderboard,
     new_localizer,
     paper,
     phase,
@@ -25,6 +27,8 @@ COMMANDS: Sequence[ModuleType] = (
     paper,
     sweep,
     report,
+    export,
+    leaderboard,
     list_,
     run,
     replay,

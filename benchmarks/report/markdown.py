@@ -23,9 +23,9 @@ def markdown(story: Story, folder: str) -> str:
     """Return results.md, with its images in ``folder``."""
     results, panels = story.results, story.panels
     parts = [
-        f"# {_plain(results.title)}",
-        f"**{_plain(verdicts.conclusion(results))}**",
-        _plain(words.overview(results, panels)),
+        f"# {plain(results.title)}",
+        f"**{plain(verdicts.conclusion(results))}**",
+        plain(words.overview(results, panels)),
         f"{words.progress(results)} How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
@@ -35,7 +35,7 @@ def markdown(story: Story, folder: str) -> str:
             tables.detection_glance(panels),
             tables.validity_table(panels),
         )
-        parts += ["## At a glance", *(_table("", glance) for glance in glances if glance)]
+        parts += ["## At a glance", *(table_text("", glance) for glance in glances if glance)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
@@ -43,7 +43,7 @@ def markdown(story: Story, folder: str) -> str:
     if results.failures:
         parts += ["## Failed trials", _failures(story)]
     if results.left_out:
-        parts += ["## Files left out", _table("", left_out_table(results))]
+        parts += ["## Files left out", table_text("", left_out_table(results))]
     parts += [
         "## How to reproduce it",
         _fenced(command_line(results.command)),
@@ -54,39 +54,40 @@ def markdown(story: Story, folder: str) -> str:
 
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
-    parts = [f"## {panel.number}. {_plain(panel.title)}"]
-    parts.append(_plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
-    parts.append(_table("", error_tables.verdict_table(panel)))
-    parts.append("\n".join(f"- {_plain(one)}" for one in verdicts.findings(panel)))
-    parts.append(_plain(verdicts.power_hint(panel)))
+    parts = [f"## {panel.number}. {plain(panel.title)}"]
+    parts.append(plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
+    parts.append(table_text("", error_tables.verdict_table(panel)))
+    parts.append("\n".join(f"- {plain(one)}" for one in verdicts.findings(panel)))
+    parts.append(plain(verdicts.power_hint(panel)))
     for block in section.blocks:
         parts += _block(block, folder)
     for lap in section.laps:
         parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
     if section.no_laps:
-        parts.append(f"No animation: {_plain(section.no_laps)}")
+        parts.append(f"No animation: {plain(section.no_laps)}")
     return [part for part in parts if part]
 
 
 def _block(block: Block, folder: str) -> list[str]:
-    parts = [f"**{_plain(block.heading)}.** {_plain(block.note)}"] if block.note else []
-    parts += [_table(block.heading, table) for table in block.tables]
+    parts = [f"**{plain(block.heading)}.** {plain(block.note)}"] if block.note else []
+    parts += [table_text(block.heading, table) for table in block.tables]
     if block.small:
-        shown = "\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in block.pictures)
+        shown = "\n".join(f"![{plain(p.alt)}]({folder}/{p.name}.svg)" for p in block.pictures)
         return [*parts, shown]
     return [*parts, *(_image(one, folder) for one in block.pictures)]
 
 
 def _image(picture: Picture, folder: str) -> str:
-    heading = f"**{_plain(picture.title)}.** {_plain(picture.caption)}"
-    return f"![{_plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
+    heading = f"**{plain(picture.title)}.** {plain(picture.caption)}"
+    return f"![{plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
 
 
-def _table(heading: str, table: Table) -> str:
+def table_text(heading: str, table: Table) -> str:
+    """The table, below its heading and caption."""
     cells = tabulate(
         [
             [
-                f"**{_plain(cell)}**" if (row, column) in table.strong else _plain(cell)
+                f"**{plain(cell)}**" if (row, column) in table.strong else plain(cell)
                 for column, cell in enumerate(line)
             ]
             for row, line in enumerate(table.lines)
@@ -96,13 +97,13 @@ def _table(heading: str, table: Table) -> str:
         disable_numparse=True,
         colalign=("left", *["right"] * (len(table.header) - 1)),
     )
-    said = f"**{heading}.** {_plain(table.caption)}" if heading else _plain(table.caption)
+    said = f"**{heading}.** {plain(table.caption)}" if heading else plain(table.caption)
     return f"{said}\n\n{cells}"
 
 
 def _failures(story: Story) -> str:
     return "\n".join(
-        f"- {_plain(describe(failure.trial))}: {_plain(failure.reason)}"
+        f"- {plain(describe(failure.trial))}: {plain(failure.reason)}"
         for failure in story.results.failures
     )
 
@@ -137,5 +138,6 @@ def _fenced(text: str, kind: str = "") -> str:
     return f"{fence}{kind}\n{text}\n{fence}"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
+    """The text on one line, with nothing in it that Markdown reads as a mark."""
     return " ".join(text.split()).translate(_MARKS)
