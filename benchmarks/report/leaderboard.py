@@ -26,9 +26,9 @@ from deqmcl_gym.validation import InputError
 TITLE = "Leaderboard"
 NOTE = (
     "Methods of several folders of results on the same worlds, by their error e of x[t]. Every "
-    "difference is to the baseline of the method's own run, world by world, with its 95 % bootstrap "
-    "interval; cost is the time per step over that baseline's, so that runs of different machines "
-    "can be compared. Differences between neighbours in the list are not tested."
+    "difference is to the baseline of the method's own run, world by world, with its 95 % "
+    "bootstrap interval; cost is the time per step over that baseline's, so that runs of "
+    "different machines can be compared. Differences between neighbours in the list are not tested."
 )
 _LETTERS = 12  # of a digest
 _NOT_OF_THE_WORLDS = ("title", "localizers", "limit")
@@ -80,7 +80,7 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 
 def boards(read: Sequence[Source]) -> list[Table]:
-    """Return a table for each setting; a method that two folders have of one code is listed once."""
+    """Return a table for each setting; what two folders have of one code is listed once."""
     found: dict[tuple[Setting, Params], dict[tuple[object, str], Row]] = {}
     titles: dict[tuple[Setting, Params], str] = {}
     for source in read:
@@ -111,13 +111,12 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
 
 def _board(title: str, rows: list[Row]) -> Table:
     rows.sort(key=lambda row: row.of.error.mean)
-    header = ["rank", "method", f"error e, {rows[0].panel.thresholds.unit} (SD)"]
+    header = ["method", f"error e, {rows[0].panel.thresholds.unit} (SD)"]
     header += ["difference to the baseline, 95 % interval", "wins", "cost (baseline = 1)", "worlds"]
     header += ["code", "run"]
     lines = [
         [
-            str(rank),
-            marked_label(row.panel, row.of),
+            f"{rank}. {marked_label(row.panel, row.of)}",
             f"{fixed(row.of.error.mean)} ({fixed(row.of.error_sd)})",
             "baseline" if row.of.is_baseline else estimated(row.of.diff, "+.2f"),
             "–" if row.of.is_baseline else percent(row.of.win_rate),
@@ -128,7 +127,7 @@ def _board(title: str, rows: list[Row]) -> Table:
         ]
         for rank, row in enumerate(rows, 1)
     ]
-    return Table(f"{title[:1].upper()}{title[1:]}.", header, lines, strong=[(0, 1), (0, 2)])
+    return Table(f"{title[:1].upper()}{title[1:]}.", header, lines, strong=[(0, 0), (0, 1)])
 
 
 def _runs(read: Sequence[Source]) -> Table:
