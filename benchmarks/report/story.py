@@ -69,9 +69,12 @@ def story_of(results: Results, animator: Animator) -> Story:
             for panel in panels
         ]
         curves = [*swept_charts(panels, look, ERROR), *swept_charts(panels, look, DIFFERENCE)]
+        story = Story(results=results, sections=sections, curves=curves)
+        for picture in story.pictures:  # drawn while workers draw the animations
+            _ = picture.source
         for place, drawing in enumerate(waiting):
             sections[place] = replace(sections[place], **_awaited(drawing))
-    return Story(results=results, sections=sections, curves=curves)
+    return story
 
 
 def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:

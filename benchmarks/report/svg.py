@@ -62,7 +62,7 @@ class Picture:
     @property
     def inline(self) -> str:
         """SVG to stand in the page: colours by CSS variables, so that it can be dark."""
-        svg = self._source.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
+        svg = self.source.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
         for look in LOOKS:
             svg = svg.replace(look.color, f"var(--{look.name})")
         return svg
@@ -71,7 +71,7 @@ class Picture:
     def standalone(self) -> str:
         """SVG as a file of its own, on white."""
         card = '<rect width="100%" height="100%" fill="#ffffff"/>'
-        svg = self._source.replace(INK, "#1f2328").replace(FAINT, "#dddddd")
+        svg = self.source.replace(INK, "#1f2328").replace(FAINT, "#dddddd")
         svg = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + card, svg, count=1)
         return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg
 
@@ -87,8 +87,8 @@ class Picture:
         return buffer.getvalue()
 
     @cached_property
-    def _source(self) -> str:
-        """The SVG in stand-in colours."""
+    def source(self) -> str:
+        """The SVG in stand-in colours: drawn once, when it is first asked for."""
         buffer = io.StringIO()
         with mpl.rc_context(HOUSE_STYLE | {"svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
