@@ -36,5 +36,5 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     out = options.out or options.folder
     written = [path.relative_to(out) for path in rewrite_report(options.folder, out, results)]
     names = [str(path) for path in written if len(path.parts) == 1]
-    said = f"{conclusion(results)}\n{progress(results)}"
-    return f"{said}\nWritten to {out}: {', '.join(names)} and their images."
+    said = f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
+    return f"{said}\n{conclusion(results)}"

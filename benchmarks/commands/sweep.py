@@ -98,7 +98,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         with begun(sweep, out / part, how, command=command) as running:
             results = running.results()
             files = write_report(out / part, results)
-        texts.append(f"{conclusion(results)}\n{summary(sweep, results, out / part, files)}")
+        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results)}")
         failed += [failed_sentence(results)] if results.failures else []
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
