@@ -10,7 +10,9 @@ from types import ModuleType
 
 from benchmarks.commands import (
     check,
+    export,
     from_nav2,
+    leaderboard,
     new_localizer,
     new_map,
     paper,
@@ -27,6 +29,8 @@ COMMANDS: Sequence[ModuleType] = (
     paper,
     sweep,
     report,
+    export,
+    leaderboard,
     list_,
     run,
     replay,

@@ -54,6 +54,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report import load, write_report
+    from benchmarks.report.verdicts import conclusion
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS
@@ -75,16 +76,16 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             files += drawing.result()
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
-    return f"{_table(sweep, results, 'simple')}\nWritten to {out}: table.md, {named}."
+    table = _table(sweep, results, "simple")
+    return f"{table}\n{conclusion(results)}\n\nWritten to {out}: table.md, {named}."
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.tables.panels import comparisons
     from benchmarks.tables.table_1 import reading, table_1
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
     title = f"Table 1, scenario {sweep.scenario}: {worlds}, {setting_words(sweep)}"
     mark = "# " if style == "github" else ""
-    rows = comparisons(results.records, results.baseline)
+    rows = [row for panel in results.panels for row in panel.rows]
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]
     return "\n\n".join([*parts, *filter(None, [reading(rows)])]) + "\n"

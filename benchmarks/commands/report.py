@@ -25,6 +25,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
     from benchmarks.report import require_report, rewrite_report
+    from benchmarks.report.verdicts import conclusion
     from benchmarks.report.words import progress
     from benchmarks.sweeps.collecting import left_out_lines, results_in
 
@@ -35,4 +36,5 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     out = options.out or options.folder
     written = [path.relative_to(out) for path in rewrite_report(options.folder, out, results)]
     names = [str(path) for path in written if len(path.parts) == 1]
-    return f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
+    said = f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
+    return f"{said}\n{conclusion(results)}"

@@ -55,6 +55,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.report import no_report, write_report
+    from benchmarks.report.verdicts import conclusion
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, refuse_others
@@ -97,7 +98,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         with begun(sweep, out / part, how, command=command) as running:
             results = running.results()
             files = write_report(out / part, results)
-        texts.append(summary(sweep, results, out / part, files))
+        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results)}")
         failed += [failed_sentence(results)] if results.failures else []
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")

@@ -12,8 +12,10 @@ from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import Estimate
 
 Place = dict[str, Any]  # where a panel lies: values by dotted name
+Curves = dict[str, dict[float, Estimate]]  # what is known of each method, by label and value
 Coordinates = frozenset[tuple[str, Any]]
 
+_TICKS = 8  # values that are named on an axis
 _LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
 
 
@@ -67,13 +69,14 @@ def swept_charts(
 
     Where several are swept, there is a chart for every value of the others.
     """
-    charts: list[Picture] = []
-    for chart in _charts(panels):
-        curves = _curves(chart, quantity)
-        if curves:
-            name = f"{quantity.name}-{len(charts) + 1}"
-            charts.append(_drawn(name, chart, curves, looks, quantity))
-    return charts
+    found = [(chart, curves) for chart in _charts(panels) if (curves := _curves(chart, quantity))]
+    tops: dict[str, list[float]] = {}  # charts over one coordinate are on one scale
+    for chart, curves in found:
+        tops.setdefault(chart.key, []).extend(_ends(curves))
+    return [
+        _drawn(f"{quantity.name}-{number}", chart, curves, looks, quantity, tops[chart.key])
+        for number, (chart, curves) in enumerate(found, 1)
+    ]
 
 
 def _charts(panels: Sequence[Panel]) -> list[_Chart]:
@@ -130,9 +133,9 @@ def _together(one: str, other: str, places: Sequence[Place]) -> bool:
     return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
-def _curves(chart: _Chart, quantity: Quantity) -> dict[str, dict[float, Estimate]]:
+def _curves(chart: _Chart, quantity: Quantity) -> Curves:
     """What is known of each method, by label and value."""
-    curves: dict[str, dict[float, Estimate]] = {}
+    curves: Curves = {}
     for value, panel in sorted(chart.panels.items()):
         for row in panel.present:
             shown = quantity.of(row)
@@ -141,24 +144,35 @@ def _curves(chart: _Chart, quantity: Quantity) -> dict[str, dict[float, Estimate
     return curves
 
 
+def _ends(curves: Curves) -> list[float]:
+    """All that a chart has to hold: 0, means and ends of intervals."""
+    shown = (value for values in curves.values() for one in values.values() for value in one)
+    return [0.0, *filter(math.isfinite, shown)]
+
+
 def _drawn(
     name: str,
     chart: _Chart,
-    curves: Mapping[str, Mapping[float, Estimate]],
+    curves: Curves,
     looks: Mapping[str, Look],
     quantity: Quantity,
+    ends: Sequence[float],
 ) -> Picture:
     figure, axes = canvas(4.8, 3.0, legend_of=curves)
     for label, shown in curves.items():
         estimates(axes, list(shown), list(shown.values()), looks[label], label)
     finite = sorted(filter(math.isfinite, chart.panels))
+    if len(finite) <= _TICKS:
+        axes.set_xticks(finite, [f"{value:g}" for value in finite])
     if finite and finite[0] > 0 and finite[-1] / finite[0] >= _LOG_RATIO:
         axes.set_xscale("log")
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
         axes.set_xticks([], minor=True)
     words = _words(chart.key)
     axes.set(xlabel=f"{words} …" if chart.followers else words, ylabel=quantity.axis)
-    axes.set_ylim(quantity.lowest, None)
+    margin = 0.05 * (max(ends) - min(ends))
+    lowest = min(ends) - margin if quantity.lowest is None else quantity.lowest
+    axes.set_ylim(lowest, max(ends) + margin or None)
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     also = f" … and with it {', '.join(map(_words, chart.followers))}." if chart.followers else ""

@@ -1,6 +1,7 @@
 """report.html: one page without network and scripts, escaped by jinja2."""
 
 import json
+import re
 from base64 import b64encode
 from importlib.resources import files
 from typing import Any
@@ -9,8 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmarks.files import command_line
-from benchmarks.report import tables, words
-from benchmarks.report.journeys import journey_tables
+from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
@@ -28,9 +28,10 @@ def html(story: Story) -> str:
         panels=story.panels,
         curves=story.curves,
         tables=tables,
-        journey_tables=journey_tables,
-        words=words,
+        error_tables=error_tables,
+        verdicts=verdicts,
         baseline=full_name(results.baseline),
+        conclusion=verdicts.conclusion(results),
         overview=words.overview(results, story.panels),
         progress=words.progress(results),
         failed=tables.Table(
@@ -61,11 +62,19 @@ def page(template: str, **values: Any) -> str:
     )
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
+    engine.filters["whole"] = _whole
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
     return engine.get_template(template).render(style=Markup(_variables() + css), **values)
+
+
+def _whole(cell: str) -> str:
+    """The cell, broken over lines nowhere but before an interval or an SD."""
+    inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
+    return re.sub(r"(?<=\d) (?=[%×])", "\u00a0", inside)
 
 
 def _variables() -> str:
     light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
     dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
-    return f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}\n"
+    of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
+    return f":root {{ {light}}}\n{of_dark}\n"

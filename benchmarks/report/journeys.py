@@ -12,11 +12,11 @@ from benchmarks.tables.journeys import Curve, JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent
-from benchmarks.trials.journeys import GROUPS, JOURNEY_SCORES, Group, Score
+from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
 
 Looks = Mapping[str, Look]
 
-_HEADINGS = {  # by group: heading, what its columns mean
+WORDS = {  # by group: heading, what its columns mean
     "lost": (
         "Localized",
         "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
@@ -63,14 +63,21 @@ _CURVES = {
 }
 
 
-def journey_tables(panel: Panel) -> list[tuple[str, Table]]:
-    """Return the tables of whole runs with their headings, one per group of scores."""
-    held = {name for row in panel.present for name in row.journey}
-    return [
-        (_HEADINGS[group.name][0], _table(panel, group))
-        for group in GROUPS
-        if any(score.name in held for score in group.scores)
+def journey_table(panel: Panel, group: Group) -> Table | None:
+    """Return the table of a group of scores of whole runs; None if it was not scored."""
+    scores = [s for s in group.scores if any(s.name in row.journey for row in panel.present)]
+    if not scores:
+        return None
+    header = ["method"]
+    for score in scores:
+        points = "%" if score.unit == "share" else score.unit
+        header += [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
+    lines = [
+        [panel.labels[row.method], *(cell for score in scores for cell in _cells(row, score))]
+        for row in panel.present
     ]
+    tested = any(score.tested for score in scores)
+    return Table(WORDS[group.name][1] + (_TESTS if tested else ""), header, lines)
 
 
 def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
@@ -120,20 +127,6 @@ def share_chart(
         caption=f"{caption} Bands: Wilson's 95 % interval at each distance.",
         alt=f"{caption} At the end: {', '.join(ends)}.",
     )
-
-
-def _table(panel: Panel, group: Group) -> Table:
-    scores = [s for s in group.scores if any(s.name in row.journey for row in panel.present)]
-    header = ["method"]
-    for score in scores:
-        points = "%" if score.unit == "share" else score.unit
-        header += [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
-    lines = [
-        [panel.labels[row.method], *(cell for score in scores for cell in _cells(row, score))]
-        for row in panel.present
-    ]
-    tested = any(score.tested for score in scores)
-    return Table(_HEADINGS[group.name][1] + (_TESTS if tested else ""), header, lines)
 
 
 def _cells(row: Comparison, score: Score) -> list[str]:

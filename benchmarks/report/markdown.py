@@ -6,9 +6,9 @@ import re
 from tabulate import tabulate
 
 from benchmarks.files import command_line
-from benchmarks.report import tables, words
+from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.animations import lap_files
-from benchmarks.report.journeys import journey_tables
+from benchmarks.report.parts import Block
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
@@ -23,18 +23,19 @@ def markdown(story: Story, folder: str) -> str:
     """Return results.md, with its images in ``folder``."""
     results, panels = story.results, story.panels
     parts = [
-        f"# {_plain(results.title)}",
-        _plain(words.overview(results, panels)),
-        f"**{words.progress(results)}** How to read it: "
+        f"# {plain(results.title)}",
+        f"**{plain(verdicts.conclusion(results))}**",
+        plain(words.overview(results, panels)),
+        f"{words.progress(results)} How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
     if len(panels) > 1:
         glances = (
-            tables.glance_table(panels),
+            error_tables.glance_table(panels),
             tables.detection_glance(panels),
             tables.validity_table(panels),
         )
-        parts += ["## At a glance", *(_table("", glance) for glance in glances if glance)]
+        parts += ["## At a glance", *(table_text("", glance) for glance in glances if glance)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
@@ -42,7 +43,7 @@ def markdown(story: Story, folder: str) -> str:
     if results.failures:
         parts += ["## Failed trials", _failures(story)]
     if results.left_out:
-        parts += ["## Files left out", _table("", left_out_table(results))]
+        parts += ["## Files left out", table_text("", left_out_table(results))]
     parts += [
         "## How to reproduce it",
         _fenced(command_line(results.command)),
@@ -53,56 +54,63 @@ def markdown(story: Story, folder: str) -> str:
 
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
-    parts = [f"## {panel.number}. {_plain(panel.title)}"]
-    parts += [_table(heading, content) for heading, content in journey_tables(panel)]
-    parts.append(_table("", tables.verdict_table(panel)))
-    parts.append("\n".join(f"- {_plain(one)}" for one in words.findings(panel)))
-    parts += [_table("Against the paper's methods", table) for table in tables.rival_tables(panel)]
-    if gaps := tables.gap_table(panel):
-        parts.append(_table("Optimality gap", gaps))
-    parts += [_image(chart, folder) for chart in section.charts]
-    parts.append("\n".join(f"![{_plain(p.alt)}]({folder}/{p.name}.svg)" for p in section.over_time))
-    parts.append(_table("Calibration", tables.calibration_table(panel)))
-    if detection := tables.detection_table(panel):
-        parts.append(_table(tables.DETECTION, detection))
-    parts.append(_table("Errors at every offset", tables.offsets_table(panel)))
+    parts = [f"## {panel.number}. {plain(panel.title)}"]
+    parts.append(plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
+    parts.append(table_text("", error_tables.verdict_table(panel)))
+    parts.append("\n".join(f"- {plain(one)}" for one in verdicts.findings(panel)))
+    parts.append(plain(verdicts.power_hint(panel)))
+    for block in section.blocks:
+        parts += _block(block, folder)
     for lap in section.laps:
         parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
     if section.no_laps:
-        parts.append(f"No animation: {_plain(section.no_laps)}")
+        parts.append(f"No animation: {plain(section.no_laps)}")
     return [part for part in parts if part]
 
 
+def _block(block: Block, folder: str) -> list[str]:
+    parts = [f"**{plain(block.heading)}.** {plain(block.note)}"] if block.note else []
+    parts += [table_text(block.heading, table) for table in block.tables]
+    if block.small:
+        shown = "\n".join(f"![{plain(p.alt)}]({folder}/{p.name}.svg)" for p in block.pictures)
+        return [*parts, shown]
+    return [*parts, *(_image(one, folder) for one in block.pictures)]
+
+
 def _image(picture: Picture, folder: str) -> str:
-    heading = f"**{_plain(picture.title)}.** {_plain(picture.caption)}"
-    return f"![{_plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
+    heading = f"**{plain(picture.title)}.** {plain(picture.caption)}"
+    return f"![{plain(picture.alt)}]({folder}/{picture.name}.svg)\n\n{heading}"
 
 
-def _table(heading: str, table: Table) -> str:
+def table_text(heading: str, table: Table) -> str:
+    """The table, below its heading and caption."""
     cells = tabulate(
-        [[_plain(cell) for cell in line] for line in table.lines],
+        [
+            [
+                f"**{plain(cell)}**" if (row, column) in table.strong else plain(cell)
+                for column, cell in enumerate(line)
+            ]
+            for row, line in enumerate(table.lines)
+        ],
         table.header,
         tablefmt="github",
         disable_numparse=True,
         colalign=("left", *["right"] * (len(table.header) - 1)),
     )
-    said = f"**{heading}.** {_plain(table.caption)}" if heading else _plain(table.caption)
+    said = f"**{heading}.** {plain(table.caption)}" if heading else plain(table.caption)
     return f"{said}\n\n{cells}"
 
 
 def _failures(story: Story) -> str:
     return "\n".join(
-        f"- {_plain(describe(failure.trial))}: {_plain(failure.reason)}"
+        f"- {plain(describe(failure.trial))}: {plain(failure.reason)}"
         for failure in story.results.failures
     )
 
 
 def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
-    pictures = [*story.curves]
-    for section in story.sections:
-        pictures += [*section.charts, *section.over_time]
-    drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in pictures}
+    drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
     return drawn | lap_files([lap for section in story.sections for lap in section.laps])
 
 
@@ -130,5 +138,6 @@ def _fenced(text: str, kind: str = "") -> str:
     return f"{fence}{kind}\n{text}\n{fence}"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
+    """The text on one line, with nothing in it that Markdown reads as a mark."""
     return " ".join(text.split()).translate(_MARKS)

@@ -1,23 +1,16 @@
 """All that a report shows, before it is HTML or Markdown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import matplotlib as mpl
 
 from benchmarks.report.animations import Animator, Promise
-from benchmarks.report.charts import (
-    calibration_chart,
-    offset_chart,
-    points_chart,
-    speed_chart,
-    time_charts,
-)
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
-from benchmarks.report.journeys import journey_charts
 from benchmarks.report.laps import Lap, laps
-from benchmarks.report.style import Look, looks
+from benchmarks.report.parts import Block, blocks
+from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
@@ -33,15 +26,13 @@ class Section:
 
     Attributes:
         panel: what its tables are of.
-        charts: each about all its methods.
-        over_time: one per method.
+        blocks: tables and charts, part by part.
         laps: animations.
         no_laps: why there are none, if they failed.
     """
 
     panel: Panel
-    charts: list[Picture] = field(default_factory=list)
-    over_time: list[Picture] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
     laps: list[Lap] = field(default_factory=list)
     no_laps: str = ""
 
@@ -59,34 +50,31 @@ class Story:
         """The panels of its sections."""
         return [section.panel for section in self.sections]
 
+    @property
+    def pictures(self) -> list[Picture]:
+        """All its charts."""
+        shown = (block.pictures for section in self.sections for block in section.blocks)
+        return [*self.curves, *(picture for pictures in shown for picture in pictures)]
 
-def story_of(panels: Sequence[Panel], results: Results, animator: Animator) -> Story:
+
+def story_of(results: Results, animator: Animator) -> Story:
     """Draw everything; the animations are the animator's."""
+    panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
     animated = panels[:ANIMATED]
     with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
         waiting = [[promised(lap) for lap in laps(panel)] for panel in animated]
-        sections = [_section(panel, look) for panel in panels]
+        sections = [
+            Section(panel=panel, blocks=blocks(panel, look, pictured=panel.number <= PICTURED))
+            for panel in panels
+        ]
         curves = [*swept_charts(panels, look, ERROR), *swept_charts(panels, look, DIFFERENCE)]
+        story = Story(results=results, sections=sections, curves=curves)
+        for picture in story.pictures:  # drawn while workers draw the animations
+            _ = picture.source
         for place, drawing in enumerate(waiting):
             sections[place] = replace(sections[place], **_awaited(drawing))
-    return Story(results=results, sections=sections, curves=curves)
-
-
-def _section(panel: Panel, look: Mapping[str, Look]) -> Section:
-    section = Section(panel=panel)
-    if panel.number > PICTURED:
-        return section
-    drawn = [chart(panel, look) for chart in (offset_chart, calibration_chart, speed_chart)]
-    return replace(
-        section,
-        charts=[
-            *journey_charts(panel, look),
-            points_chart(panel, look),
-            *(chart for chart in drawn if chart),
-        ],
-        over_time=time_charts(panel, look),
-    )
+    return story
 
 
 def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:

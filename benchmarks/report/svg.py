@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
@@ -42,21 +43,21 @@ HOUSE_STYLE: Any = {  # matplotlib's parameters while charts are made
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A drawing with its words.
+    """A figure with its words, rendered when it is asked for.
 
     Attributes:
         name: file name without ending.
         title: heading.
         caption: what is to be seen.
         alt: for those who do not see it.
-        source: the SVG, in stand-in colours.
+        figure: what is drawn, in stand-in colours.
     """
 
     name: str
     title: str
     caption: str
     alt: str
-    source: str
+    figure: Figure
 
     @property
     def inline(self) -> str:
@@ -73,6 +74,37 @@ class Picture:
         svg = self.source.replace(INK, "#1f2328").replace(FAINT, "#dddddd")
         svg = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + card, svg, count=1)
         return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg
+
+    @property
+    def pdf(self) -> bytes:
+        """PDF for print, with its text as text."""
+        for axes in self.figure.axes:
+            for line in (*axes.get_xgridlines(), *axes.get_ygridlines()):
+                line.set_color("#dddddd")
+        buffer = io.BytesIO()
+        with mpl.rc_context(HOUSE_STYLE | {"pdf.fonttype": 42}):
+            self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
+        return buffer.getvalue()
+
+    @cached_property
+    def source(self) -> str:
+        """The SVG in stand-in colours: drawn once, when it is first asked for."""
+        buffer = io.StringIO()
+        with mpl.rc_context(HOUSE_STYLE | {"svg.hashsalt": self.name}):
+            self.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+        svg = buffer.getvalue()
+        svg = svg[svg.index("<svg") :]
+        svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+        svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "font-family: sans-serif; ")
+        used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # others would be on the page many times
+        svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+        width, height = (72 * inches for inches in self.figure.get_size_inches())
+        opening = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+            f'viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" role="img" '
+            f"aria-label={quoteattr(self.alt)}><title>{escape(self.title)}</title>"
+        )
+        return re.sub(r"<svg[^>]*>", lambda _: opening, svg, count=1)
 
 
 def canvas(
@@ -124,23 +156,7 @@ def estimates(
 def picture(figure: Figure, *, name: str, title: str, caption: str, alt: str) -> Picture:
     """Return a figure, with the names of what it shows below its axes, as a picture."""
     _legend(figure)
-    buffer = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": name}):
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
-    svg = buffer.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "font-family: sans-serif; ")
-    used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # other ids would be on the page many times
-    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    width, height = (72 * inches for inches in figure.get_size_inches())
-    opening = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" role="img" '
-        f"aria-label={quoteattr(alt)}><title>{escape(title)}</title>"
-    )
-    svg = re.sub(r"<svg[^>]*>", lambda _: opening, svg, count=1)
-    return Picture(name=name, title=title, caption=caption, alt=alt, source=svg)
+    return Picture(name=name, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _legend(figure: Figure) -> None:

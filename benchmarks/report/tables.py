@@ -1,17 +1,13 @@
-"""The rows of a panel as tables of words."""
+"""Tables of words: what the beliefs are worth."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-from benchmarks.report.words import estimated, p_value
+from benchmarks.report.words import estimated
 from benchmarks.tables.auroc import Auroc
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import Method
-from benchmarks.tables.panels import Panel, short_name
+from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
-from benchmarks.tables.rivals import rivals
-from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.metrics import LEVELS
@@ -20,99 +16,19 @@ DETECTION = "Does the quality detect large errors?"
 
 
 class Table(NamedTuple):
-    """Cells with what they are of; the first one of a line names it."""
+    """Cells with what they are of; the first one of a line names it.
+
+    Attributes:
+        caption, header, lines: words.
+        strong: cells in bold, by line and column.
+        own: lines of plug-ins, which are the reader's own methods.
+    """
 
     caption: str
     header: list[str]
     lines: list[list[str]]
-
-
-def verdict_table(panel: Panel) -> Table:
-    """The errors at x_t, and how they compare with the baseline's."""
-    at = panel.thresholds
-    header = ["method", "error e (SD)", "difference to the baseline, 95 % interval", "wins"]
-    header += ["Wilcoxon p, Holm", "lost runs, 95 % interval", "worlds", "ms per step"]
-    lines = [
-        [
-            panel.labels[row.method],
-            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
-            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
-            "–" if row.is_baseline else percent(row.win_rate),
-            "–" if row.is_baseline else p_value(row.p_holm),
-            f"{percent(row.lost.mean)} of {row.runs} "
-            f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
-            str(row.worlds),
-            fixed(milliseconds_per_step(panel.records[row.method])),
-        ]
-        for row in panel.present
-    ]
-    caption = (
-        "Error of the belief about the present, x[t], and how it compares with the baseline on the "
-        f"same worlds. Lost: position error above {at.lost:g} {at.unit} on average over the last "
-        f"{at.lost_steps} states; its interval counts every world as one case. ms per step: the "
-        "method's own time, median over runs, of the machine that ran them."
-    )
-    return Table(f"{caption}{_with(panel)}", header, lines)
-
-
-def glance_table(panels: Sequence[Panel]) -> Table:
-    """The errors of all methods on all settings, each marked with its finding."""
-    labels = _all_labels(panels)
-    lines = []
-    for panel in panels:
-        cells = {panel.labels[row.method]: _marked(row) for row in panel.present}
-        lines.append([_numbered(panel), *(cells.get(label, "–") for label in labels)])
-    caption = (
-        "Error e of x[t]. ▼ smaller than the baseline's, ▲ larger (95 % interval excludes 0 and "
-        "p < 0.05 after Holm's correction for the tests of the same setting), ○ inconclusive."
-    )
-    return Table(caption, ["setting", *labels], lines)
-
-
-def rival_tables(panel: Panel) -> list[Table]:
-    """Every method compared with the paper's, run by run: at x_t, and at x_{t-L}."""
-    error = {(row.method, row.offset): row.error.mean for row in panel.rows}
-    tables = []
-    for offset, apart in rivals(panel).items():
-        against = next(iter(apart.values()))
-        caption = (
-            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
-            "intervals; negative: better."
-        )
-        header = ["method", f"error e of {state_name(offset)}"]
-        header += [f"difference to {panel.labels[rival]}" for rival in against]
-        lines = [
-            [
-                panel.labels[method],
-                fixed(error[method, offset]),
-                *("–" if m == method else estimated(own[m], "+.2f") for m in against),
-            ]
-            for method, own in apart.items()
-        ]
-        tables.append(Table(caption, header, lines))
-    return tables
-
-
-def gap_table(panel: Panel) -> Table | None:
-    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
-    header = ["method", "belief about", "error e", "SD between runs on a world"]
-    header += ["gap to the limit, 95 % interval", "worlds"]
-    lines = [
-        [
-            f"limit: {_told(row.limit)}" if row.method == row.limit else panel.labels[row.method],
-            state_name(row.offset),
-            fixed(row.error),
-            fixed(row.seed_sd),
-            "–" if row.method == row.limit else estimated(row.gap, "+.2f"),
-            str(row.worlds),
-        ]
-        for row in panel.gaps
-    ]
-    caption = (
-        "Error minus the limit's on the same worlds. Below each limit are the methods with its "
-        "target. The limit is what many more particles would give, as far as its own runs agree."
-    )
-    return Table(caption, header, lines) if lines else None
+    strong: Collection[tuple[int, int]] = ()
+    own: Collection[int] = ()
 
 
 def calibration_table(panel: Panel) -> Table:
@@ -136,27 +52,6 @@ def calibration_table(panel: Panel) -> Table:
     caption = (
         "Calibration, with 95 % intervals over worlds; n/a: the method's belief has no spread."
     )
-    return Table(caption, header, lines)
-
-
-def offsets_table(panel: Panel) -> Table:
-    """The errors at every offset."""
-    header = ["method", "belief about", "error e (SD)", "error, common states"]
-    header += [f"position RMSE, {panel.thresholds.unit}", "heading RMSE, °"]
-    header += ["difference to the baseline's x[t]"]
-    lines = [
-        [
-            panel.labels[row.method],
-            state_name(row.offset),
-            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
-            fixed(row.scores["error_window"].mean),
-            fixed(row.scores["position_rmse"].mean),
-            fixed(math.degrees(row.scores["heading_rmse"].mean), 1),
-            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
-        ]
-        for row in panel.rows
-    ]
-    caption = "Errors of the beliefs about the present, the past and the future."
     return Table(caption, header, lines)
 
 
@@ -186,12 +81,12 @@ def detection_glance(panels: Sequence[Panel]) -> Table | None:
     found = [{panel.labels[row.method]: row.detection for row in panel.present} for panel in panels]
     labels = [
         label
-        for label in _all_labels(panels)
+        for label in all_labels(panels)
         if any(own[label].far_worlds is not None for own in found if label in own)
     ]
     lines = [
         [
-            _numbered(panel),
+            numbered(panel),
             *(fixed(own[label].auroc.mean) if label in own else "–" for label in labels),
         ]
         for panel, own in zip(panels, found, strict=True)
@@ -239,33 +134,6 @@ def _tells(found: Auroc) -> bool:
     return not math.isnan(found.auroc.mean)
 
 
-def _with(panel: Panel) -> str:
-    """The parameters that all methods share, where no title says them."""
-    seen: dict[str, set[object]] = {}
-    for method in panel.records:
-        for name, value in method.params:
-            seen.setdefault(name, set()).add(value)
-    swept = dict(panel.swept)
-    shared = [
-        f"{name} {value}"
-        for name, values in sorted(seen.items())
-        for value in values
-        if len(values) == 1 and name not in swept
-    ]
-    return f" All with {', '.join(shared)}." if shared else ""
-
-
-def _marked(row: Comparison) -> str:
-    """The error, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
-    if math.isnan(row.diff.mean):
-        mark = ""
-    elif not row.significant:
-        mark = " ○"
-    else:
-        mark = " ▼" if row.diff.mean < 0 else " ▲"
-    return f"{fixed(row.error.mean)}{mark}"
-
-
 def _auroc(found: Auroc) -> str:
     """The AUROC with its interval, or why there is none."""
     if found.far_worlds is None:
@@ -278,14 +146,11 @@ def _auroc(found: Auroc) -> str:
     return estimated(found.auroc) + alone
 
 
-def _all_labels(panels: Sequence[Panel]) -> list[str]:
+def all_labels(panels: Sequence[Panel]) -> list[str]:
+    """What the methods of all panels are called."""
     return list(dict.fromkeys(label for panel in panels for label in panel.labels.values()))
 
 
-def _numbered(panel: Panel) -> str:
+def numbered(panel: Panel) -> str:
+    """The title of a panel, behind its number."""
     return f"{panel.number}. {panel.title}"
-
-
-def _told(method: Method) -> str:
-    words = [f"{name}={value}" for name, value in method.params]
-    return " ".join([short_name(method.localizer), *words])

@@ -3,6 +3,7 @@
 import json
 import logging
 from contextlib import suppress
+from dataclasses import fields
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -13,7 +14,6 @@ from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, utf8, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
-from benchmarks.tables.panels import panels
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
@@ -93,7 +93,7 @@ def _source(results: Results, animator: "Animator") -> str:
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
-    for part in vars(results).items():
+    for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
         for chunk in json.JSONEncoder(default=vars).iterencode(part):
             digest.update(chunk.encode())
     return digest.hexdigest()
@@ -101,8 +101,7 @@ def _source(results: Results, animator: "Animator") -> str:
 
 def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
     """Return the files of a report by name."""
-    failures = [failure.trial for failure in results.failures]
-    compared = panels(results.records, results.baseline, results.limits, failures)
+    compared = results.panels
     tables = {
         "results.csv": results_csv(compared),
         "trials.csv": trials_csv(results.finished),
@@ -120,7 +119,7 @@ def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
     from benchmarks.report.markdown import images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(compared, results, animator)
+    story = story_of(results, animator)
     told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
     pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     return {name: utf8(text) for name, text in (tables | told).items()} | pictures

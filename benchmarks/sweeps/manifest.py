@@ -90,9 +90,9 @@ def refuse_others(folder: Path, ours: Manifest) -> None:
     if is_empty(folder):
         return
     theirs = read(folder).identity
-    if differences := list(_differences(_less(theirs, ours.identity), ours.identity, "")):
+    if apart := list(differences(_less(theirs, ours.identity), ours.identity)):
         raise InputError(
-            f"{folder} holds results of something else ({'; '.join(differences)}): give a new "
+            f"{folder} holds results of something else ({'; '.join(apart)}): give a new "
             "--out, or restore what was changed."
         )
     refuse_changed(folder)
@@ -190,15 +190,15 @@ def cpu_model() -> str:
     return platform.processor() or platform.machine()
 
 
-def _differences(theirs: Any, ours: Any, at: str) -> Iterator[str]:
+def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:
     """Say where two JSON values differ; lists of one length are compared item by item."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for key in dict.fromkeys([*theirs, *ours]):
             inner = f"{at}.{key}" if at else key
-            yield from _differences(theirs.get(key, _ABSENT), ours.get(key, _ABSENT), inner)
+            yield from differences(theirs.get(key, _ABSENT), ours.get(key, _ABSENT), inner)
     elif isinstance(theirs, list) and isinstance(ours, list) and len(theirs) == len(ours):
         for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
-            yield from _differences(*pair, f"{at}[{number}]")
+            yield from differences(*pair, f"{at}[{number}]")
     elif theirs != ours:
         was, now = _shown(theirs, ours)
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"

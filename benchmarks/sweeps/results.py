@@ -1,10 +1,12 @@
 """What a sweep hands to its report: records of finished trials, failures, and what is missing."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
+from benchmarks.tables.panels import Panel, panels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,12 @@ class Results:
     limits: list[LimitRuns] = field(default_factory=list)
     baseline: str = BASELINE
     left_out: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def panels(self) -> list[Panel]:
+        """The methods of every setting, compared: all intervals and tests, computed once."""
+        failed = [failure.trial for failure in self.failures]
+        return panels(self.records, self.baseline, self.limits, failed)
 
     @property
     def finished(self) -> list[dict[str, Any]]:

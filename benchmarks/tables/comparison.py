@@ -17,12 +17,14 @@ from benchmarks.tables.pairing import (
     differences,
     over_worlds,
     runs_of,
+    shared,
 )
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
     estimate,
     holm,
+    relative_change,
     sample_sd,
     wilcoxon,
     wilson,
@@ -49,7 +51,8 @@ class Comparison:
         detection: how well its quality tells that it is far off; only at offset 0.
         baseline: what it is compared with, at offset 0.
         paired_worlds: worlds that both have run.
-        diff: mean over worlds of error - the baseline's, 95 % bootstrap.
+        diff, diff_sd: mean over worlds of error - the baseline's, 95 % bootstrap, and its SD.
+        relative: the same mean as a share of the baseline's, both on the shared worlds.
         win_rate: share of worlds where its error is the smaller one.
         p, p_holm: Wilcoxon's signed-rank test of the differences, alone and corrected for all
             tests of the panel at this offset.
@@ -69,6 +72,8 @@ class Comparison:
     baseline: Method
     paired_worlds: int = 0
     diff: Estimate = UNKNOWN
+    diff_sd: float = math.nan
+    relative: Estimate = UNKNOWN
     win_rate: float = math.nan
     p: float = math.nan
     p_holm: float = math.nan
@@ -78,6 +83,11 @@ class Comparison:
     def is_baseline(self) -> bool:
         """Whether it is the baseline at x_t, which is compared with nothing."""
         return self.method == self.baseline and self.offset == 0
+
+    @property
+    def wins(self) -> float:
+        """Worlds where its error is the smaller one, ties counted half."""
+        return self.win_rate * self.paired_worlds
 
     @property
     def significant(self) -> bool:
@@ -141,6 +151,8 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
         row,
         paired_worlds=apart.size,
         diff=estimate(apart),
+        diff_sd=sample_sd(apart),
+        relative=relative_change(apart, shared(errors, baseline)),
         win_rate=win_rate(apart),
         p=_six_digits(wilcoxon(apart)),
     )

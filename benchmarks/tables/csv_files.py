@@ -169,4 +169,6 @@ _COLUMNS: dict[str, Column] = {
     "far_steps": attrgetter("detection.far_steps"),
     "far_worlds": attrgetter("detection.far_worlds"),
     **{f"{name}_{end}": _of_score(name, end) for name in RANGED for end in ("low", "high")},
+    **_plain("diff_sd"),
+    **_interval("relative", "relative"),
 }

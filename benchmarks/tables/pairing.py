@@ -103,5 +103,10 @@ def differences(ours: Runs, theirs: Runs) -> Floats:
     return over_worlds({run: ours[run] - theirs[run] for run in ours if run in theirs})
 
 
+def shared(ours: Runs, theirs: Runs) -> Floats:
+    """Return theirs over the runs in both, one value per world, (W,)."""
+    return over_worlds({run: theirs[run] for run in ours if run in theirs})
+
+
 def _number(value: float | None) -> float:
     return math.nan if value is None else value

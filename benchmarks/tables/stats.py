@@ -57,6 +57,28 @@ def paired_bootstrap(differences: Floats, level: float = 0.95) -> tuple[float, f
     return float(low), float(high)
 
 
+def relative_change(differences: Floats, reference: Floats) -> Estimate:
+    """Mean difference over mean reference; 95 % percentile bootstrap over worlds, drawn together.
+
+    Args:
+        differences: one per world, (W,).
+        reference: what they are the share of, on the same worlds, (W,).
+    """
+    if not differences.size or not reference.mean() > 0:
+        return UNKNOWN
+    share = float(differences.mean() / reference.mean())
+    if differences.size < 2 or np.isnan(differences).any():
+        return Estimate(share)
+    shares = np.concatenate(
+        [
+            differences[drawn].sum(axis=1) / reference[drawn].sum(axis=1)
+            for drawn in _resamples(differences.size, _RESAMPLES)
+        ]
+    )
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return Estimate(share, float(low), float(high))
+
+
 def win_rate(differences: Floats) -> float:
     """Share of worlds with a difference below zero, ties counted half; NaN of nothing."""
     if not differences.size or np.isnan(differences).any():

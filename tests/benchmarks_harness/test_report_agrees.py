@@ -7,7 +7,7 @@ from html import unescape
 import pytest
 from report_cases import finished, paired, parsed, results, written
 
-from benchmarks.report import tables
+from benchmarks.report import error_tables, tables
 from benchmarks.tables.panels import panels
 from benchmarks.trials.scoring import SCORE_NAMES
 
@@ -28,15 +28,16 @@ def folder(tmp_path_factory):
 def of_html(text):
     """The cells of each table, line by line."""
     for table in re.findall("<table>.*?</table>", text, re.DOTALL):
-        lines = re.findall("<tr>(.*?)</tr>", table, re.DOTALL)
-        yield [list(map(unescape, re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one))) for one in lines]
+        lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)
+        yield [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one) for one in lines]
 
 
 def of_markdown(text):
     """The same of the Markdown."""
     for block in text.split("\n\n"):
         if block.startswith("|"):
-            lines = [[c.strip() for c in one.strip("|").split("|")] for one in block.splitlines()]
+            cells = block.replace("**", "").splitlines()
+            lines = [[c.strip() for c in one.strip("|").split("|")] for one in cells]
             yield [lines[0], *lines[2:]]
 
 
@@ -53,7 +54,7 @@ def verdict(row):
     """Method, error, difference, corrected p, as the tables have them."""
     error = f"{told(row, 'error', '.2f')} ({told(row, 'error_sd', '.2f')})"
     if not row["diff"]:
-        return [row["method"], error, "baseline", "–"]
+        return [f"{row['method']} (baseline)", error, "baseline", "–"]
     difference = ranged(row, "diff", ".2f")
     sign = "" if difference.startswith("−") else "+"
     return [row["method"], error, sign + difference, f"{float(row['p_holm']):.2g}"]
@@ -72,7 +73,10 @@ def test_every_number_of_the_comparison_is_that_of_results_csv(folder, name, tab
         return [line for table in found if column in table[0] for line in table[1:]]
 
     verdicts = [[line[i] for i in (0, 1, 2, 4)] for line in lines("wins")]
-    assert verdicts == [verdict(row) for row in rows if row["offset"] == "0"]
+    present = [row for row in rows if row["offset"] == "0"]
+    swept = list(dict.fromkeys(row["swept"] for row in rows))
+    by_error = sorted(present, key=lambda row: (swept.index(row["swept"]), float(row["error"])))
+    assert verdicts == list(map(verdict, by_error))
     assert [line[6] for line in lines("NEES (3)")] == [ranged(row, "nees", ".1f") for row in rows]
     assert [line[6] for line in lines("error, common states")] == [verdict(row)[2] for row in rows]
 
@@ -92,7 +96,7 @@ def test_every_column_of_a_table_has_the_score_that_it_names():
     scores = {name: place / 50 for place, name in enumerate(SCORE_NAMES, 1)}
     records = [finished("mcl", world, 3.0, scores=scores) for world in range(2)]
     (panel,) = panels(records)
-    for table in (tables.offsets_table(panel), tables.calibration_table(panel)):
+    for table in (error_tables.offsets_table(panel), tables.calibration_table(panel)):
         for header, cell in zip(table.header, table.lines[0], strict=True):
             if header in COLUMNS:
                 name, factor, form = COLUMNS[header]

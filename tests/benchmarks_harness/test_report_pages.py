@@ -232,3 +232,25 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
 def test_a_record_names_the_trial_that_made_it():
     (trial,) = paper_suite(localizers=["deq-mcl"], trials=1, seed=3, lag=10, beta=2.0)
     assert trial_of_record(trial.canonical()) == trial
+
+
+def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):
+    css = re.search("<style>(.*?)</style>", (report[0] / "report.html").read_text(), re.DOTALL)[1]
+    dark = re.findall(r"@media[^{]*prefers-color-scheme: dark[^{]*", css)
+    assert len(dark) == 2
+    assert all(rule.startswith("@media screen and") for rule in dark)
+    printed = css[css.index("@media print") :]
+    assert "details::details-content { content-visibility: visible;" in printed
+    assert ".scroll { overflow: visible;" in printed
+    assert re.search(r"th, td \{ white-space: normal;", printed)
+    assert "thead { display: table-header-group; }" in printed
+
+
+def test_ones_own_method_is_marked_and_the_best_is_bold(report):
+    page = (report[0] / "report.html").read_text(encoding="utf-8")
+    (own,) = re.findall("<tr class=own>(.*?)</tr>", page)
+    assert "Mine$x$ (plug-in)" in own
+    best = re.findall("<t[hd][^>]* class=best>(.*?)</t[hd]>", page)
+    assert best[0] == "deq-mcl"
+    assert len(best) == 2
+    assert ">mcl (baseline)<" in page

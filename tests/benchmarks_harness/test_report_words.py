@@ -5,8 +5,8 @@ import re
 import pytest
 from report_cases import finished, paired, results, trial_of, trials
 
-from benchmarks.report import tables, words
-from benchmarks.report.tables import gap_table, rival_tables
+from benchmarks.report import error_tables, tables, verdicts, words
+from benchmarks.report.error_tables import gap_table, rival_tables
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 
@@ -19,7 +19,7 @@ def panel_of(records, limits=()):
 
 
 def said(records):
-    return words.findings(panel_of(records))
+    return verdicts.findings(panel_of(records))
 
 
 FINDINGS = {
@@ -95,7 +95,7 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
     none = dict.fromkeys(("coverage_50", "coverage_80", "coverage_95", "nees", "entropy"))
     records = [finished(name, 0, 1.0, scores=none) for name in ("mcl", "dead-reckoning")]
     panel = panel_of(records)
-    made = (tables.verdict_table, tables.calibration_table, tables.offsets_table)
+    made = (error_tables.verdict_table, tables.calibration_table, error_tables.offsets_table)
     cells = [cell for table in made for line in table(panel).lines for cell in line]
     assert "n/a" in cells
     assert not [cell for cell in cells if re.search("nan|None", cell)]
@@ -104,7 +104,7 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
 def test_at_a_glance_every_error_has_the_mark_of_its_finding():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
     records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, scenario="sharp")
-    _, header, lines = tables.glance_table(panels(records))
+    _, header, lines, *_ = error_tables.glance_table(panels(records))
     assert header == ["setting", "mcl", "a", "b"]
     assert [line[0] for line in lines] == ["1. scenario paper", "2. scenario sharp"]
     assert [cell[-1] for cell in lines[0][2:]] == ["▼", "▲"]
@@ -138,7 +138,7 @@ def test_the_gap_table_has_a_limit_before_its_methods():
 def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parameters():
     lost = {"thresholds": {"far": 1.0, "lost": 1.5, "lost_steps": 9}, "unit": "m"}
     records = trials("mcl", [1.0] * 3, params={"particles": 300})
-    table = tables.verdict_table(panel_of([record | lost for record in records]))
+    table = error_tables.verdict_table(panel_of([record | lost for record in records]))
     assert "above 1.5 m on average over the last 9 states" in table.caption
     assert table.caption.endswith("All with particles 300.")
     assert table.lines[0][5] == "0 % of 3 (0 to 56)"

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.sweeps.sweepfile import sweeps_named
+from benchmarks.tables.power import least_worlds
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 
@@ -45,3 +46,8 @@ def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
     truths = [m.truth for m in trial_moments(trial)]
     assert len(truths) == 1 + 100 + 12 + 23 + 6 + 40 + 6 + 25
     assert np.allclose(truths[-1][:2], truths[0][:2], atol=1e-3)  # float32 actions
+
+
+def test_the_quick_look_has_worlds_enough_to_tell_with_two_methods_of_ones_own():
+    quick = SUITES["quick"]
+    assert quick.trials >= least_worlds(len(quick.localizers) - 1 + 2)

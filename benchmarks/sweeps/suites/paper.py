@@ -66,7 +66,7 @@ PAPER_SUITES = MappingProxyType(
         "quick": Sweep(
             title="A quick look: the paper's methods on few worlds",
             localizers=methods(*PAPER_METHODS),
-            trials=5,
+            trials=10,
             params=frozen({"particles": 500}),
         ),
         "paper": paper_sweep(particles=1000),

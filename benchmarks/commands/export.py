@@ -1,0 +1,50 @@
+"""``deqmcl export``."""
+
+import argparse
+from collections.abc import Sequence
+
+from benchmarks.commands.shared import folder
+from benchmarks.console import doing
+
+NAME = "export"
+HELP = "tables in LaTeX, figures in PDF and BibTeX from a folder of results"
+DESCRIPTION = (
+    "Write what a paper needs from the finished trials in a folder: tables.tex (booktabs), "
+    "references.bib and a document.tex that shows them, and the report's charts as PDF. Nothing is "
+    "run."
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add = parser.add_argument
+    add("folder", type=folder, metavar="DIR", help="folder of results")
+    add("--latex", action="store_true", help="tables and BibTeX (without a flag: everything)")
+    add("--pdf", action="store_true", help="figures (without a flag: everything)")
+    add("--out", type=folder, metavar="DIR", help="where to write it (DIR/export)")
+
+
+def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+    """Run the command; return what to print."""
+    del given
+    from benchmarks.files import own_folder, write_part
+    from benchmarks.report import load, require_report
+    from benchmarks.sweeps.collecting import results_in
+    from deqmcl_gym.validation import InputError
+
+    require_report()
+    results = results_in(options.folder)
+    if not results.panels:
+        raise InputError(f"{options.folder} has no finished trial: run its sweep first.")
+    everything = not (options.latex or options.pdf)
+    out = own_folder(options.out or options.folder / "export", "export")
+    load()
+    from benchmarks.report.latex import latex_files, pdf_files
+
+    with doing(f"drawing the figures for {out}"):
+        contents = latex_files(results) if options.latex or everything else {}
+        if options.pdf or everything:
+            contents |= pdf_files(results)
+    files = write_part(out, "export", contents)
+    names = [str(path.relative_to(out)) for path in files]
+    return f"Written to {out}: {', '.join(names)}."

@@ -1,0 +1,185 @@
+"""The errors of a panel as tables of words, and how they compare."""
+
+import math
+from collections.abc import Sequence
+
+from benchmarks.report.tables import Table, all_labels, numbered
+from benchmarks.report.words import estimated, p_value, significant
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import Method
+from benchmarks.tables.panels import Panel, short_name
+from benchmarks.tables.rivals import rivals
+from benchmarks.tables.series import milliseconds_per_step
+from benchmarks.tables.table_1 import state_name
+from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.verdict import cost, ranked
+
+
+def verdict_table(panel: Panel) -> Table:
+    """The errors at x_t, the smallest first, and how they compare with the baseline's."""
+    at = panel.thresholds
+    header = ["method", f"error e, {at.unit} (SD)", "difference to the baseline, 95 % interval"]
+    header += ["wins", "Wilcoxon p, Holm", "lost runs, 95 % interval", "ms per step (baseline = 1)"]
+    header += ["worlds"]
+    rows = ranked(panel.present)
+    lines = [
+        [
+            marked_label(panel, row),
+            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
+            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
+            "–" if row.is_baseline else percent(row.win_rate),
+            "–" if row.is_baseline else p_value(row.p_holm),
+            f"{percent(row.lost.mean)} of {row.runs} "
+            f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
+            f"{fixed(milliseconds_per_step(panel.records[row.method]))} "
+            f"({significant(cost(panel, row), 2)} ×)",
+            str(row.worlds),
+        ]
+        for row in rows
+    ]
+    caption = (
+        "Error of the belief about the present, x[t], the smallest first and in bold, and how it "
+        f"compares with the baseline on the same worlds. Lost: position error above {at.lost:g} "
+        f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
+        "world as one case. ms per step: the method's own time, median over runs, of the machine "
+        "that ran them."
+    )
+    least = [line for line, row in enumerate(rows) if row.error.mean == rows[0].error.mean]
+    return Table(
+        f"{caption}{_with(panel)}",
+        header,
+        lines,
+        strong=[(line, column) for line in least for column in (0, 1)],
+        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+    )
+
+
+def marked_label(panel: Panel, row: Comparison) -> str:
+    """What a method is called, and whether it is the baseline or a plug-in."""
+    label = panel.labels[row.method]
+    if row.is_baseline:
+        return f"{label} (baseline)"
+    return f"{label} (plug-in)" if is_plug_in(row.method.localizer) else label
+
+
+def is_plug_in(localizer: str) -> bool:
+    """Whether a name is of a file or a module from elsewhere."""
+    return ":" in localizer
+
+
+def glance_table(panels: Sequence[Panel]) -> Table:
+    """The errors of all methods on all settings, each marked with its finding, the best in bold."""
+    labels = all_labels(panels)
+    lines: list[list[str]] = []
+    strong: list[tuple[int, int]] = []
+    for panel in panels:
+        cells = {panel.labels[row.method]: _marked(row) for row in panel.present}
+        least = min((row.error.mean for row in panel.present), default=math.nan)
+        best = {panel.labels[row.method] for row in panel.present if row.error.mean == least}
+        strong += [(len(lines), 1 + place) for place, name in enumerate(labels) if name in best]
+        lines.append([numbered(panel), *(cells.get(label, "–") for label in labels)])
+    caption = (
+        "Error e of x[t], the smallest of a setting in bold. ▼ smaller than the baseline's, ▲ "
+        "larger (95 % interval excludes 0 and p < 0.05 after Holm's correction for the tests of "
+        "the same setting), ○ inconclusive."
+    )
+    return Table(caption, ["setting", *labels], lines, strong=strong)
+
+
+def rival_tables(panel: Panel) -> list[Table]:
+    """Every method compared with the paper's, run by run: at x_t, and at x_{t-L}."""
+    error = {(row.method, row.offset): row.error.mean for row in panel.rows}
+    tables = []
+    for offset, apart in rivals(panel).items():
+        against = next(iter(apart.values()))
+        caption = (
+            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
+            "intervals; negative: better."
+        )
+        header = ["method", f"error e of {state_name(offset)}"]
+        header += [f"difference to {panel.labels[rival]}" for rival in against]
+        lines = [
+            [
+                panel.labels[method],
+                fixed(error[method, offset]),
+                *("–" if m == method else estimated(own[m], "+.2f") for m in against),
+            ]
+            for method, own in apart.items()
+        ]
+        tables.append(Table(caption, header, lines))
+    return tables
+
+
+def gap_table(panel: Panel) -> Table | None:
+    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
+    header = ["method", "belief about", "error e", "SD between runs on a world"]
+    header += ["gap to the limit, 95 % interval", "worlds"]
+    lines = [
+        [
+            f"limit: {_told(row.limit)}" if row.method == row.limit else panel.labels[row.method],
+            state_name(row.offset),
+            fixed(row.error),
+            fixed(row.seed_sd),
+            "–" if row.method == row.limit else estimated(row.gap, "+.2f"),
+            str(row.worlds),
+        ]
+        for row in panel.gaps
+    ]
+    caption = (
+        "Error minus the limit's on the same worlds. Below each limit are the methods with its "
+        "target. The limit is what many more particles would give, as far as its own runs agree."
+    )
+    return Table(caption, header, lines) if lines else None
+
+
+def offsets_table(panel: Panel) -> Table:
+    """The errors at every offset."""
+    header = ["method", "belief about", "error e (SD)", "error, common states"]
+    header += [f"position RMSE, {panel.thresholds.unit}", "heading RMSE, °"]
+    header += ["difference to the baseline's x[t]"]
+    lines = [
+        [
+            panel.labels[row.method],
+            state_name(row.offset),
+            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
+            fixed(row.scores["error_window"].mean),
+            fixed(row.scores["position_rmse"].mean),
+            fixed(math.degrees(row.scores["heading_rmse"].mean), 1),
+            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
+        ]
+        for row in panel.rows
+    ]
+    caption = "Errors of the beliefs about the present, the past and the future."
+    return Table(caption, header, lines)
+
+
+def _with(panel: Panel) -> str:
+    """The parameters that all methods share, where no title says them."""
+    seen: dict[str, set[object]] = {}
+    for method in panel.records:
+        for name, value in method.params:
+            seen.setdefault(name, set()).add(value)
+    swept = dict(panel.swept)
+    shared = [
+        f"{name} {value}"
+        for name, values in sorted(seen.items())
+        for value in values
+        if len(values) == 1 and name not in swept
+    ]
+    return f" All with {', '.join(shared)}." if shared else ""
+
+
+def _marked(row: Comparison) -> str:
+    """The error, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
+    if math.isnan(row.diff.mean):
+        mark = ""
+    elif not row.significant:
+        mark = " ○"
+    else:
+        mark = " ▼" if row.diff.mean < 0 else " ▲"
+    return f"{fixed(row.error.mean)}{mark}"
+
+
+def _told(method: Method) -> str:
+    words = [f"{name}={value}" for name, value in method.params]
+    return " ".join([short_name(method.localizer), *words])

@@ -1,0 +1,150 @@
+"""A sweep for a paper: tables in LaTeX (booktabs), figures in PDF, BibTeX of what is cited."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+
+import matplotlib as mpl
+
+from benchmarks.files import command_line, utf8
+from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
+from benchmarks.report.error_tables import verdict_table
+from benchmarks.report.parts import blocks
+from benchmarks.report.style import looks
+from benchmarks.report.svg import HOUSE_STYLE, Picture
+from benchmarks.report.tables import Table
+from benchmarks.report.verdicts import spoken
+from benchmarks.sweeps.results import Results
+from benchmarks.tables.panels import Panel
+from deqmcl_gym import __version__
+
+_SPECIAL = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
+        '"': r"\textquotedbl{}",
+        **{char: f"\\{char}" for char in "&%$#_{}"},
+        "−": "$-$",
+        "×": r"$\times$",
+        "–": "--",
+        "…": r"\dots{}",
+        "°": r"$^\circ$",
+        "½": r"$\frac{1}{2}$",
+        "α": r"$\alpha$",
+        "β": r"$\beta$",
+        "θ": r"$\theta$",
+        "λ": r"$\lambda$",
+        "σ": r"$\sigma$",
+        "\u00a0": "~",
+    }
+)
+
+
+def escaped(text: str) -> str:
+    """Return a text as LaTeX in ASCII; a letter that it has no name for as its code, [U+4E2D]."""
+    done = " ".join(text.split()).translate(_SPECIAL)
+    return "".join(char if char.isascii() else f"[U+{ord(char):04X}]" for char in done)
+
+
+def latex_files(results: Results) -> dict[str, bytes]:
+    """Return tables.tex, references.bib and a document.tex that shows both, by name."""
+    tables = "\n".join(map(_table, results.panels))
+    source = f"% Made by: {escaped(command_line(results.command))}\n"
+    return {
+        "tables.tex": utf8(f"{source}% Needs \\usepackage{{booktabs}}.\n\n{tables}"),
+        "references.bib": utf8(_bibliography()),
+        "document.tex": utf8(_document(results)),
+    }
+
+
+def pdf_files(results: Results) -> dict[str, bytes]:
+    """Return every chart of the report as figures/NAME.pdf."""
+    return {f"figures/{one.name}.pdf": one.pdf for one in _pictures(results)}
+
+
+def _pictures(results: Results) -> list[Picture]:
+    panels = results.panels
+    look = looks(label for panel in panels for label in panel.labels.values())
+    with mpl.rc_context(HOUSE_STYLE):
+        curves = [
+            chart for kind in (ERROR, DIFFERENCE) for chart in swept_charts(panels, look, kind)
+        ]
+        parts = [block for panel in panels for block in blocks(panel, look, pictured=True)]
+    return [*curves, *(picture for block in parts for picture in block.pictures)]
+
+
+def _table(panel: Panel) -> str:
+    table = verdict_table(panel)
+    caption = f"{panel.title}. {spoken(panel)} {table.caption}"
+    return "\n".join(
+        (
+            r"\begin{table*}",
+            r"  \centering\small",
+            rf"  \caption{{{escaped(caption)}}}",
+            rf"  \label{{tab:setting-{panel.number}}}",
+            rf"  \begin{{tabular}}{{l{'r' * (len(table.header) - 1)}}}",
+            r"    \toprule",
+            f"    {_line([_stacked(name) for name in table.header])}",
+            r"    \midrule",
+            *(f"    {_line(cells)}" for cells in _cells(table)),
+            r"    \bottomrule",
+            r"  \end{tabular}",
+            r"\end{table*}",
+            "",
+        )
+    )
+
+
+def _cells(table: Table) -> list[list[str]]:
+    return [
+        [
+            rf"\textbf{{{escaped(cell)}}}" if (row, column) in table.strong else escaped(cell)
+            for column, cell in enumerate(line)
+        ]
+        for row, line in enumerate(table.lines)
+    ]
+
+
+def _stacked(name: str) -> str:
+    """A column's name, on a second line what follows its comma or bracket."""
+    for mark in (", ", " ("):
+        first, found, rest = name.partition(mark)
+        if found:
+            upper, lower = escaped(first), escaped(mark.strip(", ") + rest)
+            return rf"\shortstack[r]{{{upper}\\{lower}}}"
+    return escaped(name)
+
+
+def _line(cells: Sequence[str]) -> str:
+    return " & ".join(cells) + r" \\"
+
+
+def _bibliography() -> str:
+    """BibTeX of the paper and of this version of the software."""
+    text = (files("benchmarks.report") / "references.bib").read_text(encoding="utf-8")
+    return text.replace("VERSION", __version__)
+
+
+def _document(results: Results) -> str:
+    return "\n".join(
+        (
+            r"\documentclass{article}",
+            r"\usepackage[T1]{fontenc}",
+            r"\usepackage[margin=15mm,landscape]{geometry}",
+            r"\usepackage{booktabs,graphicx}",
+            rf"\title{{{escaped(results.title)}}}",
+            r"\author{}",
+            r"\begin{document}",
+            r"\maketitle",
+            r"Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by Taniguchi et"
+            r" al.~\cite{taniguchi2024deqmcl}.",
+            r"\input{tables}",
+            r"\bibliographystyle{plain}",
+            r"\bibliography{references}",
+            r"\end{document}",
+            "",
+        )
+    )

@@ -1,0 +1,195 @@
+"""One table from several folders of results, if they are of the same worlds."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.files import command_line
+from benchmarks.report.error_tables import marked_label
+from benchmarks.report.html import page
+from benchmarks.report.markdown import plain, table_text
+from benchmarks.report.tables import Table
+from benchmarks.report.words import estimated, significant
+from benchmarks.sweeps import manifest
+from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.results import Results
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import Run, Setting, method_of, run_of, setting_of
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.verdict import cost
+from benchmarks.trials.spec import Params
+from deqmcl_gym.validation import InputError
+
+TITLE = "Leaderboard"
+NOTE = (
+    "Methods of several folders of results on the same worlds, by their error e of x[t]. Every "
+    "difference is to the baseline of the method's own run, world by world, with its 95 % "
+    "bootstrap interval; cost is the time per step over that baseline's, so that runs of "
+    "different machines can be compared. Differences between neighbours in the list are not tested."
+)
+_LETTERS = 12  # of a digest
+_NOT_OF_THE_WORLDS = ("title", "localizers", "limit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A folder of results, complete."""
+
+    number: int
+    folder: Path
+    made: Manifest
+    results: Results
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A method of a source."""
+
+    source: Source
+    panel: Panel
+    of: Comparison
+
+    @property
+    def digest(self) -> str:
+        """Of the code that made it, and of its own if it is a plug-in."""
+        made = self.source.made.made
+        own = made.plug_ins.get(self.of.method.localizer)
+        return made.code[:_LETTERS] + (f" + {own[:_LETTERS]}" if own else "")
+
+
+def sources(folders: Sequence[Path]) -> list[Source]:
+    """Read folders that may stand in one table.
+
+    Raises:
+        InputError: one is no folder of results, is not complete, or is of other worlds than the
+            first; it is said which, and in what they differ.
+    """
+    read = [
+        Source(number=n, folder=one, made=manifest.read(one), results=results_in(one))
+        for n, one in enumerate(folders, 1)
+    ]
+    for source in read:
+        _refuse_incomplete(source)
+    first, *others = read
+    for other in others:
+        _refuse_other_worlds(first, other)
+    return read
+
+
+def boards(read: Sequence[Source]) -> list[Table]:
+    """Return a table for each setting; what two folders have of one code is listed once."""
+    found: dict[tuple[Setting, Params], dict[tuple[object, str], Row]] = {}
+    titles: dict[tuple[Setting, Params], str] = {}
+    for source in read:
+        for panel in source.results.panels:
+            place = (panel.setting, panel.swept)
+            titles.setdefault(place, panel.title)
+            for one in panel.present:
+                row = Row(source=source, panel=panel, of=one)
+                found.setdefault(place, {}).setdefault((one.method, row.digest), row)
+    return [_board(titles[place], list(rows.values())) for place, rows in found.items()]
+
+
+def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[str, bytes]:
+    """Return leaderboard.html and leaderboard.md, by name."""
+    tables, runs, said = boards(read), _runs(read), command_line(command)
+    parts = [f"# {TITLE}", plain(NOTE), *(table_text("", one) for one in (*tables, runs))]
+    html = page(
+        "report/leaderboard.html.jinja",
+        title=TITLE,
+        note=NOTE,
+        boards=tables,
+        runs=runs,
+        command=said,
+    )
+    text = "\n\n".join([*parts, f"Made by `{said}`."]) + "\n"
+    return {"leaderboard.html": html.encode(), "leaderboard.md": text.encode()}
+
+
+def _board(title: str, rows: list[Row]) -> Table:
+    rows.sort(key=lambda row: row.of.error.mean)
+    header = ["method", f"error e, {rows[0].panel.thresholds.unit} (SD)"]
+    header += ["difference to the baseline, 95 % interval", "wins", "cost (baseline = 1)", "worlds"]
+    header += ["code", "run"]
+    lines = [
+        [
+            f"{rank}. {marked_label(row.panel, row.of)}",
+            f"{fixed(row.of.error.mean)} ({fixed(row.of.error_sd)})",
+            "baseline" if row.of.is_baseline else estimated(row.of.diff, "+.2f"),
+            "–" if row.of.is_baseline else percent(row.of.win_rate),
+            f"{significant(cost(row.panel, row.of), 2)} ×",
+            str(row.of.worlds),
+            row.digest,
+            str(row.source.number),
+        ]
+        for rank, row in enumerate(rows, 1)
+    ]
+    return Table(f"{title[:1].upper()}{title[1:]}.", header, lines, strong=[(0, 0), (0, 1)])
+
+
+def _runs(read: Sequence[Source]) -> Table:
+    lines = []
+    for source in read:
+        made = source.made
+        versions = {"deqmcl-gym": made.environment.get("deqmcl-gym", "")} | dict(
+            made.made.libraries
+        )
+        lines.append(
+            [
+                str(source.number),
+                source.folder.name,
+                command_line(made.command),
+                ", ".join(f"{name} {number}" for name, number in versions.items()),
+                made.made.code,
+            ]
+        )
+    header = ["run", "folder", "command", "versions", "code (SHA-256)"]
+    return Table(
+        "What made the numbers: the command, versions and digest of every run.", header, lines
+    )
+
+
+def _refuse_incomplete(source: Source) -> None:
+    results = source.results
+    if results.missing or results.failures:
+        raise InputError(
+            f"{source.folder} has {results.missing} trials that were not run and "
+            f"{len(results.failures)} that failed, of {results.planned}: finish its sweep first."
+        )
+    if results.baseline not in {record["trial"]["localizer"] for record in results.records}:
+        raise InputError(
+            f"{source.folder} has no trial of the baseline {results.baseline}, by which folders "
+            "are compared: run the sweep with it."
+        )
+
+
+def _refuse_other_worlds(first: Source, other: Source) -> None:
+    ours, theirs = (
+        {name: v for name, v in one.made.sweep.items() if name not in _NOT_OF_THE_WORLDS}
+        for one in (first, other)
+    )
+    if apart := list(manifest.differences(ours, theirs)):
+        raise InputError(
+            f"{other.folder} is not comparable with {first.folder} ({'; '.join(apart)}): give "
+            "folders of one sweep that differ in their localizers only."
+        )
+    known, found = _of_baseline(first), _of_baseline(other)
+    for place, scores in known.items():
+        if place in found and found[place] != scores:
+            raise InputError(
+                f"{other.folder} is not comparable with {first.folder}: the baseline "
+                f"{first.results.baseline} has other scores on world {place[2][0]}, so the worlds "
+                "or the baseline are not the same; run both sweeps with one version of the code."
+            )
+
+
+def _of_baseline(source: Source) -> dict[tuple[Setting, object, Run], str]:
+    """Its baseline's scores by setting, method, and world with filter seed."""
+    return {
+        (setting_of(record), method_of(record), run_of(record)): json.dumps(record["scores"])
+        for record in source.results.records
+        if record["trial"]["localizer"] == source.results.baseline
+    }

@@ -1,0 +1,90 @@
+"""A sweep for a paper: LaTeX that compiles, figures in PDF, BibTeX of what CITATION.cff says."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from report_cases import THREE, paired, results, trials
+
+from benchmarks.report.latex import escaped, latex_files, pdf_files
+from deqmcl_gym import __version__
+
+CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def latex():
+    files = latex_files(results(paired(THREE), title="Sweep 100 % & more_$"))
+    return {name: content.decode("ascii") for name, content in files.items()}
+
+
+@given(st.text())
+def test_any_text_is_ascii_in_which_no_sign_has_a_meaning(text):
+    done = escaped(text)
+    assert done.isascii()
+    commands = r"\\(?:text\w+\{\}|dots\{\}|[&%$#_{}])|\$-\$|\$(?:\\\w+|\^\\circ|\\frac\{1\}\{2\})\$"
+    assert not re.search(r"[\\{}$&#^_%]", re.sub(commands, "", done))
+
+
+def test_letters_without_a_command_are_named_by_their_code():
+    assert escaped("β=3_% 中") == r"$\beta$=3\_\% [U+4E2D]"
+
+
+def test_every_line_of_a_table_has_as_many_cells_as_its_columns(latex):
+    (columns,) = re.findall(r"\\begin\{tabular\}\{(\w+)\}", latex["tables.tex"])
+    body = re.search(r"\\toprule(.*?)\\bottomrule", latex["tables.tex"], re.DOTALL)[1]
+    lines = [line for line in body.split("\n") if line.endswith(r" \\")]
+    assert len(lines) == 1 + len(THREE)
+    assert {len(re.findall(r"(?<!\\)&", line)) for line in lines} == {len(columns) - 1}
+
+
+def test_braces_and_environments_of_all_files_are_balanced(latex):
+    for text in latex.values():
+        plain = re.sub(r"\\[\\{}]", "", text)
+        assert plain.count("{") == plain.count("}")
+        opened = re.findall(r"\\(begin|end)\{([\w*]+)\}", text)
+        waiting = []
+        for what, name in opened:
+            waiting.append(name) if what == "begin" else waiting.remove(name)
+        assert waiting == []
+
+
+def test_the_best_method_stands_first_in_bold_and_the_baseline_is_named(latex):
+    first, second, third = re.findall(r"^    (.*) \\\\$", latex["tables.tex"], re.MULTILINE)[1:]
+    assert first.startswith(r"\textbf{deq-mcl} & \textbf{16.")
+    assert second.startswith("mcl (baseline) & 20.")
+    assert third.startswith(r"\textless{}b\textgreater{}\&Mine\$x\$ (plug-in) & 24.")
+
+
+def test_the_bibliography_is_that_of_the_citation_file(latex):
+    text = re.sub("[{}]", "", latex["references.bib"])
+    paper = CITATION["references"][0]
+    for said in (CITATION["title"], __version__, paper["title"], str(paper["year"])):
+        assert said in text
+    assert str(CITATION["date-released"])[:4] in text
+    assert all(author["family-names"] in text for author in paper["authors"])
+    cited = set(re.findall(r"\\cite\{([^}]*)\}", latex["document.tex"]))
+    assert cited == set(re.findall(r"^@\w+\{([^,]*),", latex["references.bib"], re.MULTILINE))
+
+
+def test_the_figures_are_pdf_of_which_the_same_results_give_the_same_bytes():
+    given_results = results(trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0]))
+    files = pdf_files(given_results)
+    assert {"figures/points-1.pdf", "figures/time-1-2.pdf"} <= files.keys()
+    assert all(content.startswith(b"%PDF-") for content in files.values())
+    assert b"/Subtype /Image" not in b"".join(files.values())  # vectors
+    assert pdf_files(given_results) == files
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")
+def test_the_document_compiles(latex, tmp_path):
+    for name, text in latex.items():
+        (tmp_path / name).write_text(text)
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "document.tex"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "document.pdf").stat().st_size > 1000
