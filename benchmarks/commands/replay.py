@@ -53,18 +53,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="what a beam model assumes; kind=NAME chooses another (sigma=0.2, in m)",
     )
     add("--jobs", type=int, metavar="J", help="runs at a time (one per processor)")
+    add(
+        "--timeout",
+        type=float,
+        metavar="S",
+        help="seconds that a run may take (no limit; a plug-in's 3600, and 60 to be made)",
+    )
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
     from benchmarks.replay.running import runs_of
     from benchmarks.replay.setting import setting_of
     from deqmcl_gym import logs
 
-    where = Where(jobs=options.jobs)
+    where = Where(jobs=options.jobs, timeout=options.timeout)
     with doing("reading the log and the map"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", logs.LogWarning)
         log = logs.read(options.log, reference=options.reference)
@@ -78,11 +85,12 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             scan=options.scan,
         )
     said = [str(one.message) for one in caught if issubclass(one.category, logs.LogWarning)]
-    runs = runs_of(
-        setting,
-        localizers_named(options.localizers),
-        particles=options.particles,
-        seeds=options.seeds,
-        root=options.seed,
-    )
+    with answered_within(options.timeout):
+        runs = runs_of(
+            setting,
+            localizers_named(options.localizers),
+            particles=options.particles,
+            seeds=options.seeds,
+            root=options.seed,
+        )
     return run_replay(setting, runs, options.out, where, ["deqmcl", *given], said)

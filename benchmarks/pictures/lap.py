@@ -1,5 +1,6 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log, check_writable, write
+from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
 
@@ -30,6 +32,8 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     require_plots()
     if log is not None:
         check_writable(log)
+        if os.path.lexists(log):
+            raise InputError(f"{log} is there already: give another --log.")
     own_folder(out, "run")
     camera = camera_of(trial.scenario, trial.lag, scale=1.6)
     setup = scenario_of(trial)
@@ -49,9 +53,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | tracks
-    write_part(out, "run", files)
     if log is not None:
         write(_log(film.moments, setup.room()), log)
+    write_part(out, "run", files)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
         f"{row['position_rmse']:6.2f} {unit}, "
