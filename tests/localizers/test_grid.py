@@ -180,6 +180,8 @@ def test_a_pose_is_in_the_cell_whose_centre_is_less_than_half_a_cell_away():
     apart = np.random.default_rng(0).uniform(-0.499, 0.499, (math.prod(grid.shape), 3)) * size
     poses = grid.centres().T + apart
     assert [grid.cell_of(pose) for pose in poses.tolist()] == list(range(len(poses)))
+    turned = poses + np.array([0.0, 0.0, 2 * math.pi])
+    assert [grid.cell_of(pose) for pose in turned.tolist()] == list(range(len(poses)))
     low, high = poses.min(axis=0) - size, poses.max(axis=0) + size
     outside = [(low[0], 30, 0), (high[0], 30, 0), (0, low[1], 0), (0, high[1], 0)]
     assert [grid.cell_of(pose) for pose in outside] == [None] * 4
