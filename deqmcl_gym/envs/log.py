@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import logs
+from deqmcl_gym.envs.info import check_no_options
 from deqmcl_gym.logs.motion import actions_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, array, integer, one_of
+from deqmcl_gym.validation import InputError, array, integer, one_of, shown
 from deqmcl_gym.world.presets import WORLDS
 
 PLANS = ("odometry", "reference", "none")
@@ -167,11 +168,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         """Go to the first record; seeds change nothing.
 
         Raises:
-            InputError: an option.
+            InputError: an option, or a bad seed.
         """
-        for key in options or ():
-            one_of("reset option", key, ())
-        super().reset(seed=seed)
+        check_no_options(options)
+        super().reset(seed=None if seed is None else integer("seed", seed))
         self._step = 0
         return self._scans[0].copy(), self._info(np.zeros(2, np.float32))
 
@@ -259,6 +259,8 @@ def _read(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs
     if not isinstance(given, logs.Log):
         if not isinstance(given, str | PathLike):
             raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
+        if not isinstance(reading, Mapping | None):
+            raise InputError(f"reading is {shown(reading)}, but must be arguments of logs.read.")
         options = dict(reading or {})
         for name in options:
             one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})

@@ -1,13 +1,12 @@
 """RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
 
-from collections.abc import Mapping
 from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.envs.info import RoomInfo
+from deqmcl_gym.envs.info import RoomInfo, check_no_options
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
@@ -115,7 +114,7 @@ class RoomEnv(gym.Env[Singles, Singles]):
         Raises:
             InputError: a bad seed, an option, or no free start. The last episode goes on.
         """
-        _check_no_options(options)
+        check_no_options(options)
         root = self.np_random_seed if seed is None else integer("seed", seed)
         number = self._number + 1 if seed is None else 0
         episode = Episode(self._setting, self._walls, seed=root, number=number)
@@ -204,10 +203,3 @@ def _replaceable(plan: Plan) -> FixedPlan:
             "choose a world without a driver."
         )
     return plan
-
-
-def _check_no_options(options: object) -> None:
-    if options is not None and not isinstance(options, Mapping):
-        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
-    for key in options or ():
-        one_of("reset option", key, ())
