@@ -2,6 +2,7 @@
 
 import importlib
 import multiprocessing
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -301,6 +302,7 @@ def test_built_in_localizers_have_no_digest_of_their_own_and_registered_ones_tha
 
 SHIPS = """
 from pathlib import Path
+from localizers.naming.registry import complete
 HERE = Path(__file__).parent
 class Mine:
     def __init__(self, robot):
@@ -349,3 +351,10 @@ def test_the_digest_of_a_package_covers_all_that_it_ships(module, name, covered)
     (module / name).parent.mkdir(parents=True, exist_ok=True)
     (module / name).write_bytes(b"weights")
     assert (localizers.source_digest("pack.good:Mine") != before) == covered
+
+
+@pytest.mark.parametrize("name", ["pipe.py:L", "pipe.py"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / "pipe.py")
+    with pytest.raises(InputError, match="is a named pipe"):
+        localizers.parameters(complete(str(tmp_path / name)))
