@@ -199,7 +199,7 @@ def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tm
         ("..good:Mine", ["cannot be imported"]),
         ("pack/goood.py:Mine", ["No such file", "(did you mean 'good.py'?)"]),
         ("far/good.py:Mine", ["No such file"]),
-        ("./:Mine", ["Is a directory"]),
+        ("./:Mine", ["is a folder"]),
         ("pack/good.py", ["has Mine, OnlyRobot, NoRobot", "as in pack/good.py:Mine"]),
         ("pack/raises.py", ["has no class with reset and update", "as in pack/raises.py:NAME"]),
         ("pack/torn.py", ["cannot be parsed as Python: invalid syntax (torn.py, line 2)"]),
@@ -302,7 +302,6 @@ def test_built_in_localizers_have_no_digest_of_their_own_and_registered_ones_tha
 
 SHIPS = """
 from pathlib import Path
-from localizers.naming.registry import complete
 HERE = Path(__file__).parent
 class Mine:
     def __init__(self, robot):
@@ -357,4 +356,4 @@ def test_the_digest_of_a_package_covers_all_that_it_ships(module, name, covered)
 def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / "pipe.py")
     with pytest.raises(InputError, match="is a named pipe"):
-        localizers.parameters(complete(str(tmp_path / name)))
+        localizers.parameters(registry.complete(str(tmp_path / name)))
