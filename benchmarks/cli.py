@@ -15,6 +15,7 @@ from benchmarks import console
 from benchmarks.commands import COMMANDS
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
+_RESUMED = "paper", "sweep"  # what they have finished, they need not run again
 
 
 class Terminated(KeyboardInterrupt):
@@ -74,11 +75,12 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
             _refuse_no_folder()
             print(options.run(options, given))
     except KeyboardInterrupt as how:
-        print("deqmcl: interrupted; finished trials are kept.", file=sys.stderr)
+        kept = "; finished trials are kept" if options.command in _RESUMED else ""
+        print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
         return TERMINATED if isinstance(how, Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
         print(
-            f"deqmcl: a plug-in called exit({end.code!r}); finished trials are kept.",
+            f"deqmcl: a plug-in called exit({end.code!r}).",
             file=sys.stderr,
         )
         return FAILED

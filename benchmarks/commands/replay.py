@@ -72,11 +72,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--node", metavar="NAME", help="whose parameters in it, as /robot1/amcl (the only amcl)")
     add_jobs(parser, "runs")
+    add(
+        "--timeout",
+        type=float,
+        metavar="S",
+        help="seconds that a run may take (no limit; a plug-in's 3600, and 60 to be made)",
+    )
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
     from benchmarks.replay.nav2 import read_nav2
@@ -85,7 +92,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from deqmcl_gym.envs.recorded import log_of
     from deqmcl_gym.validation import InputError
 
-    where = Where(jobs=options.jobs)
+    where = Where(jobs=options.jobs, timeout=options.timeout)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
@@ -101,13 +108,14 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         reading |= reading_of(options.read)
         log = log_of(options.log, options.reference, reading)
         setting = setting_of(log, options.map, told)
-    runs = runs_of(
-        setting,
-        localizers_named(options.localizers),
-        particles=options.particles,
-        seeds=options.seeds,
-        root=options.seed,
-        own={} if nav2 is None else {"amcl": nav2.params},
-    )
+    with answered_within(options.timeout):
+        runs = runs_of(
+            setting,
+            localizers_named(options.localizers),
+            particles=options.particles,
+            seeds=options.seeds,
+            root=options.seed,
+            own={} if nav2 is None else {"amcl": nav2.params},
+        )
     notes = said if nav2 is None else [*said, *nav2.notes]
     return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)

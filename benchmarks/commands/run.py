@@ -2,9 +2,8 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from benchmarks.commands.shared import add_setting, folder, sweep_of
+from benchmarks.commands.shared import add_setting, file, folder, sweep_of
 from benchmarks.console import doing
 
 NAME = "run"
@@ -21,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
     parser.add_argument(
         "--log",
-        type=Path,
+        type=file,
         metavar="FILE",
         help="write the lap as a log, too: .log, .csv, .npz, .bag or .mcap (none)",
     )

@@ -16,8 +16,17 @@ if TYPE_CHECKING:  # --help loads nothing heavy
 
 def folder(text: str) -> Path:
     """Return the folder of an argument; "" would be the current one."""
+    return _path(text, "a folder, as in results/mine")
+
+
+def file(text: str) -> Path:
+    """Return the file of an argument; "" would be the current folder."""
+    return _path(text, "a file")
+
+
+def _path(text: str, what: str) -> Path:
     if not text.strip():
-        raise argparse.ArgumentTypeError("it is empty: name a folder, as in results/mine")
+        raise argparse.ArgumentTypeError(f"it is empty: name {what}")
     return Path(text)
 
 

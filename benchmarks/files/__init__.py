@@ -1,6 +1,5 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.reading import UnreadableError, content_of, json_of, misfit
 from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
 from benchmarks.files.writing import (
     command_line,
@@ -10,6 +9,7 @@ from benchmarks.files.writing import (
     write_text,
 )
 from deqmcl_gym.files import write_bytes
+from deqmcl_gym.reading import UnreadableError, content_of, json_of, misfit
 
 __all__ = [
     "UnreadableError",

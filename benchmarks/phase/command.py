@@ -41,16 +41,17 @@ def run_phase(
         )
     own_folder(out, "phase")
     path = room.course.path
-    places = PlaceFields.along(path, fields, start=path.arc(room.course.start[:2]))
+    unit, start = room.floor_plan.unit, path.arc(room.course.start[:2])
+    places = PlaceFields.along(path, fields, start, unit)
     laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two
     contents = {
-        "cycles.csv": cycles_csv(laps).encode(),
+        "cycles.csv": cycles_csv(laps, unit).encode(),
         "fields.csv": fields_csv(places).encode(),
         "phase.png": phase_figure(laps, places, room.floor_plan, title),
         "phase.md": page(title, laps, places, command).encode(),
     }
     write_part(out, "phase", contents)
-    return f"{title}\n\n{table(laps, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
+    return f"{title}\n\n{table(laps, places, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
 
 
 def _laps(trials: Sequence[Trial], fields: PlaceFields, *, most: int) -> list[Lap]:

@@ -21,11 +21,11 @@ class Cycles:
         truth: true poses, (T + 1, 3).
         activity: P(x_{t+k} in the field | o_{1:t}) of each of K fields, (T + 1, 2R + 1, K).
         right: activity of the field that the robot is in at t + k, NaN for none, (T + 1, 2R + 1).
-        passed: how far the robot at t is past each field's centre along the lap, px, counted from
+        passed: how far the robot at t is past each field's centre along the lap, counted from
             the visit that is nearest to x_{t+k}, of which offset k tells: a field is visited more
             than once, or may be gone around. Known on the lap, (T + 1, 2R + 1, K).
-        error: distance of the mean of x_{t+k} from the true place, px, (T + 1, 2R + 1).
-        spread: root of the variance of x plus that of y, px, (T + 1, 2R + 1).
+        error: distance of the mean of x_{t+k} from the true place, (T + 1, 2R + 1).
+        spread: root of the variance of x plus that of y, (T + 1, 2R + 1).
     """
 
     lag: int
@@ -64,7 +64,7 @@ class Cycles:
 
     @property
     def distance(self) -> Floats:
-        """Root mean square distance of the belief from the true place, px, (T + 1, 2R + 1)."""
+        """Root mean square distance of the belief from the true place, (T + 1, 2R + 1)."""
         return np.hypot(self.error, self.spread)
 
 
@@ -132,7 +132,7 @@ def cycles_of(
 
 
 def _told(poses: Reals, weights: Floats, fields: PlaceFields) -> tuple[Floats, Floats, float]:
-    """Weight in each field (K,), mean place (2,) px, and root of the total variance, px."""
+    """Weight in each field (K,), mean place (2,), and root of the total variance."""
     active = np.where(fields.inside(poses), weights, 0.0).sum(axis=1)
     places = np.asarray(poses[:, :2], dtype=np.float64)
     shares = weights[:, None]

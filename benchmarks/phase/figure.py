@@ -31,7 +31,7 @@ from benchmarks.phase.precession import Lap
 from deqmcl_gym.maps import Map
 
 _MASS = "mean mass in the field"
-_DISTANCE = "RMS distance of belief and truth (px)"
+_DISTANCE = "RMS distance of belief and truth"
 _STYLE: Any = {
     "text.parse_math": False,
     "font.family": "sans-serif",
@@ -53,15 +53,19 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         for row, lap in zip(axes[:-1], laps, strict=True):
             draw_cycles(row[0], lap.cycles)
             row[0].set_title(f"{lap.title}: {lap.words}", loc="left", fontweight="bold")
-            mass = draw_precession(row[1], lap.cycles, lap.precession, perfect.precession, extent)
+            mass = draw_precession(
+                row[1], lap.cycles, lap.precession, perfect.precession, extent, fields.unit
+            )
         for row, lap in zip(axes[1:-1], laps[1:], strict=True):
             table = draw_table(row[2], lap.cycles, farthest)
         number_fields(axes[0][0], perfect.cycles)
         draw_map(axes[0][2], fields, floor_plan)
-        _label(axes[:-1])
+        _label(axes[:-1], fields.unit)
         _legend(axes[-1][0])
         figure.colorbar(mass, cax=axes[-1][1], orientation="horizontal", label=_MASS)
-        figure.colorbar(table, cax=axes[-1][2], orientation="horizontal", label=_DISTANCE)
+        figure.colorbar(
+            table, cax=axes[-1][2], orientation="horizontal", label=f"{_DISTANCE} ({fields.unit})"
+        )
         figure.suptitle(title, fontsize=11)
         buffer = io.BytesIO()
         metadata, smaller = {"Software": None}, {"optimize": True}
@@ -69,13 +73,13 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
     return buffer.getvalue()
 
 
-def _label(axes: NDArray[Any]) -> None:
+def _label(axes: NDArray[Any], unit: str) -> None:
     for row in axes:
         row[0].set_ylabel("theta phase (°)")
         row[1].set_yticks([90, 180, 270], ["past", "now", "future"], rotation=90, va="center")
         row[1].tick_params(axis="y", length=0)
     axes[-1][0].set_xlabel("theta cycle = step t")
-    axes[-1][1].set_xlabel("robot past the field's centre (px)")
+    axes[-1][1].set_xlabel(f"robot past the field's centre ({unit})")
     axes[-1][2].set_xlabel("step s of the state")
     for row in axes[1:]:
         row[2].set_ylabel("scans up to t")
@@ -101,12 +105,12 @@ def _legend(axes: Axes) -> None:
 
 
 def _extent(perfect: Cycles) -> float:
-    """The farthest from a field's centre, px, that the robot is while the queue tells of it."""
+    """The farthest from a field's centre that the robot is while the queue tells of it."""
     active = np.nan_to_num(perfect.activity) > 0
-    return float(np.abs(perfect.passed[active]).max(initial=1.0))
+    return float(np.abs(perfect.passed[active]).max(initial=0.0)) or 1.0
 
 
 def _farthest(laps: Sequence[Lap]) -> float:
-    """Upper end of the colours: all but the farthest 2 % of the cells, px."""
+    """Upper end of the colours: all but the farthest 2 % of the cells."""
     values = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps])
     return float(np.quantile(values, 0.98)) if values.size else 1.0

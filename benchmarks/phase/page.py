@@ -41,16 +41,16 @@ about right precesses, however it came to know it. It is one lap, so no ranking 
 """
 
 
-def table(laps: Sequence[Lap], style: str) -> str:
+def table(laps: Sequence[Lap], fields: PlaceFields, style: str) -> str:
     """Return the numbers of each lap as a table."""
-    header = ["method", "phases", "slope °/px", "r", "late by px"]
+    header = ["method", "phases", f"slope °/{fields.unit}", "r", f"late by {fields.unit}"]
     header += [f"in the right field: {part}" for part in ("past", "present", "future")]
     body = []
     for lap in laps:
         row = lap.precession
         phases = _NONE if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°"
         slope = "none" if math.isnan(row.slope) else f"{row.slope:#.3g}"
-        numbers = [_number(row.correlation), _number(row.late, "+.1f")]
+        numbers = [_number(row.correlation), _number(row.late, f"+.{fields.decimals}f")]
         numbers += map(_number, (row.past, row.present, row.future))
         body.append([lap.title, phases, slope, *numbers])
     align = ("left", "left", *["right"] * 6)
@@ -60,14 +60,14 @@ def table(laps: Sequence[Lap], style: str) -> str:
 def page(title: str, laps: Sequence[Lap], fields: PlaceFields, command: Sequence[str]) -> str:
     """Return phase.md: the numbers, what is to be seen, what is claimed and what not."""
     return (
-        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{table(laps, 'github')}\n\n"
-        f"{len(fields)} place fields of radius {fields.radius:.1f} px along the planned lap "
-        f"(`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
+        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{table(laps, fields, 'github')}\n\n"
+        f"{len(fields)} place fields of radius {fields.radius:.{fields.decimals}f} {fields.unit} "
+        f"along the planned lap (`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
     )
 
 
 def fields_csv(fields: PlaceFields) -> str:
-    """Return the place fields: number, centre, arc length on the path, radius, px."""
+    """Return the place fields: number, centre, arc length on the path, radius."""
     places = np.column_stack([fields.centres, fields.arcs(fields.centres)]).tolist()
     rows = (
         [i, *(f"{value:.6g}" for value in (*place, fields.radius))]
@@ -76,10 +76,11 @@ def fields_csv(fields: PlaceFields) -> str:
     return csv_text(["field", "x", "y", "arc", "radius"], rows)
 
 
-def cycles_csv(laps: Sequence[Lap]) -> str:
+def cycles_csv(laps: Sequence[Lap], unit: str) -> str:
     """Return what the queues hold: a row per method, step and offset."""
     count = laps[0].cycles.activity.shape[2]
-    header = ["method", "step", "offset", "state", "phase_deg", "error_px", "spread_px"]
+    header = ["method", "step", "offset", "state", "phase_deg"]
+    header += [f"error_{unit}", f"spread_{unit}"]
     return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
 
 

@@ -46,7 +46,7 @@ def number_fields(axes: Axes, perfect: Cycles) -> None:
 
 
 def draw_precession(
-    axes: Axes, cycles: Cycles, found: Precession, true: Precession, extent: float
+    axes: Axes, cycles: Cycles, found: Precession, true: Precession, extent: float, unit: str
 ) -> Any:
     """Mean activity over the robot's position in the field and the phase, over all fields."""
     values = _binned(cycles, extent)
@@ -59,7 +59,7 @@ def draw_precession(
             axes.plot(places, phases, color=color, linestyle=style, linewidth=1.6)
     axes.set_xlim(-extent, extent)
     _phase_axis(axes)
-    words = f"slope {found.slope:#.3g} °/px" if math.isfinite(found.slope) else "no slope"
+    words = f"slope {found.slope:#.3g} °/{unit}" if math.isfinite(found.slope) else "no slope"
     axes.set_title(words, loc="left")
     return image
 
@@ -97,7 +97,8 @@ def draw_map(axes: Axes, fields: PlaceFields, floor_plan: Map) -> None:
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.set_axis_off()
-    axes.set_title(f"The place fields, radius {fields.radius:.0f} px", loc="left")
+    radius = f"{fields.radius:.{fields.decimals - 1}f} {fields.unit}"
+    axes.set_title(f"The place fields, radius {radius}", loc="left")
 
 
 def _image(

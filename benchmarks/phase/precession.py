@@ -19,10 +19,10 @@ class Precession:
 
     Attributes:
         first, last: least and greatest phase at which a field is active, degrees.
-        slope: degrees per px, negative if fields fire earlier as the robot goes on; NaN of one
-            phase.
+        slope: degrees per unit of length, negative if fields fire earlier as the robot goes on;
+            NaN of one phase.
         correlation: of phase and position, weighted by activity.
-        late: where the line is at 180°, px past the centre; of one phase: the mean position.
+        late: where the line is at 180°, so far past the centre; of one phase: the mean position.
         past, present, future: mean mass in the field where the robot truly is at that state.
     """
 

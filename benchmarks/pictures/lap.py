@@ -1,5 +1,6 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, check_writable, write
+from deqmcl_gym.validation import InputError
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
@@ -30,6 +32,8 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     require_plots()
     if log is not None:
         check_writable(log)
+        if os.path.lexists(log):
+            raise InputError(f"{log} is there already: give another --log.")
     own_folder(out, "run")
     camera = camera_of(trial, scale=1.6)
     setup = scenario_of(trial)
@@ -48,9 +52,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | trajectories(trace)
-    write_part(out, "run", files)
     if log is not None:
         write(_log(film.moments, setup.room()), log)
+    write_part(out, "run", files)
     lines = [
         f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
         f"{row['position_rmse']:6.2f} {unit}, "

@@ -98,15 +98,16 @@ def refuse_others(folder: Path, ours: Manifest) -> None:
     refuse_changed(folder)
 
 
-def begin(folder: Path, ours: Manifest) -> None:
-    """Write the manifest of a new folder, or of one that grows.
+def begin(folder: Path, ours: Manifest) -> bool:
+    """Write the manifest of a new folder, or of one that grows; return whether it is a new one.
 
     Raises:
         InputError: see ``refuse_others``.
     """
     refuse_others(folder, ours)
-    if not is_empty(folder) and read(folder).identity == ours.identity:
-        return
+    new = is_empty(folder)
+    if not new and read(folder).identity == ours.identity:
+        return False
     content = {
         "schema": SCHEMA,
         "identity": ours.identity,
@@ -117,6 +118,7 @@ def begin(folder: Path, ours: Manifest) -> None:
         "seeds": seeds(ours.sweep["seed"]),
     }
     write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
+    return new
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:

@@ -17,7 +17,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.progress import counted
 from benchmarks.sweeps.results import Results
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -77,15 +77,32 @@ def begun(
     """
     made = manifest.of_sweep(sweep, command)
     manifest.refuse_others(out, made)
-    store = Store(out)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
-    with locked(out, shard):
+    with _gone_if_refused(out), locked((store := Store(out)).out, shard):
         trials = {made.made.key(trial): trial for trial in sweep.distinct()}
         store.refuse_obstacles(trials.keys())
-        manifest.begin(out, made)
+        new = manifest.begin(out, made)
         if shard is None:  # another one may be writing it
             _remove_temporary(store)
-        yield Running(sweep, store, trials, options, made)
+        try:
+            yield Running(sweep, store, trials, options, made)
+        except InputError:  # an engine that cannot be had: nothing was run
+            if new and shard is None and not any((out / name).exists() for name in FOLDERS):
+                (out / manifest.NAME).unlink()
+            raise
+
+
+@contextmanager
+def _gone_if_refused(folder: Path) -> Iterator[None]:
+    """Remove a folder that is made here, and empty after a refusal."""
+    there = folder.exists()
+    try:
+        yield
+    except InputError:
+        if not there:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def check(sweep: Sweep) -> None:

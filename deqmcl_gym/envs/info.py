@@ -1,8 +1,10 @@
 """What ``reset`` and ``step`` tell beside the observation."""
 
+from collections.abc import Mapping
 from typing import NotRequired, TypedDict
 
 from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError, one_of
 
 
 class RoomInfo(TypedDict):
@@ -29,3 +31,11 @@ class RoomInfo(TypedDict):
     truth: Floats
     goal: NotRequired[Floats]
     route: NotRequired[Floats]
+
+
+def check_no_options(options: object) -> None:
+    """Refuse options of a ``reset`` that takes none."""
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
+    for key in options or ():
+        one_of("reset option", key, ())

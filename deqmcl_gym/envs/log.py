@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import logs
+from deqmcl_gym.envs.info import check_no_options
 from deqmcl_gym.envs.recorded import log_of, map_of, planned_of, segments_of, spacing
 from deqmcl_gym.logs.log import Pose
 from deqmcl_gym.maps import Map, PolygonMap
@@ -192,11 +193,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         """Go to the first record, or to that of a segment drawn anew.
 
         Raises:
-            InputError: an option.
+            InputError: an option, or a bad seed.
         """
-        for key in options or ():
-            one_of("reset option", key, ())
-        super().reset(seed=seed)
+        check_no_options(options)
+        super().reset(seed=None if seed is None else integer("seed", seed))
         drawn = self.np_random.integers(len(self._segments)) if len(self._segments) > 1 else 0
         self._first, self._last = self._segments[drawn].tolist()
         self._step = self._first

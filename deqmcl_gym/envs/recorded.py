@@ -29,6 +29,8 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
     if not isinstance(given, logs.Log):
         if not isinstance(given, str | PathLike):
             raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
+        if not isinstance(reading, Mapping | None):
+            raise InputError(f"reading is {shown(reading)}, but must be arguments of logs.read.")
         options = dict(reading or {})
         for name in options:
             one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})

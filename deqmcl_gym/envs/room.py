@@ -1,13 +1,12 @@
 """RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
 
-from collections.abc import Mapping
 from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.envs.info import RoomInfo
+from deqmcl_gym.envs.info import RoomInfo, check_no_options
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
@@ -175,7 +174,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         Raises:
             InputError: a bad seed, an option, or no free start. The last episode goes on.
         """
-        _check_no_options(options)
+        check_no_options(options)
         root = self.np_random_seed if seed is None else integer("seed", seed)
         number = self._number + 1 if seed is None else 0
         episode = Episode(self._setting, self._walls, seed=root, number=number)
@@ -284,10 +283,3 @@ def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
     if episode.course.goal is not None:
         info["goal"], info["route"] = np.array(episode.course.goal), episode.course.path.corners + 0
     return cast("dict[str, Any]", info)
-
-
-def _check_no_options(options: object) -> None:
-    if options is not None and not isinstance(options, Mapping):
-        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
-    for key in options or ():
-        one_of("reset option", key, ())

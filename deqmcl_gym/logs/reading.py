@@ -13,7 +13,7 @@ from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.ros_writing import write_bag
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.trajectory import Trajectory, referenced
-from deqmcl_gym.validation import InputError, array, number
+from deqmcl_gym.validation import InputError, array, number, shown
 
 _TEXT = (".log", ".clf", ".carmen", ".txt")
 _READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
@@ -75,6 +75,8 @@ def read(
         InputError: an unknown format, an argument that it does not take, a file that is missing or
             damaged as a whole, or no sound record.
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"the log is {shown(path)}, but must be the path of a file.")
     file = Path(path)
     reader = _READERS.get(_ending(file))
     if reader is None or (_ending(file) == "" and file.is_file()):

@@ -12,6 +12,7 @@ from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.text import opened_log
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import Transforms
 from deqmcl_gym.numerics import arrays
@@ -182,6 +183,9 @@ def _opened(path: Path) -> Iterator[Any]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
+    if not path.is_dir():
+        with opened_log(path):  # refuses a pipe, which rosbags would wait for
+            pass
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
             yield bag

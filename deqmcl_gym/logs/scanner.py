@@ -77,7 +77,7 @@ class Scanner(Lidar):
         """
         try:
             values = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             values = None
         if not isinstance(values, dict) or not {"angles", "max_range"} <= values.keys():
             raise InputError(

@@ -22,12 +22,14 @@ from deqmcl_gym.logs.files import save
 from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.scanner import Scanner
-from deqmcl_gym.logs.text import numbers_of, text_of
+from deqmcl_gym.logs.text import numbers_of, opened_log, text_of
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
 _REFERENCE = ("ref_x", "ref_y", "ref_heading")
+# what NumPy raises; the last two where a header promises what the file has not
+_BROKEN = OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError, OverflowError
 
 
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
@@ -68,11 +70,11 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from npz; see ``read_csv``."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with opened_log(path) as file, np.load(file, allow_pickle=False) as archive:
             known = {name: archive[name] for name in archive.files}
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: give the path of a file.") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except InputError:
+        raise
+    except _BROKEN as error:
         raise InputError(
             f"{path} is no whole npz file of plain arrays ({error}): write it by numpy.savez, "
             "without pickles."

@@ -1,9 +1,13 @@
 """Text of logs and trajectories, whatever it is packed and encoded in."""
 
 import gzip
+import io
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from deqmcl_gym.reading import UnreadableError, opened
 from deqmcl_gym.validation import InputError
 
 _GZIP = b"\x1f\x8b"
@@ -17,7 +21,8 @@ def text_of(path: Path) -> str:
     Raises:
         InputError: it is missing, cannot be read, breaks off within its compression, or is binary.
     """
-    packed = bytes_of(path)
+    with opened_log(path) as file:
+        packed = file.read()
     if packed[:2] == _GZIP:
         try:
             packed = gzip.decompress(packed)
@@ -34,18 +39,20 @@ def text_of(path: Path) -> str:
     return packed.decode("utf-8-sig", errors="replace")
 
 
-def bytes_of(path: Path) -> bytes:
-    """Return the bytes of a file.
+@contextmanager
+def opened_log(path: Path) -> Iterator[io.BufferedReader]:
+    """Open a file.
 
     Raises:
-        InputError: it is missing or cannot be read.
+        InputError: it is missing, no file, or cannot be read.
     """
     try:
-        return path.read_bytes()
+        with opened(path) as file:
+            yield file
     except FileNotFoundError:
         raise InputError(f"{path} does not exist: give the path of a file.") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}): give another file.") from None
+    except UnreadableError as error:
+        raise InputError(f"{path} {error}: give another file.") from None
 
 
 def numbers_of(words: list[str]) -> list[float]:

@@ -19,7 +19,7 @@ from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.maps.units import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError, array, number
+from deqmcl_gym.validation import InputError, array, number, shown
 
 MAX_GAP = 2.0  # m
 _FEW = 0.5  # share of records with a reference pose below which one is warned
@@ -69,6 +69,8 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     Raises:
         InputError: no pose in it.
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
     file = Path(path)
     rows: list[list[float]] = []
     damage: Counter[str] = Counter()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 T = TypeVar("T")
@@ -99,16 +100,14 @@ def _path(given: Any) -> Path:
 
 def _document(path: Path) -> dict[str, Any]:
     """Read a yaml file; its values are checked."""
-    import yaml
+    from deqmcl_gym.maps.map_yaml import yaml_of
 
     try:
-        given = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the map file {path} cannot be read ({error.strerror}): give one that is there."
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"the map file {path} is no YAML: {error}.") from None
+        given = yaml_of(content_of(path))
+    except FileNotFoundError:
+        raise InputError(f"the map file {path} is not there: give one that is.") from None
+    except UnreadableError as error:
+        raise InputError(f"the map file {path} {error}.") from None
     if not isinstance(given, Mapping) or (missing := [key for key in _KEYS if key not in given]):
         what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is no mapping"
         raise InputError(f"the map file {path} {what}, but needs {', '.join(_KEYS)}.")
@@ -177,7 +176,7 @@ def _pixels_of(path: Path) -> Floats:
     except UnidentifiedImageError:
         raise InputError(f"the image {path} is neither a pgm, a png nor a bmp.") from None
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
-        raise InputError(f"the image {path} is broken: {error}.") from None
+        raise InputError(f"the image {path} is broken: {str(error).rstrip('.')}.") from None
     most = 255 if pixels.dtype == np.uint8 else 65535
     shades: Floats = pixels.reshape(*pixels.shape[:2], -1) / most
     return shades

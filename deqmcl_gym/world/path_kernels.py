@@ -43,13 +43,13 @@ def follow(
     distance, e how much farther along the path it is than one drove, b how far one drove against
     that edge. So a robot stays on its own stretch of a path that crosses or retraces itself, goes
     on to the next one at a hairpin, and takes a shortcut where the path is nearer by far. The way
-    is signed.
+    is signed. A robot that has not moved, but for rounding errors, stays where it was on the path.
     """
     step_x, step_y = x - from_x, y - from_y
     driven = np.sqrt(step_x * step_x + step_y * step_y)
-    if driven == 0.0:
-        return before, 0.0
     same = 1e-9 * (edges[-1, 5] + edges[-1, 4])  # of the path's length: rounding errors
+    if driven <= same:
+        return before, 0.0
     least, least_off = np.inf, np.inf
     arc, way = before, 0.0
     for corner_x, corner_y, dx, dy, edge_length, edge_arc in edges:

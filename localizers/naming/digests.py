@@ -16,6 +16,8 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
 
+from deqmcl_gym.reading import UnreadableError, content_of, opened
+
 _DEPTH = 4  # folders below that of a file, in which what it names is looked for
 _WRITERS = {"dump", "mkdir", "save", "savetxt", "savez", "touch", "unlink"}
 _WRITERS |= {"write_bytes", "write_text", "basicConfig", "FileHandler"}
@@ -42,8 +44,8 @@ def file_digest(file: str | None) -> str | None:
         return None
     path = Path(file).absolute()
     try:
-        return digest_of(path, _patterns(path.read_bytes()))
-    except OSError:
+        return digest_of(path, _patterns(content_of(path)))
+    except (OSError, UnreadableError):
         return None
 
 
@@ -148,7 +150,7 @@ def content_digest(path: Path) -> str | None:
     try:
         seen = path.stat()
         return _content(path, seen.st_size, seen.st_mtime_ns)
-    except OSError:
+    except (OSError, UnreadableError):
         return None
 
 
@@ -156,5 +158,5 @@ def content_digest(path: Path) -> str | None:
 def _content(path: Path, size: int, modified: int) -> str:
     """SHA-256 of a file of that size and time: weights are not read again for every trial."""
     del size, modified
-    with path.open("rb") as file:
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.digests import file_digest, module_digest
 from localizers.naming.isolation import is_ctrl_c
@@ -109,8 +110,10 @@ def raised(error: BaseException, file: str | None = None) -> str:
 
 def _source(path: Path, named: str) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
+        return content_of(path)
+    except UnreadableError as error:
+        raise InputError(f"{named} cannot be read: {path} {error}.") from None
+    except FileNotFoundError as error:
         beside = sorted(file.name for file in path.parent.glob("*.py"))
         raise InputError(
             f"{named} cannot be read: {path}: {error.strerror}{_nearest(path.name, beside)}."

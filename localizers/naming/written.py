@@ -4,6 +4,7 @@ import ast
 from collections.abc import Mapping
 from pathlib import Path
 
+from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError
 
 
@@ -19,9 +20,11 @@ def localizers_in(file: str) -> list[str]:
         InputError: the file cannot be read, or is no Python.
     """
     try:
-        tree = ast.parse(Path(file).expanduser().read_bytes(), file)
-    except OSError as error:
+        tree = ast.parse(content_of(Path(file).expanduser()), file)
+    except FileNotFoundError as error:
         raise InputError(f"the file {file} cannot be read: {error.strerror}.") from None
+    except UnreadableError as error:
+        raise InputError(f"the file {file} {error}.") from None
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # ValueError: a NUL
         raise InputError(f"the file {file} cannot be parsed as Python: {error}.") from None
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}

@@ -172,6 +172,16 @@ def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, caps
     assert "no laser" in (recorded / "o/report.html").read_text()
 
 
+def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
+    (recorded / "slow.py").write_text(
+        BROKEN.replace('raise OSError("no laser")', "all(iter(lambda: True, 0))")
+    )
+    words = ("--localizers", "slow.py:Broken", "--timeout", "2", "--out", "o")
+    assert replay(*BLIND, "--start=1.2,1,0", *words) == 3
+    assert "1 of 1 runs failed" in (told := capsys.readouterr().err)
+    assert "no result within 2 s" in told
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

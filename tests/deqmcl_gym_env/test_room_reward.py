@@ -46,6 +46,14 @@ def test_the_arc_of_a_point_is_that_of_the_nearest_of_many_points_on_the_path(na
         assert distances[i] - distances.min() < spacing
 
 
+@pytest.mark.parametrize("rounding", [0.0, 1e-15, -1e-12])
+def test_a_robot_that_has_not_moved_earns_nothing_wherever_else_the_path_is_nearer(rounding):
+    path = RoomEnv().course.path
+    for x, y, share in np.random.default_rng(3).uniform(0, 1, (50, 3)) * (350, 300, 1):
+        arc = share * path.length
+        assert path.follow((x, y), (x + rounding, y), arc) == (arc, 0.0)
+
+
 def test_with_noise_rewards_telescope_to_the_way_between_the_projections_of_start_and_end():
     env = RoomEnv(ends_at_goal=False)
     env.reset(seed=6)

@@ -91,6 +91,24 @@ def test_the_field_is_the_distance_to_the_nearest_wall(cell):
     np.testing.assert_allclose(field.distances, exact, rtol=0, atol=1e-3)  # float32 of 700 px
 
 
+@pytest.mark.parametrize("cell", [1.0, 4.0])
+def test_the_distance_from_a_beams_end_to_the_wall_is_right_to_a_cell_beyond_the_map_too(cell):
+    room = PolygonMap(outer=[(0, 0), (60, 0), (60, 40), (0, 40)])
+    lidar, sigma = Lidar(beams=1, field_of_view=1e-9, max_range=100.0), 30.0
+    field = LikelihoodField(floor_plan=room, lidar=lidar, sigma=sigma, cell=cell, hit=1.0)
+    rng = np.random.default_rng(0)
+    for length in (5.0, 50.0, 99.0):
+        poses = rng.uniform((1, 1, -3), (59, 39, 3), (200, 3)).astype(np.float32)
+        bearing = poses[:, 2].astype(float)
+        ends = poses[:, :2] + length * np.column_stack([np.cos(bearing), np.sin(bearing)])
+        log_peak = -math.log(sigma * math.sqrt(2 * math.pi))
+        told = field.log_likelihood(np.ascontiguousarray(poses.T), np.array([length]))
+        seen = sigma * np.sqrt(2 * np.maximum(log_peak - told, 0.0))
+        exact = reference.clearance(room.walls, ends, ends)
+        assert np.abs(seen - exact).max() < cell
+        assert length < 50 or np.abs(ends[:, 1] - 20).max() > 25  # far beyond the map
+
+
 def test_a_scan_at_its_own_pose_is_likelier_than_elsewhere_and_odd_beams_say_nothing():
     lidar = Lidar(beams=9, field_of_view=4.0, max_range=400.0)
     field = LikelihoodField(floor_plan=LOPSIDED, lidar=lidar, sigma=5.0, cell=1.0)

@@ -174,6 +174,19 @@ def test_the_prior_is_integrated_and_a_single_pose_goes_into_its_cell():
     assert np.flatnonzero(mass).tolist() == [grid.cell_of((103, 90, 1.0))]
 
 
+def test_a_pose_is_in_the_cell_whose_centre_is_less_than_half_a_cell_away():
+    grid = PoseGrid(bounds=(-30, 10, 77, 52), cell=CELL, headings=HEADINGS)
+    size = np.array([CELL, CELL, grid.heading_step])
+    apart = np.random.default_rng(0).uniform(-0.499, 0.499, (math.prod(grid.shape), 3)) * size
+    poses = grid.centres().T + apart
+    assert [grid.cell_of(pose) for pose in poses.tolist()] == list(range(len(poses)))
+    turned = poses + np.array([0.0, 0.0, 2 * math.pi])
+    assert [grid.cell_of(pose) for pose in turned.tolist()] == list(range(len(poses)))
+    low, high = poses.min(axis=0) - size, poses.max(axis=0) + size
+    outside = [(low[0], 30, 0), (high[0], 30, 0), (0, low[1], 0), (0, high[1], 0)]
+    assert [grid.cell_of(pose) for pose in outside] == [None] * 4
+
+
 def test_the_number_of_points_is_bounded_and_their_moments_stay(robot):
     wide = localizers.GaussianPrior(mean=(175, 50, 0.0), sd_position=80.0, sd_heading=1.0)
     belief = localizers.make("grid", robot).reset(wide, [], np.random.default_rng(0))

@@ -51,7 +51,8 @@ def test_without_noise_and_on_the_nodes_h_is_the_charge_of_the_one_path(room, be
     # Steps of one cell along the axes end on nodes: nothing is interpolated.
     grid = grid_of(room, STILL, beta, cell=10.0, headings=4)
     plan = np.array([(10.0, 0.0), (10.0, math.pi / 2), (20.0, 0.0), (0.0, -math.pi / 2)])
-    x, y, quarter = np.meshgrid(np.arange(10, 350, 10), np.arange(10, 300, 10), np.arange(4))
+    # of a room of 350 x 300 px, and of the nodes around it
+    x, y, quarter = np.meshgrid(np.arange(-10, 361, 10), np.arange(-10, 311, 10), np.arange(4))
     poses = np.stack([x.ravel(), y.ravel(), quarter.ravel() * math.pi / 2]).astype(np.float32)
     # a wall at exactly the radius is left to rounding: stay a hair off the nodes
     expected, _ = rolled_out(grid, poses, plan, copies=1)

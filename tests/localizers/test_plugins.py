@@ -2,6 +2,7 @@
 
 import importlib
 import multiprocessing
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -198,7 +199,7 @@ def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tm
         ("..good:Mine", ["cannot be imported"]),
         ("pack/goood.py:Mine", ["No such file", "(did you mean 'good.py'?)"]),
         ("far/good.py:Mine", ["No such file"]),
-        ("./:Mine", ["Is a directory"]),
+        ("./:Mine", ["is a folder"]),
         ("pack/good.py", ["has Mine, OnlyRobot, NoRobot", "as in pack/good.py:Mine"]),
         ("pack/raises.py", ["has no class with reset and update", "as in pack/raises.py:NAME"]),
         ("pack/torn.py", ["cannot be parsed as Python: invalid syntax (torn.py, line 2)"]),
@@ -349,3 +350,10 @@ def test_the_digest_of_a_package_covers_all_that_it_ships(module, name, covered)
     (module / name).parent.mkdir(parents=True, exist_ok=True)
     (module / name).write_bytes(b"weights")
     assert (localizers.source_digest("pack.good:Mine") != before) == covered
+
+
+@pytest.mark.parametrize("name", ["pipe.py:L", "pipe.py"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / "pipe.py")
+    with pytest.raises(InputError, match="is a named pipe"):
+        localizers.parameters(registry.complete(str(tmp_path / name)))

@@ -1,8 +1,10 @@
 """Damaged logs: a bad record is skipped and counted, a bad file refused in one sentence."""
 
 import gzip
+import os
 import re
 import sqlite3
+import zipfile
 
 import numpy as np
 import pytest
@@ -175,6 +177,27 @@ def test_what_cannot_be_a_log_is_refused(tmp_path):
     assert "does not take it" in refused(tmp_path / "x.csv", scan_topic="/scan")
     with pytest.raises(InputError, match="not written"):
         logs.write(episode(), tmp_path / "x.dat")
+
+
+@pytest.mark.parametrize("ending", [*ENDINGS[:-1], ".db3", ".log.gz"])
+def test_a_pipe_is_not_waited_for(tmp_path, ending):
+    pipe = tmp_path / f"pipe{ending}"
+    os.mkfifo(pipe)
+    assert "is a named pipe" in refused(pipe)
+
+
+def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path):
+    header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
+    with (
+        zipfile.ZipFile(tmp_path / "x.npz", "w") as archive,
+        archive.open("times.npy", "w") as file,
+    ):
+        np.lib.format.write_array_header_1_0(file, header)
+    assert "no whole npz file" in refused(tmp_path / "x.npz")
+    logs.write(episode(), tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    (tmp_path / "x.csv").write_text("\n".join(["# " + "[" * 10**5, *lines[1:]]))
+    assert "is no JSON object" in refused(tmp_path / "x.csv")
 
 
 def test_pickles_are_never_loaded(tmp_path):

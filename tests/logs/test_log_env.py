@@ -254,6 +254,8 @@ def test_anything_else_is_refused(bad):
         ({"every": (1e3, 1e3)}, "needs 2 or more"),
         ({"max_beams": 0}, "max_beams"),
         ({"reading": {"max_range": 3}}, "reading"),
+        ({"log": "x.log", "reading": 5}, "reading is 5"),
+        ({"reference": 3}, "the reference is 3"),
         ({"log": "x.log", "reading": {"topic": "/scan"}}, "key in reading"),
         ({"render_mode": "human"}, "render_mode"),
     ],
@@ -278,8 +280,14 @@ def test_reset_takes_no_option_and_nothing_works_before_it():
     env = LogEnv(log=real())
     with pytest.raises(RuntimeError, match="call reset"):
         env.step(np.zeros(2))
-    with pytest.raises(InputError, match="reset option"):
-        env.reset(options={"start": 3})
+    for bad, said in (
+        ({"options": {"start": 3}}, "reset option"),
+        ({"options": 5}, "options is 5"),
+        ({"seed": -1}, "seed is -1"),
+        ({"seed": "a"}, "seed is 'a'"),
+    ):
+        with pytest.raises(InputError, match=said):
+            env.reset(**bad)
 
 
 def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():

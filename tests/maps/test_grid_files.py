@@ -145,6 +145,10 @@ BROKEN = {
     "free_thresh must be the smaller": {"free": 0.7},
     "occupied_thresh is 65, but must be a number above 0 to 1": {"occupied": 65},
     "is no YAML": {"more": "mode: [trinary"},
+    "has the key 'resolution' twice": {"more": "resolution: 0.5"},
+    "has an alias, which no map needs": {"more": "a: &a [1]\nb: [*a, *a]"},
+    "month must be in 1..12": {"resolution": "2001-13-01"},
+    "is nested too deeply": {"more": "a: " + "[" * 9_000 + "]" * 9_000},
     "has 1 x 1 cells, but must have from 2": {"image": b"P5\n1 1\n255\n\xfe"},
     "no free cell: 6 of 6 are occupied and 0 unknown": {"image": PGM[:-6] + bytes(6)},
     "no free cell: 0 of 6 are occupied and 6 unknown": {"image": PGM[:-6] + bytes([205] * 6)},
@@ -164,6 +168,12 @@ def test_a_broken_map_is_refused_in_one_sentence_that_names_it(tmp_path, sentenc
     assert str(tmp_path) in said
     assert said.endswith(".")
     assert "\n" not in said
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "map.yaml")
+    with pytest.raises(InputError, match="is a named pipe"):
+        GridMap.load(tmp_path / "map.yaml")
 
 
 @pytest.mark.parametrize("missing", ["image", "resolution", "origin", "negate", "free_thresh"])

@@ -129,6 +129,10 @@ def test_a_lap_can_be_kept_as_a_log(tmp_path, capsys):
     assert exit_code(*arguments, "--log", tmp_path / "lap.txt.zip") == 2
     assert "of a format that is not written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+    (tmp_path / "mine.log").write_text("mine")
+    assert exit_code(*arguments, "--log", tmp_path / "mine.log") == 2
+    assert "is there already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.log"]
     assert exit_code(*arguments, "--log", log) == 0
     truth = np.loadtxt(out / "trajectory_truth.tum")
     kept = logs.read(log)

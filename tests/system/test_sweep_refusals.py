@@ -77,6 +77,7 @@ BAD = [  # what is added to the file, arguments, and what the sentence must name
     ("", ("--executor", "no_such:thing"), ["'no_such:thing'", "ModuleNotFoundError"]),
     ("", ("--executor", "os:nothing"), ["'os:nothing'", "AttributeError"]),
     ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
+    ("", ("--executor", "os:getcwd"), ["'os:getcwd'", "type str"]),
     ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
 ]
 
