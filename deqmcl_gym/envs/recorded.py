@@ -14,7 +14,7 @@ from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import actions_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Indices
-from deqmcl_gym.validation import InputError, array, number, one_of
+from deqmcl_gym.validation import InputError, array, number, one_of, shown
 from deqmcl_gym.world.presets import WORLDS
 
 PLANS = ("odometry", "reference", "none")
