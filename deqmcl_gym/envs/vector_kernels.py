@@ -13,7 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.path_kernels import follow
-from deqmcl_gym.world.task import judged
+from deqmcl_gym.world.task_kernels import judged
 
 
 def sides(walls: Floats) -> Floats:
@@ -58,7 +58,7 @@ class Rules(NamedTuple):
         reach: a length that no drive has without contact.
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
         length: of the path.
-        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.task``.
+        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.task_kernels``.
         most: steps of a plan.
         limit: steps of an episode.
     """
@@ -80,7 +80,7 @@ class Moved(NamedTuple):
     """What came of a step.
 
     Attributes:
-        rewards: see ``deqmcl_gym.world.task``, (n,).
+        rewards: see ``deqmcl_gym.world.task_kernels``, (n,).
         collided: whether a wall stopped the robot, (n,).
         terminated: whether the task is done, (n,).
         truncated: whether it is not and the plan is used up, or the episode is as long as it may

@@ -14,7 +14,7 @@ from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.path_kernels import roll_out
 from deqmcl_gym.world.plan import Actions, FixedPlan, Underway
-from deqmcl_gym.world.task import once_round
+from deqmcl_gym.world.task_kernels import once_round
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
 

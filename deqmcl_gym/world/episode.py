@@ -8,7 +8,7 @@ from deqmcl_gym.world.physics import Contacts, Physics
 from deqmcl_gym.world.sensor import LidarSensor
 from deqmcl_gym.world.setting import Setting
 from deqmcl_gym.world.streams import Stream, episode_stream
-from deqmcl_gym.world.task import judged
+from deqmcl_gym.world.task_kernels import judged
 
 
 class Episode:

@@ -21,7 +21,7 @@ from deqmcl_gym.world.path import Point, Pose, wrapped
 from deqmcl_gym.world.plan import FixedPlan, Plan
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.streams import Stream, episode_stream
-from deqmcl_gym.world.task import COLLISION_PENALTY, GOAL_BONUS, once_round
+from deqmcl_gym.world.task_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 
 if TYPE_CHECKING:  # OpenCV is loaded by those only who look
     from deqmcl_gym.world.drawing import Drawing

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_cases import finished, parsed
 
-from benchmarks.report.tables import offsets_table, verdict_table
+from benchmarks.report.error_tables import offsets_table, verdict_table
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import holm

@@ -206,7 +206,8 @@ def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine()
         "baseline,paired_worlds,diff,diff_low,diff_high,win_rate,p,p_holm,"
         "auroc,auroc_low,auroc_high,far_steps,far_worlds,"
         "coverage_50_low,coverage_50_high,coverage_80_low,coverage_80_high,"
-        "coverage_95_low,coverage_95_high,nees_low,nees_high"
+        "coverage_95_low,coverage_95_high,nees_low,nees_high,"
+        "diff_sd,relative,relative_low,relative_high"
     )
     assert [(line["swept"], line["method"], line["diff"]) for line in lines] == [
         ('{"particles":100}', "mcl", ""),

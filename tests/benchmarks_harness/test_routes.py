@@ -118,7 +118,8 @@ def test_an_agent_that_is_told_the_truth_arrives_without_contact_by_free_space(a
     while not ended:
         action, plan = driver.act(Sure(info["truth"]), info)
         assert contacts(room, info["truth"], np.vstack([action, plan])) == 0
-        *_, ended, _, info = room.step(action)
+        *_, done, given_up, info = room.step(action)
+        ended = done or given_up
         touched += info["collided"]
     assert touched == 0
     assert np.hypot(*(info["truth"][:2] - info["goal"])) <= 0.5

@@ -39,7 +39,8 @@ def driven(env, seed, most=3000):
     """What is said in an episode in which the first planned action is carried out at each step."""
     infos, ended = [env.reset(seed=seed)[1]], False
     while not ended and len(infos) < most:
-        *_, ended, _, info = env.step(infos[-1]["planned_actions"][0])
+        *_, done, given_up, info = env.step(infos[-1]["planned_actions"][0])
+        ended = done or given_up
         infos.append(info)
     return infos
 
@@ -113,7 +114,8 @@ def test_progress_adds_up_to_the_way():
     env = office(noise=STILL, ends_at_goal=False)
     info, total, ended = env.reset(seed=2)[1], 0.0, False
     while not ended:
-        _, reward, ended, _, info = env.step(info["planned_actions"][0])
+        _, reward, done, given_up, info = env.step(info["planned_actions"][0])
+        ended = done or given_up
         total += reward
     assert total == pytest.approx(env.course.path.length, rel=1e-4)
 

@@ -23,8 +23,8 @@ from ring_world import (
 )
 
 import localizers
-from deqmcl_gym.maps import GridMap, Lidar
-from deqmcl_gym.maps.office import CELL, Office
+from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
 from localizers.inference import kernels
 from localizers.inference.adaptive import Recovery
@@ -45,9 +45,8 @@ FOR_THE_LOST = ["mcl-map", "mcl-plan"]
 
 @pytest.fixture(scope="module")
 def office() -> localizers.RobotModel:
-    cells = Office(wings=1, corridors=1).cells(RNG(3))
     return localizers.RobotModel(
-        floor_plan=GridMap(occupancy=np.where(cells, 0, 100), resolution=CELL),
+        floor_plan=Office(seed=3, wings=1, corridors=1).grid,
         lidar=Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0),
         motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.05),
         scan=localizers.GaussianUniform(sigma=0.1),
