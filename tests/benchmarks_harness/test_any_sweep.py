@@ -12,6 +12,7 @@ from benchmarks.report.error_tables import offsets_table, verdict_table
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import holm
+from benchmarks.tables.verdict import ranked
 
 NAMES = ("mcl", "mcl-map", "deq-mcl", "ekf")
 
@@ -105,8 +106,13 @@ def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tes
 def test_the_tables_have_the_digits_of_results_csv(given_sweep):
     found = panels(*given_sweep)
     lines = parsed(results_csv(found))
+    present = iter([line for line in lines if line["offset"] == "0"])
+    by_error = []
+    for panel in found:
+        own = [next(present) for _ in panel.present]
+        by_error += [own[panel.present.index(row)] for row in ranked(panel.present)]
     shown = [line for panel in found for line in verdict_table(panel).lines]
-    for line, told in zip([one for one in lines if one["offset"] == "0"], shown, strict=True):
+    for line, told in zip(by_error, shown, strict=True):
         assert told[1].startswith(f"{float(line['error']):.2f} (")
         if line["p_holm"]:
             assert told[2].startswith(f"{float(line['diff']):+.2f}".replace("-", "−"))
@@ -115,7 +121,7 @@ def test_the_tables_have_the_digits_of_results_csv(given_sweep):
             assert told[2:5] in (["baseline", "–", "–"], ["n/a"] * 3)
         share = 100 * float(line["lost_rate"])
         assert told[5].startswith(f"{share:.0f} % of {line['runs']} (")
-        assert told[6] == line["worlds"]
+        assert told[7] == line["worlds"]
     every = [line for panel in found for line in offsets_table(panel).lines]
     for line, told in zip(lines, every, strict=True):
         difference = f"{float(line['diff']):+.2f}".replace("-", "−") if line["diff"] else None
