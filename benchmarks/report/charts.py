@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from textwrap import wrap
 
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, estimates, picture
@@ -12,13 +13,16 @@ from benchmarks.trials.metrics import LEVELS
 Looks = Mapping[str, Look]  # by label
 
 _ROW = 30  # worlds whose marks fit side by side
+_LETTERS = 28  # of a method's name on a line
 
 
 def points_chart(panel: Panel, looks: Looks) -> Picture:
     """Every world's error by method; thin lines join the same world."""
     rows = panel.present
     labels = [panel.labels[row.method] for row in rows]
-    figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * max(map(len, labels)))
+    lines = [wrap(label, _LETTERS) for label in labels]
+    longest = max(len(line) for label in lines for line in label)
+    figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * longest)
     worlds = sorted(set().union(*(row.errors for row in rows)))
     height = {world: _spread(i, len(worlds)) for i, world in enumerate(worlds)}
     axes.plot(
@@ -40,7 +44,7 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
         )
         axes.plot(row.error[1:], [place - 0.3] * 2, color=INK, linewidth=1.6)
         axes.plot(row.error.mean, place - 0.3, "|", color=INK, markersize=8, markeredgewidth=2)
-    axes.set_yticks(range(len(rows)), labels)
+    axes.set_yticks(range(len(rows)), ["\n".join(label) for label in lines])
     axes.set_ylim(len(rows) - 0.5, -0.6)
     axes.set(xlim=(0, None), xlabel="error e of x[t], mean over the lap")
     axes.grid(visible=False, axis="y")

@@ -5,6 +5,8 @@ from typing import Any
 
 from deqmcl_gym.reading import UnreadableError
 
+_DEEPEST = 20  # a map has 2
+
 
 def yaml_of(content: bytes) -> Any:
     """Return what a YAML file holds.
@@ -16,8 +18,14 @@ def yaml_of(content: bytes) -> Any:
 
     try:
         text = content.decode("utf-8-sig")
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-            raise UnreadableError("has an alias, which no map needs")
+        depth = 0
+        for event in yaml.parse(text):
+            if isinstance(event, yaml.AliasEvent):
+                raise UnreadableError("has an alias, which no map needs")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:
+                raise UnreadableError("is nested too deeply")
         node = yaml.compose(text)
         if isinstance(node, yaml.MappingNode):
             for key, count in Counter(key.value for key, _ in node.value).items():
@@ -26,7 +34,5 @@ def yaml_of(content: bytes) -> Any:
         return yaml.safe_load(text)
     except UnreadableError:
         raise
-    except RecursionError:
-        raise UnreadableError("is nested too deeply") from None
     except (yaml.YAMLError, ValueError) as error:  # no UTF-8, a 13th month
         raise UnreadableError(f"is no YAML: {' '.join(str(error).split()).rstrip('.')}") from None

@@ -47,6 +47,14 @@ def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
 
 
+def test_a_method_with_a_long_name_has_room_beside_its_chart():
+    name = "./a/folder/with/a/long/name/localizer.py:Localizer"
+    records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
+    (panel,) = panels(records)
+    (axes,) = charts.points_chart(panel, looks(panel.labels.values())).figure.axes
+    assert axes.get_position().width > 0.3
+
+
 def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
     one, other = ({"params": {"resampler": kind}} for kind in ("systematic", "multinomial"))
     records = trials("mcl", [10.0], **one) + trials("mcl", [20.0], **other)

@@ -12,12 +12,13 @@ from benchmarks.trials.spec import frozen
 
 _AHEAD = 50  # steps of the plan: 10 m
 _DRAWS = {"start_draws": 20, "start_jitter": 0.3}  # m; without it few poses are left
-_RECOVERY = {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}  # as Nav2 recommends
+# as Nav2 recommends for robots that may be anywhere; every filter here that can has it
+_RECOVERY = {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}
 
 _BLIND = methods("mcl", "mcl-map")
 _SENSOR = method("mcl-plan", lag=_AHEAD)
 _START = method("mcl-map", **_DRAWS)
-_AMCL = method("amcl", max_particles=20_000, **_RECOVERY)
+_AMCL = method("amcl", max_particles=20_000)
 # a start informed by the plan costs about as long as the run: the rival has twice the particles
 _ONCE = method("mcl-plan", lag=0, **_DRAWS, particles=5_000)
 _RIVAL = method("mcl-map", particles=10_000)
@@ -27,20 +28,21 @@ LOST_SUITES = MappingProxyType(
         "lost": Sweep(
             title="Lost in an office building, with a dispatcher's route: 200 worlds",
             scenario="lost",
-            localizers=(*_BLIND, _AMCL, _SENSOR, _START),
+            localizers=(*_BLIND, method("mcl-map", particles=50_000), _AMCL, _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
             trials=200,
-            vary=(axis(params__particles=(2_000, 10_000, 50_000)),),
+            params=frozen(_RECOVERY),
+            vary=(axis(params__particles=(2_000, 10_000)),),
         ),
         "lost-quick": Sweep(
             title="Lost in an office building: a quick look",
             scenario="lost",
-            localizers=(*methods("mcl-map"), _START),
+            localizers=(*methods("mcl-map"), _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
-            trials=10,
-            params=frozen({"particles": 5_000}),
+            trials=20,
+            params=frozen({"particles": 5_000, **_RECOVERY}),
         ),
         "lost-hard": Sweep(
             title="Lost with one weak beam, and where two places fit the scans: 200 worlds",
@@ -48,7 +50,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=200,
-            params=frozen({"particles": 10_000}),
+            params=frozen({"particles": 10_000, **_RECOVERY}),
             vary=(axis(scenario=("lost-weak", "lost-symmetric", "lost-symmetric-route")),),
         ),
         "lost-equal-time": Sweep(
@@ -58,6 +60,7 @@ LOST_SUITES = MappingProxyType(
             lag=0,
             trials=200,
             filter_seeds=2,
+            params=frozen(_RECOVERY),
             vary=(axis(scenario=("lost", "lost-weak", "lost-symmetric")),),
         ),
         "lost-regimes": Sweep(
@@ -67,6 +70,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=20,
+            params=frozen(_RECOVERY),
             vary=(
                 axis(world__lidar__beams=(1, 4, 16)),
                 axis(world__floor_plan__office__corridor=(1.2, 2.0, 3.2)),
@@ -78,15 +82,11 @@ LOST_SUITES = MappingProxyType(
         ),
         "kidnapped": Sweep(
             title="Carried off in mid-route, with a new plan and with the old one: 200 worlds",
-            localizers=(
-                method("mcl-map", **_RECOVERY),
-                _AMCL,
-                method("mcl-plan", lag=_AHEAD, **_RECOVERY),
-                method("mcl-map", **_DRAWS, **_RECOVERY),
-            ),
+            localizers=(*methods("mcl-map"), _AMCL, _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
             trials=200,
+            params=frozen(_RECOVERY),
             vary=(
                 axis(scenario=("kidnapped", "kidnapped-stale")),
                 axis(params__particles=(2_000, 10_000)),
@@ -94,7 +94,7 @@ LOST_SUITES = MappingProxyType(
         ),
         "driving": Sweep(
             title="To a goal through doors, driven on the estimate: 200 worlds",
-            localizers=(*_BLIND, method("amcl", **_RECOVERY), _SENSOR, *methods("dead-reckoning")),
+            localizers=(*_BLIND, method("amcl"), _SENSOR, *methods("dead-reckoning")),
             baseline="mcl-map",
             lag=0,
             trials=200,
