@@ -65,6 +65,7 @@ CONTENTS = {
         "docs/quickstart",
         "docs/environment",
         "docs/scenarios",
+        "docs/buildings",
         "docs/write-a-localizer",
         "docs/sweeps",
         "docs/reports",
@@ -75,6 +76,7 @@ CONTENTS = {
     + _tree(
         "Results",
         "docs/plan-sensor",
+        "docs/lost",
         "docs/study",
         "docs/phase",
         "docs/classical",
