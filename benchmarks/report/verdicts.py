@@ -130,7 +130,8 @@ def _against(panel: Panel, row: Comparison) -> str:
     below = Estimate(-row.relative.mean, -row.relative.high, -row.relative.low).percent
     form = ".0f" if abs(below.mean) >= 10 else ".1f"
     ends = interval(below, form)
-    return f"{below.mean:{form}} % below {base} (95 %: {ends}), {worlds}".replace("-", "−")
+    share = f"{below.mean:{form}}".replace("-", "−")
+    return f"{share} % below {base} (95 %: {ends}), {worlds}"
 
 
 def _price(panel: Panel, row: Comparison) -> str:
