@@ -36,7 +36,7 @@ contracts: $(READY)  ## Check who may import whom
 	$(BIN)/lint-imports
 
 docs: $(READY)  ## Run the code of README and docs
-	$(BIN)/python -m pytest --markdown-docs -m markdown-docs README.md docs
+	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
 
 site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
 	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site
