@@ -23,45 +23,67 @@ def verdict_table(panel: Panel) -> Table:
 
     By the share of runs that succeed, if the panel is about one, and by the errors at x_t.
     """
-    at, aim = panel.thresholds, aim_of(panel)
-    header = ["method", *([] if aim is None else score_header(aim))]
-    header += [f"error e, {at.unit} (SD)", "difference to the baseline, 95 % interval"]
-    header += ["wins", "Wilcoxon p, Holm", "lost runs, 95 % interval", "ms per step (baseline = 1)"]
-    header += ["worlds"]
-    rows = ranked(panel)
+    aim, rows = aim_of(panel), ranked(panel)
+    header = ["method", *_headed(panel, aim), "ms per step (baseline = 1)", "worlds"]
     lines = [
         [
             marked_label(panel, row),
-            *([] if aim is None else score_cells(row, aim)),
-            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
-            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
-            "–" if row.is_baseline else percent(row.win_rate),
-            "–" if row.is_baseline else p_value(row.p_holm),
-            f"{percent(row.lost.mean)} of {row.runs} "
-            f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
+            *_compared(row, aim),
             f"{fixed(milliseconds_per_step(panel.records[row.method]))} "
             f"({significant(cost(panel, row), 2)} ×)",
             str(row.worlds),
         ]
         for row in rows
     ]
-    first = "" if aim is None else f"{capital(aim.words)}: share of runs, the largest first. "
-    order = ", the smallest first and in bold," if aim is None else ""
-    caption = (
-        f"{first}Error of the belief about the present, x[t]{order} and how it compares with the "
-        f"baseline on the same worlds. Lost: position error above {at.lost:g} "
-        f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
-        "world as one case. ms per step: the method's own time, median over runs, of the machine "
-        "that ran them."
-    )
     values = [standing(row, aim).value.mean for row in rows]
     best = [line for line, value in enumerate(values) if value == values[0]]
     return Table(
-        f"{caption}{_with(panel)}",
+        f"{_captioned(panel, aim)} ms per step: the method's own time, median over runs, of the "
+        f"machine that ran them.{_with(panel)}",
         header,
         lines,
         strong=[(line, column) for line in best for column in (0, 1)],
         own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+    )
+
+
+def _headed(panel: Panel, aim: Score | None) -> list[str]:
+    error = f"error e, {panel.thresholds.unit} (SD)"
+    if aim is not None:
+        return [*score_header(aim), error, "difference of e, 95 % interval"]
+    apart = "difference to the baseline, 95 % interval"
+    return [error, apart, "wins", "Wilcoxon p, Holm", "lost runs, 95 % interval"]
+
+
+def _compared(row: Comparison, aim: Score | None) -> list[str]:
+    errors = [
+        f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
+        "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
+    ]
+    if aim is not None:
+        return [*score_cells(row, aim), *errors]
+    return [
+        *errors,
+        "–" if row.is_baseline else percent(row.win_rate),
+        "–" if row.is_baseline else p_value(row.p_holm),
+        f"{percent(row.lost.mean)} of {row.runs} "
+        f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
+    ]
+
+
+def _captioned(panel: Panel, aim: Score | None) -> str:
+    at = panel.thresholds
+    if aim is not None:
+        return (
+            f"{capital(aim.words)}: share of runs, the largest first and in bold, and how it "
+            "compares with the baseline on the same worlds. Error e of the belief about the "
+            "present, x[t], compared in the same way."
+        )
+    return (
+        "Error of the belief about the present, x[t], the smallest first and in bold, and how it "
+        f"compares with the baseline on the same worlds. Lost: position error above {at.lost:g} "
+        f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
+        "world as one case."
     )
 
 

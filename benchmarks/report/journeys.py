@@ -131,7 +131,7 @@ def share_chart(
 
 def score_header(score: Score) -> list[str]:
     """Return what the columns of a score of whole runs are of."""
-    points = "%" if score.unit == "share" else score.unit
+    points = "points" if score.unit == "share" else score.unit
     return [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
 
 

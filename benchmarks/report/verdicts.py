@@ -71,7 +71,7 @@ def runner_up(panel: Panel) -> str:
         return ""
     name, reached = named(found.following, panel), _brief(panel, found.following, found.aim)
     lead, form, unit = found.lead, ".2f", panel.thresholds.unit
-    if math.isnan(lead.low):
+    if math.isnan(lead.low) or lead == (0, 0, 0):
         return f"Next is {name}: {reached}."
     if found.aim is not None:
         lead, form, unit = lead.percent, ".0f", "points"
