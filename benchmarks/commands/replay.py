@@ -7,6 +7,7 @@ from pathlib import Path
 from benchmarks.commands.shared import (
     add_jobs,
     add_seed,
+    add_timeout,
     folder,
     localizers_named,
     log_warnings,
@@ -72,12 +73,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--node", metavar="NAME", help="whose parameters in it, as /robot1/amcl (the only amcl)")
     add_jobs(parser, "runs")
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="seconds that a run may take (no limit; a plug-in's 3600, and 60 to be made)",
-    )
+    add_timeout(parser, "run")
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 

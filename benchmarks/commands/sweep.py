@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_jobs, checking, folder, localizers_named
+from benchmarks.commands.shared import add_jobs, add_timeout, checking, folder, localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
@@ -32,12 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
     add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="seconds that a trial may take (no limit; a plug-in's 3600, and 60 to be made)",
-    )
+    add_timeout(parser)
     add("--retry-failed", action="store_true", help="run trials again that failed before")
     add("--fail-fast", action="store_true", help="stop at the first trial that fails")
     add("--dry-run", action="store_true", help="show the cells and estimate how long they take")
