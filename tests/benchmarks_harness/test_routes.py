@@ -1,12 +1,14 @@
 """Scenarios in buildings: the same journey for all methods, and agents that drive to a goal."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+from benchmarks.agents.old_route import OldRoute
 from benchmarks.agents.on_route import OnRoute
 from benchmarks.agents.to_goal import ToGoal
 from benchmarks.setup.names import scenario
-from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -94,16 +96,32 @@ def test_the_route_fits_one_of_two_wings_or_both_of_two_halves(number):
     assert contacts(room, info["truth"], shown(info)) == contacts(room, twin, shown(info)) == 0
 
 
-@pytest.mark.parametrize(("name", "honest"), [("kidnapped", True), ("kidnapped-stale", False)])
-def test_after_the_kidnap_the_plan_is_about_the_robot_or_is_not(name, honest):
-    one = trial(name)
-    setup = scenario_of(one)
-    env = disturbed(setup.room(), setup.disturbance)
-    _, info = env.reset(seed=one.world_seed)
-    for _ in range(75):
-        before, (*_, info) = info["truth"], env.step(info["planned_actions"][0])
-    assert np.hypot(*(info["truth"] - before)[:2]) > 1
-    assert (contacts(env.unwrapped, info["truth"], shown(info)) == 0) is honest
+def test_after_the_kidnap_the_same_robot_drives_on_with_a_plan_about_it_or_with_the_old_one():
+    room, _ = begun("kidnapped")
+    runs = [
+        list(itertools.islice(trial_moments(trial(name)), 120))
+        for name in ("kidnapped", "kidnapped-stale")
+    ]
+    for told, stale in zip(*runs, strict=True):
+        np.testing.assert_array_equal(told.truth, stale.truth)
+        np.testing.assert_array_equal(told.ranges, stale.ranges)
+        np.testing.assert_array_equal(told.action, stale.action)
+    told, stale = ([moment.plan for moment in run] for run in runs)
+    carried = 75
+    assert np.hypot(*(runs[0][carried].truth - runs[0][carried - 1].truth)[:2]) > 1
+    np.testing.assert_array_equal(stale[0], told[0])
+    for step in range(1, carried + 1):  # the dispatcher's, made before the step
+        np.testing.assert_array_equal(stale[step], told[step - 1][1:])
+    for step in range(carried, 120):
+        np.testing.assert_array_equal(stale[step], stale[carried][step - carried :])
+    truth = runs[0][90].truth
+    assert contacts(room, truth, told[90]) == 0 < contacts(room, truth, stale[90])
+    assert not any(moment.collided for moment in runs[1])
+
+
+def test_the_old_route_is_that_of_a_world_with_routes():
+    with pytest.raises(InputError, match="give a world with a route"):
+        OldRoute(None).plan_at_reset({})
 
 
 @pytest.mark.parametrize("agent", [ToGoal, OnRoute])
