@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.path import Pose
+from deqmcl_gym.world.path import Path, Pose
 from deqmcl_gym.world.path_kernels import roll_out
 from deqmcl_gym.world.plan import Actions, FixedPlan, Underway
 from deqmcl_gym.world.task_kernels import once_round
@@ -30,8 +31,10 @@ class GuidedPlan:
     that end. Where walls hold it up it gives up, after ``limit`` steps.
 
     Routes lead round corners and through doors, which a long look-ahead cuts. On them it is the
-    longest of a few with which all of the way that is left is free of walls; if there is none, the
-    one with which the robot comes farthest.
+    longest of a few with which all of the way that is left is free of walls, with half the room
+    that the robot has, but at most half the route's clearance, for noise. If there is none, the
+    driver goes straight back to the route first; if that is not free either, he does what takes the
+    robot farthest.
 
     Attributes:
         world: in which it drives.
@@ -104,24 +107,39 @@ class GuidedPlan:
 
     def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> Actions:
         """Return the next actions, at most so many."""
+        path = self.course.path
         if self.world.route is None:
-            return self._looking_ahead(1.0, pose, arc, way, most)
+            return self._along(path, 1.0, pose, arc, way, most)
+        body = self.world.body + self._margin(pose)
         farthest, clear = np.empty((0, 2), np.float32), -1
-        for share in _NEARER:
-            actions = self._looking_ahead(share, pose, arc, way, most)
-            blocked = _blocked(pose, actions, self.world)
-            if not blocked.any():
-                return actions
-            if blocked.argmax() > clear:
-                farthest, clear = actions, int(blocked.argmax())
+        for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
+            for share in _NEARER:
+                actions = self._along(onto, share, pose, begin, way, most)
+                blocked = _blocked(pose, actions, self.world.floor_plan, body)
+                if not blocked.any():
+                    return actions
+                if blocked.argmax() > clear:
+                    farthest, clear = actions, int(blocked.argmax())
         return farthest
 
-    def _looking_ahead(
-        self, share: float, pose: Pose, arc: float, way: float, most: int
+    def _margin(self, pose: Pose) -> float:
+        assert self.world.route is not None
+        room = float(self.world.floor_plan.distance([pose[:2]])[0]) - self.world.body
+        return max(0.0, min(room, self.world.route.clearance)) / 2
+
+    def _along(
+        self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
     ) -> Actions:
-        path, rules = self.course.path, (share * self.rules[0], *self.rules[1:])
+        rules = (share * self.rules[0], *self.rules[1:])
         actions = np.empty((most, 2), np.float32)
         return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
+
+
+def _back_onto(path: Path, arc: float, pose: Pose) -> Path:
+    """Return the rest of an open path, and before it the straight way there."""
+    corners = np.vstack([pose[:2], path.corners_from(arc)])
+    apart = (np.diff(corners, axis=0) != 0).any(axis=1)
+    return Path(corners[np.append(True, apart)], closed=False)
 
 
 def _check_drivable(plan: GuidedPlan) -> None:
@@ -132,16 +150,16 @@ def _check_drivable(plan: GuidedPlan) -> None:
             f"the driver does not complete the lap in {plan.limit:,} steps, even without noise: "
             f"{wish}"
         )
-    blocked = _blocked(start, actions, plan.world)
+    blocked = _blocked(start, actions, plan.world.floor_plan, plan.world.body)
     if blocked.any():
         x, y = _points(start, actions)[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
 
 
-def _blocked(start: Pose, actions: Actions, world: World) -> Bools:
-    """Whether a robot without noise would touch a wall in each step, (T,)."""
+def _blocked(start: Pose, actions: Actions, floor_plan: Map, body: float) -> Bools:
+    """Whether a disc of radius ``body`` without noise would touch a wall in each step, (T,)."""
     points = _points(start, actions)
-    return world.floor_plan.collides(points[:-1], points[1:], world.body)
+    return floor_plan.collides(points[:-1], points[1:], body)
 
 
 def _points(start: Pose, actions: Actions) -> Floats:

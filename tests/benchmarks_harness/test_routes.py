@@ -1,6 +1,7 @@
 """Scenarios in buildings: the same journey for all methods, and agents that drive to a goal."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,6 +123,23 @@ def test_after_the_kidnap_the_same_robot_drives_on_with_a_plan_about_it_or_with_
 def test_the_old_route_is_that_of_a_world_with_routes():
     with pytest.raises(InputError, match="give a world with a route"):
         OldRoute(None).plan_at_reset({})
+
+
+@pytest.mark.parametrize("number", [35, 251])  # of 1,000: they start beside a corner of a wall
+def test_one_who_sees_the_pose_cuts_no_corner_however_much_of_the_plan_is_shown(number):
+    one = trial("driving-perfect", number)
+    rooms = [scenario_of(one).room(), scenario_of(replace(one, world=(("horizon", 3),))).room()]
+    infos = [room.reset(seed=one.world_seed)[1] for room in rooms]
+    cornered, ended = 0, False
+    while not ended:
+        np.testing.assert_array_equal(shown(infos[0])[:3], shown(infos[1]))
+        cornered += contacts(rooms[0], infos[0]["truth"], shown(infos[0])) > 0
+        *_, done, given_up, infos[0] = rooms[0].step(shown(infos[0])[0])
+        infos[1] = rooms[1].step(shown(infos[1])[0])[-1]
+        assert not infos[0]["collided"]
+        ended = done or given_up
+    assert cornered == 0
+    assert np.hypot(*(infos[0]["truth"][:2] - infos[0]["goal"])) <= 0.5
 
 
 @pytest.mark.parametrize("agent", [ToGoal, OnRoute])
