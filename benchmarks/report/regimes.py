@@ -25,7 +25,7 @@ from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 
-_CELL = 0.92, 0.62  # inches
+_CELL = 1.0, 0.66  # inches
 _LEFT, _BETWEEN, _BELOW, _ABOVE = 0.75, 0.18, 0.55, 0.3
 _COLORS = LinearSegmentedColormap.from_list("ahead", ["#d55e00", "#f4f4f4", "#0072b2"])
 _PALE = 0.6  # of the colours' range is used, so that black is legible on all
@@ -49,6 +49,8 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
     swept = swept_coordinates(places)
     if len(swept) != 3:
         return []
+    *_, last = swept
+    squares = {place.get(last): _square_words((last, *swept[last]), place) for place in places}
     cells: dict[str, dict[tuple[Any, ...], tuple[Comparison, Comparison]]] = {}
     for place, panel in zip(places, panels, strict=True):
         reference = next((row for row in panel.present if row.is_baseline), None)
@@ -59,7 +61,7 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
                 where = tuple(place[key] for key in swept)
                 cells.setdefault(panel.labels[row.method], {})[where] = row, reference
     return [
-        _drawn(f"regimes-{name.replace('_', '-')}-{number}", label, own, score, swept)
+        _drawn(f"regimes-{name.replace('_', '-')}-{number}", label, own, score, swept, squares)
         for number, (label, own) in enumerate(cells.items(), 1)
         for name, score in JOURNEY_SCORES.items()
         if score.tested and any(name in row.journey for row, _ in own.values())
@@ -67,7 +69,12 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
 
 
 def _drawn(
-    name: str, label: str, cells: Cells, score: Score, swept: Mapping[str, Sequence[str]]
+    name: str,
+    label: str,
+    cells: Cells,
+    score: Score,
+    swept: Mapping[str, Sequence[str]],
+    titles: Mapping[Any, str],
 ) -> Picture:
     across, upwards, squares = (sorted(set(values)) for values in zip(*cells, strict=True))
     wide, high = len(across) * _CELL[0], len(upwards) * _CELL[1]
@@ -81,7 +88,7 @@ def _drawn(
         left = _LEFT + number * (wide + _BETWEEN)
         axes = figure.add_axes((left / width, _BELOW / height, wide / width, high / height))
         _square(axes, across, upwards, first=number == 0)
-        axes.set_title(f"{words[2]} {square}", loc="left")
+        axes.set_title(titles[square], loc="left")
         axes.set_xlabel(words[0])
         if number == 0:
             axes.set_ylabel(words[1])
@@ -97,6 +104,10 @@ def _drawn(
         f"{title}. Clearly ahead of the baseline in {better} of {len(cells)} settings, clearly "
         f"behind in {worse}."
     ))  # fmt: skip
+
+
+def _square_words(keys: Sequence[str], place: Mapping[str, Any]) -> str:
+    return ", ".join(f"{coordinate_words(key).rpartition('.')[2]} {place.get(key)}" for key in keys)
 
 
 def _square(axes: Axes, across: Sequence[Any], upwards: Sequence[Any], *, first: bool) -> None:
@@ -121,14 +132,20 @@ def _fill(
     values = [_level(one.journey.get(score.name), score) for one in (reference, row)]
     ink: dict[str, Any] = {"ha": "center", "va": "center", "color": "#1f2328"}
     axes.text(x, y + 0.24, mean, fontsize=11, fontweight=weight, **ink)
-    axes.text(x, y - 0.06, ends, fontsize=7, **ink)
-    axes.text(x, y - 0.3, " → ".join(values), fontsize=7, **ink)
+    axes.text(x, y - 0.06, ends, fontsize=8, **ink)
+    axes.text(
+        x,
+        y - 0.3,
+        f"{' → '.join(values)} {'%' if score.unit == 'share' else 'm'}",
+        fontsize=8,
+        **ink,
+    )
 
 
 def _level(own: JourneyScore | None, score: Score) -> str:
     if own is None:
         return "n/a"
-    return f"{own.value.mean:.0%}" if score.unit == "share" else f"{own.restricted:.1f} m"
+    return f"{100 * own.value.mean:.0f}" if score.unit == "share" else f"{own.restricted:.1f}"
 
 
 def _ahead(row: Comparison, score: Score) -> float:
