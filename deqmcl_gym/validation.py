@@ -91,6 +91,18 @@ def number(
     return given
 
 
+def keep_plain(part: object) -> None:
+    """Make the numbers of a frozen dataclass Python's own.
+
+    With a ``numpy.float32`` among them, NumPy would compute in single precision from there on.
+    """
+    for field in dataclasses.fields(part):  # type: ignore[arg-type]
+        value = getattr(part, field.name)
+        if isinstance(value, numbers.Real) and not isinstance(value, int | float):
+            kind = int if isinstance(value, numbers.Integral) else float
+            object.__setattr__(part, field.name, kind(value))
+
+
 def boolean(what: str, value: object) -> bool:
     """Return a truth value, else refuse it (1 and "yes" are refused)."""
     if not isinstance(value, bool | np.bool_):

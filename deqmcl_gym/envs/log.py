@@ -114,11 +114,11 @@ class LogEnv(gym.Env[Singles, Singles]):
     ) -> None:
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
-        apart = None if every is None else spacing("every", every)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         whole = log_of(log, reference, reading).segment(start, length)
+        apart = None if every is None else spacing("every", every, whole.unit)
         played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
         self.log = played if max_beams is None else played.with_beams(max_beams)
         if len(self.log) < 2:

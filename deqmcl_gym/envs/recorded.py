@@ -32,9 +32,10 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
         if not isinstance(reading, Mapping | None):
             raise InputError(f"reading is {shown(reading)}, but must be arguments of logs.read.")
         options = dict(reading or {})
+        allowed = set(signature(logs.read).parameters) - {"path", "reference"}
         for name in options:
-            one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})
-        return logs.read(given, **{"reference": reference, **options})
+            one_of("key in reading", name, allowed)
+        return logs.read(given, reference=reference, **options)
     if reading:
         raise InputError("reading is given, but the log has been read already: leave it out.")
     return given if reference is None else logs.referenced(given, reference)
@@ -116,8 +117,12 @@ def _unknown(log: logs.Log) -> Indices:
     return np.concatenate([[0], np.cumsum(unknown)])
 
 
-def spacing(what: str, given: object) -> tuple[float, float]:
-    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
+def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
+    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair.
+
+    Raises:
+        InputError: neither, or a distance in another unit than the log's.
+    """
     if not isinstance(given, str):
         distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
         return distance, angle
@@ -129,6 +134,8 @@ def spacing(what: str, given: object) -> tuple[float, float]:
             raise InputError(
                 f'{what} is {given!r}, but must be a distance and an angle, such as "0.2m,5deg".'
             )
+        if kind == "length" and match[2] != unit:
+            raise InputError(f"{what} is {given!r}, but the log is in {unit}: give {unit}.")
         value = float(match[1])
         found[kind] = math.radians(value) if match[2] in ("deg", "°") else value
     return found["length"], found["angle"]

@@ -141,7 +141,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             RuntimeError: it is that of a route, and there is no episode.
         """
         plan = self._setting.plan if self._is_lap_ahead else self._episode.plan
-        return plan.actions
+        return plan.actions.copy()
 
     @property
     def course(self) -> Course:
@@ -175,8 +175,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             InputError: a bad seed, an option, or no free start. The last episode goes on.
         """
         check_no_options(options)
-        root = self.np_random_seed if seed is None else integer("seed", seed)
-        number = self._number + 1 if seed is None else 0
+        root, number = self._next_episode() if seed is None else (integer("seed", seed), 0)
         episode = Episode(self._setting, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
@@ -253,6 +252,12 @@ class RoomEnv(gym.Env[Any, Singles]):
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
         return self._setting.picture(episode.course, episode.pose, episode.scan, episode.step)
+
+    def _next_episode(self) -> tuple[int, int]:
+        """Seed and number of the episode that follows without a seed."""
+        if self.np_random_seed >= 0:
+            return self.np_random_seed, self._number + 1
+        return int(self.np_random.integers(2**63)), 0  # np_random was set, so nobody knows its seed
 
     @property
     def _is_lap_ahead(self) -> bool:

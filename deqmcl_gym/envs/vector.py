@@ -90,7 +90,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     @property
     def plan(self) -> Actions:
         """The actions planned for each episode, done and to come, (T, 2) float32."""
-        return self._plan.actions
+        return self._plan.actions.copy()
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]

@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found
+from deqmcl_gym.logs.found import UNREADABLE, Found, usable
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1")
@@ -44,6 +45,7 @@ class _Messages:
     scans: dict[str, Found]
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
+    mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
     unreadable: int = 0
 
     def read(self, line: str) -> None:
@@ -79,21 +81,21 @@ class _Messages:
         _, start, _, step, farthest, *_ = numbers_of(words[:7])
         ranges = numbers_of(words[8 : 8 + n])
         rest = numbers_of(words[9 + n + m : 21 + n + m])
-        offset = relative(np.array([rest[3:6]]), np.array([rest[:3]]))[0]
-        geometry = (start, step, farthest, *(np.round(offset, 3) + 0.0).tolist())
-        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, geometry)
+        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, (start, step, farthest))
+        self.mounts.append(rest[:6])
 
     def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
         """Return the scanner of messages that say their geometry, or of FLASER, which does not."""
         if _OURS in self.params:
             return Scanner.of_json(_OURS, self.params[_OURS])
         if geometry is None:
-            start, step = -math.pi / 2, math.pi / (beams - 1 + (beams % 2 == 0))
+            start, step = -math.pi / 2, math.pi / max(beams - beams % 2, 1)
             farthest = self._param("robot_front_laser_max", SICK_RANGE)
             names = ("offset", "side_offset", "angular_offset")
             x, y, turn = (self._param(f"robot_frontlaser_{name}", 0.0) for name in names)
         else:
-            start, step, farthest, x, y, turn = geometry
+            start, step, farthest = geometry
+            x, y, turn = self._mounting()
         return Scanner(
             angles=tuple((start + turn + step * np.arange(beams)).tolist()),
             mounting=(x, y),
@@ -106,6 +108,18 @@ class _Messages:
     def unit(self) -> str:
         """The unit of all lengths."""
         return self.params.get(_UNIT, "m")
+
+    def _mounting(self) -> list[float]:
+        """Median offset of the laser from the robot, to 0.001: x, y, turn."""
+        mounts = np.array(self.mounts)
+        offsets = relative(mounts[:, 3:], mounts[:, :3])
+        offsets = offsets[usable(offsets)]
+        if not len(offsets):
+            return [math.nan] * 3
+        off = offsets - offsets[0]
+        off[:, 2] = arrays.wrapped(off[:, 2])  # a turn of π may also read -π
+        middle: list[float] = (np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist()
+        return middle
 
     def _param(self, name: str, default: float) -> float:
         try:

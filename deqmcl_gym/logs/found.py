@@ -12,11 +12,11 @@ import numpy as np
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import LARGEST, InputError
 
 UNREADABLE = "unreadable"
 OTHER_SCAN = "with a scan of another length or geometry"
-NOT_FINITE = "with a time or pose that is not finite"
+NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
 
@@ -70,8 +70,8 @@ class Found:
             (most, _), *_ = Counter(self.geometry).most_common(1)
             same = np.array([geometry == most for geometry in self.geometry])
             kept = self._without(kept, same, OTHER_SCAN)
-            finite = np.isfinite(times) & np.isfinite(odometry).all(axis=1)
-            kept = self._without(kept, finite[kept], NOT_FINITE)
+            sound = usable(np.column_stack([times, odometry]))
+            kept = self._without(kept, sound[kept], NOT_FINITE)
             kept = kept[in_order(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
@@ -95,6 +95,12 @@ class Found:
             self.damage[reason] += lost
         left: Indices = kept[sound]
         return left
+
+
+def usable(rows: Floats) -> Bools:
+    """Which rows (n, k) have finite numbers of at most ``LARGEST`` only, (n,)."""
+    sound: Bools = (np.abs(rows) <= LARGEST).all(axis=1)  # not so of NaN either
+    return sound
 
 
 def in_order(times: Floats, damage: Counter[str]) -> Indices:

@@ -28,22 +28,25 @@ _TRANSFORMS, _POSE, _WORDS = (
     "geometry_msgs/msg/PoseStamped",
     "std_msgs/msg/String",
 )
+_LAST = 2**31 - 1  # s: the seconds of a ROS 2 stamp are int32
 
 
 def write_bag(log: Log, path: Path) -> None:
     """Write a log as .bag (ROS 1), .mcap (ROS 2), or a folder of a ROS 2 bag (sqlite3).
 
     Raises:
-        InputError: beams that are not evenly spaced, times before 0, or it cannot be written.
+        InputError: beams that are not evenly spaced, times that ROS cannot hold, or a path that
+            cannot be written.
     """
     require_rosbags()
     if log.scanner.spacing is None:
         raise InputError(
             "a ROS bag has evenly spaced beams, but those of this log are not: write .csv or .npz."
         )
-    if log.times[0] < 0:
+    if not 0 <= log.times[0] <= log.times[-1] < _LAST:
         raise InputError(
-            f"the log begins at {log.times[0]:g} s, but ROS has no time before 0: shift its times."
+            f"the log is from {log.times[0]:g} s to {log.times[-1]:g} s, but times in ROS are from "
+            f"0 to {_LAST:,} s: shift its times."
         )
     if path.exists() and path.is_dir():
         raise InputError(f"{path} is a folder that exists already: give another path.")

@@ -57,9 +57,10 @@ class Scanner(Lidar):
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
         x, y = array("scanner.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (x, y))
-        number("scanner.min_range", self.min_range, low=0)
-        number("scanner.no_return", self.no_return, low=0, above=True, finite=False)
         super().__post_init__()
+        number("scanner.min_range", self.min_range, low=0, high=self.max_range)
+        least = self.min_range
+        number("scanner.no_return", self.no_return, low=least, above=True, finite=False)
 
     @classmethod
     def of_lidar(cls, lidar: Lidar) -> "Scanner":

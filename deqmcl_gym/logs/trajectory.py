@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order
+from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order, usable
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
 from deqmcl_gym.logs.text import numbers_of, text_of
@@ -86,7 +86,7 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
-    known = np.isfinite(table).all(axis=1)
+    known = usable(table)
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
     return _sound(np.column_stack([table[:, :3], headings]), str(file), damage)
@@ -94,10 +94,10 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
 
 def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
     """Return the sound ones of rows t, x, y, θ, (n, 4); warn of the others."""
-    finite = np.isfinite(rows).all(axis=1)
-    if not finite.all():
-        damage[NOT_FINITE] += int((~finite).sum())
-    rows = rows[finite]
+    sound = usable(rows)
+    if not sound.all():
+        damage[NOT_FINITE] += int((~sound).sum())
+    rows = rows[sound]
     if not len(rows):
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         raise InputError(

@@ -3,6 +3,7 @@
 Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
 """
 
+import io
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, number, one_of, pose
@@ -35,14 +37,15 @@ def remembered(
     image = _image_path(yaml_path, said)
     stat = image.stat()
     key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
-    if key not in _remembered:
-        while len(_remembered) >= _KEPT:
-            del _remembered[next(iter(_remembered))]
+    found: T | None = _remembered.get(key)
+    if found is None:
         try:
-            _remembered[key] = made(_read(said, image))
+            found = made(_read(said, image))
         except InputError as error:
             raise InputError(f"the map {yaml_path}: {error}") from None
-    found: T = _remembered[key]
+        while len(_remembered) >= _KEPT:
+            _remembered.pop(next(iter(_remembered)), None)  # another thread may have done so
+        _remembered[key] = found
     return found
 
 
@@ -82,9 +85,14 @@ def write(
         "occupied_thresh": float(thresholds[1]),
         "free_thresh": float(thresholds[0]),
     }
+    pixels = _pixels(cells[::-1], mode, *thresholds)
+    _check_kept(cells[::-1], pixels, mode, *thresholds)
+    drawn = io.BytesIO()
+    Image.fromarray(pixels).save(drawn, "PNG" if mode == "scale" else "PPM")
     try:
-        Image.fromarray(_pixels(cells[::-1], mode, *thresholds)).save(image)
-        yaml_path.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None))
+        write_bytes(image, drawn.getvalue())
+        said = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+        write_bytes(yaml_path, said.encode())
     except OSError as error:
         raise InputError(
             f"the map cannot be written to {yaml_path} ({error.strerror or error}): name a file in "
@@ -203,6 +211,25 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     return cells.astype(np.int8)
 
 
+def _check_kept(
+    cells: Occupancy, pixels: NDArray[np.uint8], mode: str, free: float, occupied: float
+) -> None:
+    """Refuse pixels in which solid cells or free ones would be read back as something else.
+
+    A white pixel is 254 of 255, so free cells need a ``free`` above 0.004, solid ones an
+    ``occupied`` below 1.
+    """
+    back = _occupancy(pixels.reshape(*cells.shape, -1) / 255, mode, False, free, occupied)
+    was_solid, is_solid = (values / OCCUPIED >= occupied for values in (cells, back))
+    was_free = (cells >= FREE) & (cells / OCCUPIED <= free)
+    if (was_solid & ~is_solid).any() or (was_free & (is_solid | (back < FREE))).any():
+        raise InputError(
+            f"mode is {mode!r}, in which cells would change from free or occupied to another kind "
+            f'with free_thresh = {free:g} and occupied_thresh = {occupied:g}: choose mode="raw", '
+            "or other thresholds."
+        )
+
+
 def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
     """Return the image that map_saver makes of cells."""
     if mode == "raw":
@@ -210,7 +237,8 @@ def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArra
     if mode == "trinary":
         between = 1 - (free + occupied) / 2
         grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
-        solid, open_ = cells >= OCCUPIED * occupied, (cells >= FREE) & (cells <= OCCUPIED * free)
+        shares = cells / OCCUPIED
+        solid, open_ = shares >= occupied, (cells >= FREE) & (shares <= free)
         return np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
     share = free + cells / OCCUPIED * (occupied - free)
     shade = np.rint(255 * (1 - share))

@@ -21,10 +21,11 @@ from deqmcl_gym.maps import (
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Point
+from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, number, one_of, pose
+from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
 
@@ -72,6 +73,7 @@ class GridMap:
             one_of("value of unknown", self.unknown, _SHARES)
         else:
             number('unknown, if it is neither "obstacle" nor "free",', self.unknown, low=0, high=1)
+        keep_plain(self)
         self._check_resolved()
         if self.solid.all():
             counts = [int((self.occupancy == kind).sum()) for kind in (OCCUPIED, UNKNOWN)]
@@ -169,19 +171,22 @@ class GridMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins, beams = _rows(poses, 3), np.asarray(bearings, dtype=np.float32)
+        origins, beams = _rows("poses", poses, 3), np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.cast(origins, beams, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
-        return ~self._feasible(_rows(starts, 2), _rows(ends, 2), radius)
+        before, after = _rows("starts", starts, 2), _rows("ends", ends, 2)
+        check_pairs(before, after)
+        return ~self._feasible(before, after, radius)
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``RollOuts.rolled_out``."""
+        check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = float(radius)
@@ -190,13 +195,14 @@ class GridMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``RollOuts.collisions_along``."""
+        check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         disc_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
         return hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
-        centres = _rows(points, 2)
+        centres = _rows("points", points, 2)
         if radius > 0.0:
             return self._feasible(centres, centres, radius)
         us, vs = np.empty((2, centres.shape[1]))
@@ -207,7 +213,7 @@ class GridMap:
 
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = _rows(points, 2)
+        centres = _rows("points", points, 2)
         out = np.empty(centres.shape[1], np.float32)
         grid_kernels.distances(centres, self._reach, *self._runs, self._frame, out)
         return out
@@ -290,9 +296,9 @@ def _occupancy(given: Any) -> NDArray[np.int8]:
     return kept
 
 
-def _rows(items: ArrayLike, columns: int) -> NDArray[Any]:
+def _rows(what: str, items: ArrayLike, columns: int) -> NDArray[Any]:
     """(n, d) as contiguous rows (columns, n) of float32 or float64: far from 0 both matter."""
-    given = np.asarray(items)
+    given = table(what, items, columns)
     dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
     rows = given.astype(dtype, order="F", copy=False).T
     return rows if len(rows) == columns else rows[:columns]

@@ -9,7 +9,7 @@ from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.numerics.types import Bools
-from deqmcl_gym.validation import InputError, boolean, digits, integer, number
+from deqmcl_gym.validation import InputError, boolean, digits, integer, keep_plain, number
 
 CELL = 0.1  # m
 _WALL = 2  # cells
@@ -55,6 +55,7 @@ class Office:
                 raise InputError(
                     f"office.{name} is {digits(length)}, but must be a multiple of {CELL:g} m."
                 )
+        keep_plain(self)
         boolean("office.repeated", self.repeated)
         if boolean("office.symmetric", self.symmetric) and (self.repeated or self.wings % 2):
             raise InputError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deqmcl_gym.maps.polygon_map import PolygonMap
+from deqmcl_gym.reading import UnreadableError, content_of, json_of
 from deqmcl_gym.validation import InputError, one_of
 
 KEYS = ("outer", "obstacles", "unit")
@@ -22,14 +23,14 @@ def read(path: str | os.PathLike[str]) -> PolygonMap:
         InputError: a file that is missing or broken, or a bad value in it.
     """
     try:
-        given = json.loads(Path(path).expanduser().read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the map file {path} cannot be read ({error.strerror}): give one that is there."
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"the map file {path} is no JSON: {error}.") from None
+        given = json_of(content_of(Path(path).expanduser()))
+    except FileNotFoundError:
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"the map file {path} {error}.") from None
     try:
+        for key in given:
+            one_of("key", key, KEYS)
         return of_mapping(given)
     except InputError as error:
         raise InputError(f"the map {path}: {error}") from None

@@ -13,6 +13,7 @@ from deqmcl_gym.maps.clearance import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Box, Caster, Point
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
+from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, shown
@@ -93,7 +94,7 @@ class PolygonMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins = self._rows(poses, 3)
+        origins = self._rows("poses", poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.local.caster.cast(origins, beams, out)
@@ -101,7 +102,8 @@ class PolygonMap:
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
-        before, after = self._rows(starts, 2), self._rows(ends, 2)
+        before, after = self._rows("starts", starts, 2), self._rows("ends", ends, 2)
+        check_pairs(before, after)
         clear = np.empty(after.shape[1], np.bool_)
         kernels.feasible(before, after, self._walls32, np.float32(radius), self._clearance, clear)
         return ~clear
@@ -110,6 +112,7 @@ class PolygonMap:
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``RollOuts.rolled_out``."""
+        check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
@@ -119,6 +122,7 @@ class PolygonMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``RollOuts.collisions_along``."""
+        check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         laid_kernels.collisions(
@@ -128,7 +132,7 @@ class PolygonMap:
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
-        centres = self._rows(points, 2)
+        centres = self._rows("points", points, 2)
         free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
             windings = np.empty(centres.shape[1], np.int32)
@@ -142,7 +146,7 @@ class PolygonMap:
 
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = self._rows(points, 2)
+        centres = self._rows("points", points, 2)
         square = np.empty(centres.shape[1], np.float32)
         kernels.sweep(centres, centres, self._walls32, square)
         return np.sqrt(square)
@@ -170,13 +174,13 @@ class PolygonMap:
         x0, y0 = self.datum
         return tuple((x - x0, y - y0) for x, y in polygon)
 
-    def _rows(self, items: ArrayLike, columns: int) -> Singles:
+    def _rows(self, what: str, items: ArrayLike, columns: int) -> Singles:
         """(n, d) in any layout as contiguous rows (columns, n) about the datum; see ``_moved``."""
+        given = table(what, items, columns)
         if self.datum == (0.0, 0.0):
-            # such rows' .T is not copied
-            rows = np.asarray(items, dtype=np.float32, order="F").T
+            rows = np.asarray(given, dtype=np.float32, order="F").T  # no copy of rows that fit
         else:
-            rows = _moved(np.asarray(items).T, self.datum)
+            rows = _moved(given.T, self.datum)
         return rows if len(rows) == columns else rows[:columns]
 
     @cached_property
@@ -209,6 +213,11 @@ def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
     Returns:
         (3, n), θ' in [-π, π].
     """
+    if len(poses) != 3 or not poses.shape[1:] == distances.shape == turns.shape:
+        raise InputError(
+            f"poses have shape {poses.shape}, distances {distances.shape} and turns {turns.shape}, "
+            "but they must be (3, n), (n,) and (n,)."
+        )
     out = np.empty_like(poses)
     kernels.drive(poses, distances, turns, out)
     return out

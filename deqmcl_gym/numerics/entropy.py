@@ -29,6 +29,8 @@ class Seeds(ISpawnableSeedSequence):
 
     def __init__(self, seed: int, key: tuple[int, ...]) -> None:
         """Take a seed, 0 or more, and a key of one or more numbers below 2³²."""
+        if seed < 0:
+            raise ValueError(f"the seed is {seed}, but must be 0 or more")
         self._seed, self._key = seed, key
 
     def generate_state(self, n_words: int, dtype: Any = np.uint32) -> NDArray[Any]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_file
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, number, one_of, part, pose, shown
+from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 
 SKIN = 1e-3  # px
 
@@ -37,6 +37,7 @@ class Robot:
         number("robot.radius", self.radius, low=0)
         number("robot.max_distance", self.max_distance, low=0, above=True)
         number("robot.max_turn", self.max_turn, low=0, high=math.pi, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,7 @@ class MotionNoise:
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):
             number(f"noise.{name}", getattr(self, name), low=0)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,7 @@ class Start:
             object.__setattr__(self, "pose", pose("start.pose", self.pose))
         number("start.sd_position", self.sd_position, low=0)
         number("start.sd_heading", self.sd_heading, low=0)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +113,7 @@ class Lap:
                     "last corner is joined to the first by itself."
                 )
             object.__setattr__(self, "waypoints", tuple((x, y) for x, y in corners.tolist()))
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +131,7 @@ class Driver:
     def __post_init__(self) -> None:
         number("driver.look_ahead", self.look_ahead, low=0, above=True)
         number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +170,7 @@ class Route:
         number("route.clearance", self.clearance, low=0)
         number("route.comfort", self.comfort, low=0, above=True)
         number("route.tolerance", self.tolerance, low=0, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)

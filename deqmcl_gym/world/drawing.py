@@ -100,7 +100,7 @@ class Drawing:
 
     def _cells(self, floor_plan: GridMap) -> None:
         occupancy = floor_plan.occupancy
-        occupied = occupancy >= 100 * floor_plan.occupied_thresh
+        occupied = occupancy / 100 >= floor_plan.occupied_thresh
         shades: Image = np.full(occupancy.shape, 255, np.uint8)
         shades[occupancy < 0], shades[occupied] = PALE[0], BLACK[0]
         wide = math.ceil(1 / (self.view.per_length * floor_plan.resolution))
