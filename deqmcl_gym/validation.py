@@ -99,8 +99,8 @@ def keep_plain(part: object) -> None:
     for field in dataclasses.fields(part):  # type: ignore[arg-type]
         value = getattr(part, field.name)
         if isinstance(value, numbers.Real) and not isinstance(value, int | float):
-            kind = int if isinstance(value, numbers.Integral) else float
-            object.__setattr__(part, field.name, kind(value))
+            plain = int(value) if isinstance(value, numbers.Integral) else float(value)
+            object.__setattr__(part, field.name, plain)
 
 
 def boolean(what: str, value: object) -> bool:

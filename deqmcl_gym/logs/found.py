@@ -99,8 +99,7 @@ class Found:
 
 def usable(rows: Floats) -> Bools:
     """Which rows (n, k) have finite numbers of at most ``LARGEST`` only, (n,)."""
-    sound: Bools = (np.abs(rows) <= LARGEST).all(axis=1)  # not so of NaN either
-    return sound
+    return np.asarray((np.abs(rows) <= LARGEST).all(axis=1))  # not so of NaN either
 
 
 def in_order(times: Floats, damage: Counter[str]) -> Indices:

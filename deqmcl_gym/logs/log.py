@@ -237,10 +237,23 @@ class Log:
     def way(self) -> Floats:
         """How far the robot has come at each record, a radian turned as 1 m, (n,)."""
         per_turn = 1 / PIXELS["m"] * PIXELS[self.unit]
-        across = np.diff(self.odometry[:, :2], axis=0)
         turned = np.abs(arrays.wrapped(np.diff(self.odometry[:, 2])))
-        steps = np.hypot(*across.T) + per_turn * turned
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return _sums(self._steps + per_turn * turned)
+
+    @cached_property
+    def driven(self) -> Floats:
+        """How far the robot has driven at each record, by odometry, (n,)."""
+        return _sums(self._steps)
+
+    @cached_property
+    def _steps(self) -> Floats:
+        """Straight distance from each record to the next, (n - 1,)."""
+        across, up = np.diff(self.odometry[:, :2], axis=0).T
+        return np.asarray(np.hypot(across, up))
+
+
+def _sums(steps: Floats) -> Floats:
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def said_of_skipped(skipped: Mapping[str, int], kept: int) -> str:

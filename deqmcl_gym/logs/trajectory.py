@@ -123,7 +123,8 @@ def referenced(
     Args:
         log: the records.
         reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
-        max_gap: records between two poses further apart than this get none; None is 2 m.
+        max_gap: records between two poses get none if these are so far apart, in a straight line
+            or by odometry, or farther; None is 2 m.
 
     Raises:
         InputError: no record lies within the trajectory.
@@ -137,7 +138,9 @@ def referenced(
     before = after - 1
     after = np.minimum(after, times.size - 1)
     exact = np.isin(log.times, times)
+    gone = np.interp(times, log.times, log.driven)
     near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
+    near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
     known = inside & (near | exact)
     if not known.any():
         raise InputError(
