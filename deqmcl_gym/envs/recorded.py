@@ -1,4 +1,4 @@
-"""What a ``LogEnv`` plays: a log, a map, a plan, and the segments that its episodes are."""
+"""The arguments of ``LogEnv``: log, map, plan, and the segments that its episodes play."""
 
 import math
 import re
@@ -21,10 +21,10 @@ PLANS = ("odometry", "reference", "none")
 
 
 def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
-    """Return a log given as one or by its path, with its reference.
+    """Return a log given as a ``Log`` or by its path, with its reference.
 
     Raises:
-        InputError: neither, or it cannot be read.
+        InputError: it is neither, or cannot be read.
     """
     if not isinstance(given, logs.Log):
         if not isinstance(given, str | PathLike):
@@ -42,10 +42,10 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
 
 
 def map_of(given: Any, log: logs.Log) -> Map:
-    """Return a map given as one, by its path or its corners.
+    """Return a map given as a ``Map``, by its path or by its corners.
 
     Raises:
-        InputError: none of these, or it is in another unit than the log.
+        InputError: it is none of these, or not in the log's unit.
     """
     found = (
         given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
@@ -58,7 +58,7 @@ def map_of(given: Any, log: logs.Log) -> Map:
 
 
 def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
-    """Return the actions that a plan has for the steps of a log, (n - 1, 2); (0, 2) of none.
+    """Return the planned actions of a log's steps, (n - 1, 2); (0, 2) for "none".
 
     Args:
         plan: one of ``PLANS``.
@@ -66,7 +66,7 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
         segments: see ``segments_of``.
 
     Raises:
-        InputError: it is the reference's, which is not known at each record of a segment.
+        InputError: it is "reference", but a record of a segment has no reference pose.
     """
     if one_of("plan", plan, PLANS) == "none":
         return np.empty((0, 2))
@@ -83,14 +83,14 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
 
 
 def segments_of(log: logs.Log, length: float | None) -> Indices:
-    """Return the first and the last record of each segment that an episode may be, (k, 2).
+    """Return the first and the last record of each segment that an episode may play, (k, 2).
 
     Args:
         log: the records; where it has a reference, each record of a segment must have one.
-        length: driven in a segment, by odometry; None is all of the log.
+        length: of a segment, by odometry; None is the whole log.
 
     Raises:
-        InputError: a length that no segment has.
+        InputError: no segment has this length.
     """
     if length is None:
         return np.array([[0, len(log) - 1]])
@@ -111,7 +111,7 @@ def segments_of(log: logs.Log, length: float | None) -> Indices:
 
 
 def _unknown(log: logs.Log) -> Indices:
-    """How many of the first k records have no reference, k = 0 … n, (n + 1,)."""
+    """Number of records without a reference among the first k, k = 0 … n, (n + 1,)."""
     unknown = np.ones(len(log), np.intp)
     unknown[log.referenced] = 0
     return np.concatenate([[0], np.cumsum(unknown)])
@@ -121,7 +121,7 @@ def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair.
 
     Raises:
-        InputError: neither, or a distance in another unit than the log's.
+        InputError: it is none of these, or not in the log's unit.
     """
     if not isinstance(given, str):
         distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()

@@ -1,4 +1,4 @@
-"""RecordLog: a wrapper that keeps the episode as a log."""
+"""RecordLog: a wrapper that records the episode as a log."""
 
 from typing import Any, SupportsFloat
 
@@ -13,12 +13,12 @@ from deqmcl_gym.validation import InputError, boolean, number, shown
 
 
 class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
-    """Keep what the robot saw and was told since reset, as ``log``.
+    """Record scans and actions since reset, as ``log``.
 
     Args:
-        env: deqmcl_gym's, or wrappers around one: what they do to scans is recorded.
-        step: how long a step takes, s.
-        truth: whether the true poses are the log's reference.
+        env: one of deqmcl_gym's, or one in wrappers; scans are recorded as these change them.
+        step: duration of a step, s.
+        truth: whether to record the true poses, as the log's reference.
     """
 
     def __init__(
@@ -41,10 +41,10 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
 
     @property
     def log(self) -> Log:
-        """The log of the episode so far; its odometry is what the robot was told.
+        """The log of the episode so far; its odometry is dead reckoning of the commands.
 
         Raises:
-            RuntimeError: there is no episode.
+            RuntimeError: the episode has not begun.
         """
         if not self._scans:
             raise RuntimeError("the episode has not begun: call reset() first.")
@@ -67,7 +67,7 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
         return scan, info
 
     def step(self, action: Singles) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Step, and keep what came of it."""
+        """Step, and record the result."""
         said = self.env.step(action)
         self._scans.append(said[0].copy())
         self._actions.append(said[4]["action"].copy())

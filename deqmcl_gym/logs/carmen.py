@@ -1,12 +1,12 @@
-"""CARMEN logs: one message a line, its words between blanks.
+"""CARMEN logs: one message per line, its words separated by blanks.
 
-``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` says nothing of its angles: n
-beams go from -90° on, 180°/n apart if n is even and up to +90° if it is odd, as those of a SICK
+``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` does not contain its angles: n
+beams begin at -90° and are 180°/n apart if n is even, or reach +90° if n is odd, as those of a SICK
 LMS. ``ROBOTLASER1 type start fov step max_range accuracy remission_mode n r… m remission… laser_x
 laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis time host [logger_time]``
-says all. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator, is
-the reference. ``PARAM`` lines say how the scanner of FLASER is mounted and how far it sees; one of
-our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
+is complete. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator,
+is the reference. ``PARAM`` lines have the mounting and the range of FLASER's scanner; logs written
+here have ``PARAM deqmcl_scanner``, with all digits of the scanner.
 """
 
 import math
@@ -27,11 +27,11 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1")
-SICK_RANGE = 79.0  # m: an LMS in its 80 m mode says 81.83 or 81.91 where nothing is in range
-SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS counts in cm
+SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
+SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS measures in cm
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
-# What else stands in such logs and is not needed here
+# Other messages of such logs, which are not needed here
 _OTHERS = re.compile(
     r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
     r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
@@ -49,7 +49,7 @@ class _Messages:
     unreadable: int = 0
 
     def read(self, line: str) -> None:
-        """Take in a line; count it if it is damaged."""
+        """Read a line; count it if it is damaged."""
         kind, *words = line.split()
         try:
             if kind == "FLASER":
@@ -85,7 +85,7 @@ class _Messages:
         self.mounts.append(rest[:6])
 
     def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
-        """Return the scanner of messages that say their geometry, or of FLASER, which does not."""
+        """Return the scanner of messages with a geometry, or without one, as FLASER."""
         if _OURS in self.params:
             return Scanner.of_json(_OURS, self.params[_OURS])
         if geometry is None:
@@ -133,10 +133,10 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
 
     Args:
         path: the file.
-        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one that there is.
+        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one in the file.
 
     Raises:
-        InputError: no scan, both kinds of them, or no sound record.
+        InputError: there is no scan, a choice of two kinds, or no usable record.
     """
     messages = _Messages({kind: Found(str(path)) for kind in SCANS})
     for line in text_of(path).splitlines():
@@ -150,16 +150,16 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
 
 
 def write_carmen(log: Log, path: Path) -> None:
-    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference; all digits.
+    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference, with all digits.
 
     Raises:
-        InputError: beams that are not evenly spaced, or the file cannot be written.
+        InputError: beams are not evenly spaced, or the file cannot be written.
     """
     scanner, step = log.scanner, log.scanner.spacing
     if step is None:
         raise InputError(
-            "a CARMEN log has evenly spaced beams, but those of this log are not: write .csv or "
-            ".npz."
+            "beams of a CARMEN log must be evenly spaced, but those of this log are not: write "
+            ".csv or .npz."
         )
     mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
     farthest = min(scanner.no_return, scanner.max_range)

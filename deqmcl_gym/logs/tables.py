@@ -1,11 +1,12 @@
-"""Logs of one's own: CSV with a row for each record, npz with an array for each column.
+"""Logs in plain formats: CSV with a row for each record, and npz.
 
 CSV: a header ``time,odom_x,odom_y,odom_heading,[ref_x,ref_y,ref_heading,]range_0,range_1,…``;
-headings in rad; empty cells of a reference say that there is none. A first line ``# {JSON}`` has
-the scanner: ``angles`` (rad, against the robot's heading), ``max_range``, and, if they are not the
-defaults, ``mounting``, ``min_range``, ``no_return``; a second one, ``# px``, the unit if it is not
-m. npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN
-for none, ``scanner`` with that JSON, ``unit``; no pickles.
+headings in rad; the reference is empty where it is unknown. A first line ``# {JSON}`` has the
+scanner: ``angles`` (rad, against the robot's heading), ``max_range`` and, optionally, ``mounting``,
+``min_range``, ``no_return``; a second line has the unit if it is not m: ``# px``.
+
+npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN where
+it is unknown, ``scanner`` with that JSON, ``unit``; no pickles.
 """
 
 import io
@@ -32,10 +33,10 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
 
     Args:
         path: the file, gzipped or not.
-        scanner: if the file does not say it.
+        scanner: if the file does not contain it.
 
     Raises:
-        InputError: a column or the scanner is missing, or no record is sound.
+        InputError: a column or the scanner is missing, or no record is usable.
     """
     lines = text_of(path).splitlines()
     comments = [line[1:].strip() for line in itertools.takewhile(_is_comment, lines)]
@@ -67,10 +68,10 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             known = {name: archive[name] for name in archive.files}
     except InputError:
         raise
-    except Exception as error:  # whatever damaged bytes lead to in zip, zlib and NumPy
+    except Exception as error:  # damaged bytes can raise anything in zip, zlib and NumPy
         raise InputError(
-            f"{path} is no whole npz file of plain arrays ({error}): write it by numpy.savez, "
-            "without pickles."
+            f"{path} is not a complete npz file of plain arrays ({error}): write it by "
+            "numpy.savez, without pickles."
         ) from None
     missing = [name for name in ("times", "odometry", "ranges") if name not in known]
     if missing:
@@ -126,7 +127,7 @@ def write_npz(log: Log, path: Path) -> None:
 
 
 def _cells(line: str) -> list[str]:
-    """Split a line at its commas, whatever is quoted: a stray quote damages that line only."""
+    """Split a line at its commas, also within quotes: a stray quote affects its line only."""
     return [cell.strip().strip('"') for cell in line.split(",")]
 
 
@@ -155,7 +156,7 @@ def _scanner(path: Path, words: str | None, given: Scanner | None, beams: int) -
     """Return the scanner given, else that of the file."""
     if given is None and words is None:
         raise InputError(
-            f"{path} does not say its scanner: put it in the file, or read it with "
+            f"{path} does not contain its scanner: put it in the file, or read it with "
             "scanner=Scanner(angles=…, max_range=…)."
         )
     scanner = given or Scanner.of_json(f"the scanner in {path}", words or "")

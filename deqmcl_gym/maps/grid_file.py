@@ -31,7 +31,7 @@ _remembered: dict[tuple[Any, ...], Any] = {}
 def remembered(
     path: str | os.PathLike[str], unknown: Any, made: Callable[[dict[str, Any]], T]
 ) -> T:
-    """Return what is made of a map file, the same as last time if its files have not changed."""
+    """Return ``made`` of a map file, or the last result if the files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
     image = _image_path(yaml_path, said)
@@ -50,7 +50,7 @@ def remembered(
 
 
 def check_thresholds(free: Any, occupied: Any) -> None:
-    """Refuse thresholds that are no shares in order."""
+    """Refuse thresholds that are outside [0, 1] or not in order."""
     number("occupied_thresh", occupied, low=0, high=1, above=True)
     number("free_thresh", free, low=0, high=1)
     if free >= occupied:
@@ -113,11 +113,11 @@ def _document(path: Path) -> dict[str, Any]:
     try:
         given = yaml_of(content_of(path))
     except FileNotFoundError:
-        raise InputError(f"the map file {path} is not there: give one that is.") from None
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
     except UnreadableError as error:
         raise InputError(f"the map file {path} {error}.") from None
     if not isinstance(given, Mapping) or (missing := [key for key in _KEYS if key not in given]):
-        what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is no mapping"
+        what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is not a mapping"
         raise InputError(f"the map file {path} {what}, but needs {', '.join(_KEYS)}.")
     try:
         return _checked(given)
@@ -147,7 +147,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _number(value: Any) -> Any:
-    """YAML 1.1, which PyYAML reads, takes 5e-2 for text; 1.2 and ROS take it for a number."""
+    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -194,7 +194,7 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     """Return the values that map_server gives pixels, in the rows of the image."""
     channels = shades.shape[2]
     opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
-    # map_server counts alpha as a colour in this mode
+    # in this mode, map_server counts alpha as a colour
     colours = channels if mode == "trinary" else min(channels, 3)
     shade = shades[:, :, :colours].mean(axis=2)
     if mode == "raw":

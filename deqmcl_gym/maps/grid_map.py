@@ -1,4 +1,4 @@
-"""GridMap: the map m as square cells, such as ROS' map_server serves it."""
+"""GridMap: a map of square cells, as ROS' map_server publishes it."""
 
 import math
 import os
@@ -29,32 +29,32 @@ from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
 
-MAX_SIDE = 32_000  # cells: their numbers fit 16 bits
+MAX_SIDE = 32_000  # cells: distances in cells fit 16 bits
 _SHARES = {"obstacle": 1.0, "free": 0.0}
-_RESOLVED = 16  # steps of float32 that a cell has at least
+_RESOLVED = 16  # least number of float32 steps in a cell
 
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GridMap:
-    """Square cells, solid or open: a form of ``Map``, in metres.
+    """Square cells, solid or open, in metres; implements ``Map``.
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
-    solid and open cells and the edge of the map; all that is asked is exact for these squares.
+    solid and open cells and the edge of the map; all answers are exact for these squares.
 
     Attributes:
         occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
             columns) int8, the lowest row first.
         resolution: edge of a cell, m.
         origin: pose of the lower left corner of the first cell (x, y, yaw).
-        unknown: what unknown cells count as: "obstacle", "free", or an occupancy of their own, from
-            0 to 1.
+        unknown: what unknown cells count as: "obstacle", "free", or an occupancy from 0 to 1.
         occupied_thresh: occupancy from which a cell is solid, in (0, 1].
-        free_thresh: occupancy up to which it is free in a file, below that.
+        free_thresh: occupancy up to which a cell is free when written to a file; below
+            ``occupied_thresh``.
 
     Raises:
-        InputError: a bad value, no open cell, or a map so far from (0, 0) that single precision
-            does not resolve its cells.
+        InputError: a value is bad, no cell is open, or the map is so far from (0, 0) that single
+            precision does not resolve its cells.
     """
 
     occupancy: NDArray[np.int8]
@@ -91,10 +91,10 @@ class GridMap:
     def load(cls, path: str | os.PathLike[str], unknown: Unknown = "obstacle") -> "GridMap":
         """Read a map as ROS' map_server does: a yaml file and the image that it names.
 
-        A file that has not changed is read once; the map is then the same object.
+        A file that has not changed is read once; the same object is returned again.
 
         Raises:
-            InputError: a file that is missing or broken, or a bad value in it.
+            InputError: a file is missing or damaged, or has a bad value.
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
@@ -107,7 +107,8 @@ class GridMap:
                 transparent.
 
         Raises:
-            InputError: an unknown mode, or a path that cannot be written to.
+            InputError: the mode is unknown, an image of it cannot hold the map, or the path cannot
+                be written to.
         """
         grid_file.write(
             path,
@@ -125,7 +126,7 @@ class GridMap:
 
     @cached_property
     def solid(self) -> Bools:
-        """Which cells are, (rows, columns), the lowest row first."""
+        """Which cells are solid, (rows, columns), the lowest row first."""
         shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
         shares[0] = _SHARES[self.unknown] if isinstance(self.unknown, str) else self.unknown
         solid: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
@@ -140,7 +141,7 @@ class GridMap:
 
     @property
     def datum(self) -> Point:
-        """See ``Map.datum``: where float32 is too coarse for it, there is no map."""
+        """See ``Map.datum``: always (0, 0); maps that are too far from there are refused."""
         return (0.0, 0.0)
 
     @property
@@ -227,14 +228,14 @@ class GridMap:
 
     @cached_property
     def digest(self) -> str:
-        """Of all that the map says."""
+        """SHA-256 of the map's content."""
         said = repr((self.occupancy.shape, self.resolution, self.origin, self.unknown))
         thresholds = repr((self.free_thresh, self.occupied_thresh))
         return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``disc_kernels.Terrain``, as a plain tuple: for kernels that drive in it."""
+        """A ``disc_kernels.Terrain``, as a plain tuple, for kernels that drive robots."""
         return (self._reach, *self._runs, self._frame)
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:

@@ -19,7 +19,7 @@ class Lidar:
     Attributes:
         beams: number of beams, 1 or more. One beam looks straight ahead.
         field_of_view: angle between the outermost beams, in (0, 2π] rad. At 2π the beams are
-            spread evenly, without a twin at the back.
+            spread evenly, with only one at the back.
         max_range: largest range reported.
         sigma: standard deviation of the range noise; added before clipping to [0, max_range].
     """

@@ -1,6 +1,6 @@
 """Maps of polygons as JSON: ``{"outer": [[x, y], …], "obstacles": [[[x, y], …], …], "unit": "m"}``.
 
-The same keys as ``floor_plan`` takes in Python and in TOML.
+The keys are those of ``floor_plan`` in Python and in TOML.
 """
 
 import json
@@ -20,7 +20,7 @@ def read(path: str | os.PathLike[str]) -> PolygonMap:
     """Read a map.
 
     Raises:
-        InputError: a file that is missing or broken, or a bad value in it.
+        InputError: the file is missing or damaged, or has a bad value.
     """
     try:
         given = json_of(content_of(Path(path).expanduser()))
@@ -47,7 +47,7 @@ def of_mapping(given: Any) -> PolygonMap:
 
 
 def text_of(floor_plan: PolygonMap) -> str:
-    """Return a map as JSON, a polygon a line."""
+    """Return a map as JSON, one polygon per line."""
     outer, unit = json.dumps(floor_plan.outer), json.dumps(floor_plan.unit)
     obstacles = ",\n".join(map(json.dumps, floor_plan.obstacles))
     return f'{{"unit": {unit},\n"outer": {outer},\n"obstacles": [\n{obstacles}\n]}}\n'

@@ -1,4 +1,4 @@
-"""PolygonMap: the map m, one geometry for physics, lidar, localizers and drawing."""
+"""PolygonMap: a map of polygons, for physics, lidar, localizers and drawing."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,23 +18,23 @@ from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, shown
 
-_ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
-_FARTHEST = 1e9  # px: float64 is 1e-7 px coarse there
+_ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length
+_FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
 
 
 @final
 @dataclass(frozen=True)
 class PolygonMap:
-    """Polygonal walls around a free interior, with solid obstacles inside: a form of ``Map``.
+    """Polygonal walls around a free interior with solid obstacles; implements ``Map``.
 
     Attributes:
-        outer: corners of the outer wall, in order, closed by itself.
+        outer: corners of the outer wall, in order; the last is joined to the first.
         obstacles: corners of each solid obstacle.
         unit: of all lengths, "px" or "m".
 
     Raises:
-        InputError: a polygon that is not simple, or has fewer than 3 corners, NaN, a coordinate too
-            large or a zero-length edge; no free space; an unknown unit.
+        InputError: a polygon is not simple, or has fewer than 3 corners, NaN, a coordinate that is
+            too large or a zero-length edge; there is no free space; the unit is unknown.
     """
 
     outer: Polygon
@@ -61,14 +61,14 @@ class PolygonMap:
 
     @classmethod
     def from_grid(cls, grid: GridMap, tolerance: float = 0.0) -> "PolygonMap":
-        """Return the largest open region of a map of cells: its outline and what stands in it.
+        """Return the largest open region of a map of cells: its outline and the obstacles in it.
 
-        Regions that share no cell's face with it count as solid.
+        All other open regions count as solid.
 
         Args:
             grid: a map of cells.
-            tolerance: how far an outline may be from that of the cells at most, m; 0 for all their
-                corners. Where two outlines would come to cross, both stay closer.
+            tolerance: largest distance of an outline from that of the cells, m; 0 keeps all
+                corners. It is smaller where two outlines would cross.
         """
         number("tolerance", tolerance, low=0)
         outlines = grid_walls.outlines_of(grid.solid)
@@ -153,7 +153,7 @@ class PolygonMap:
 
     @cached_property
     def datum(self) -> Point:
-        """See ``Map.datum``: (0, 0) for a map no farther from there than it is large."""
+        """See ``Map.datum``: (0, 0) unless the map is farther from there than twice its size."""
         x0, y0, x1, y1 = self.bounds
         near = max(map(abs, self.bounds)) <= 2 * max(x1 - x0, y1 - y0)
         return (0.0, 0.0) if near else (x0 + (x1 - x0) / 2, y0 + (y1 - y0) / 2)
@@ -163,7 +163,7 @@ class PolygonMap:
         """See ``Map.local``."""
         if self.datum == (0.0, 0.0):
             return self
-        local = object.__new__(PolygonMap)  # what it is made of has been checked
+        local = object.__new__(PolygonMap)  # its polygons have been checked
         object.__setattr__(local, "outer", self._about_datum(self.outer))
         object.__setattr__(local, "obstacles", tuple(map(self._about_datum, self.obstacles)))
         object.__setattr__(local, "unit", self.unit)
@@ -225,7 +225,7 @@ def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
 
 @dataclass(frozen=True)
 class _FarCaster:
-    """The caster of a map far from (0, 0), for poses of its own frame."""
+    """The caster of a map far from (0, 0), for poses in the map's frame."""
 
     local: Caster
     datum: Point
@@ -236,9 +236,9 @@ class _FarCaster:
 
 
 def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
-    """Rows x, y and others (…, 2+, n), about the datum, in float32; themselves if that is (0, 0).
+    """Return rows x, y and others (…, 2+, n) relative to the datum, in float32.
 
-    With ``sign`` -1 the way back.
+    The rows themselves if the datum is (0, 0). With ``sign`` -1, the inverse.
     """
     if datum == (0.0, 0.0):
         return rows

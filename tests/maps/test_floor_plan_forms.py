@@ -53,13 +53,13 @@ def test_what_is_no_floor_plan_is_refused(given, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "is no JSON"),
-        ("[]", "is no JSON object"),
+        ("{", "is truncated, or not JSON"),
+        ("[]", "is not a JSON object"),
         ('{"unit": "m"}', "the outer wall is None"),
         ('{"outer": [[0, 0]], "walls": 3}', "unknown key 'walls'"),
         ('{"outer": [[0, 0], [1, 0]], "unit": "m"}', "has 2 corners"),
         ('{"outer": [], "file": "a.json"}', "unknown key 'file'"),
-        ("\xff", "is no UTF-8"),
+        ("\xff", "is not UTF-8"),
     ],
 )
 def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):

@@ -144,7 +144,7 @@ BROKEN = {
     "negate is 'no', but must be 0 or 1": {"negate": "'no'"},
     "free_thresh must be the smaller": {"free": 0.7},
     "occupied_thresh is 65, but must be a number above 0 to 1": {"occupied": 65},
-    "is no YAML": {"more": "mode: [trinary"},
+    "is not YAML": {"more": "mode: [trinary"},
     "has the key 'resolution' twice": {"more": "resolution: 0.5"},
     "has an alias, which no map needs": {"more": "a: &a [1]\nb: [*a, *a]"},
     "month must be in 1..12": {"resolution": "2001-13-01"},
