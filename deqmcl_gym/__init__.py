@@ -1,4 +1,4 @@
-"""A room to get lost in: the Gymnasium environment ``deqmcl_gym/Room-v0``.
+"""Gymnasium environments for robot localization: ``deqmcl_gym/Room-v0`` and others.
 
 >>> import gymnasium as gym, deqmcl_gym
 >>> env = gym.make("deqmcl_gym/Room-v0")

@@ -4,11 +4,11 @@ import os
 import tempfile
 from pathlib import Path
 
-PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the name of what an interrupted write leaves
+PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: beside it first, then renamed."""
+    """Write a file whole or not at all: first to a temporary file beside it, then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=PREFIX, suffix=SUFFIX)
     try:
@@ -21,5 +21,5 @@ def write_bytes(path: Path, content: bytes) -> None:
     except BaseException as error:
         Path(name).unlink(missing_ok=True)
         if isinstance(error, OSError):
-            error.filename = str(path)  # a full disk does not say which file
+            error.filename = str(path)  # for a full disk, Python names no file
         raise

@@ -1,4 +1,4 @@
-"""Files that somebody else may have made: read without waiting, without end, without trust."""
+"""Reading of untrusted files: nothing blocks, sizes are limited, contents are checked."""
 
 import errno
 import io
@@ -22,16 +22,16 @@ _KINDS = {
 
 
 class UnreadableError(ValueError):
-    """Why a file cannot be taken for what it should be: words that follow its name."""
+    """Why a file cannot be used: the rest of a sentence that begins with its name."""
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[io.BufferedReader]:
-    """Open a regular file; a pipe is not waited for.
+    """Open a regular file, without waiting for a pipe.
 
     Raises:
-        FileNotFoundError: there is none.
-        UnreadableError: it is no file, or may not be read.
+        FileNotFoundError: it does not exist.
+        UnreadableError: it is not a regular file, or cannot be read.
     """
     try:
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
@@ -53,8 +53,8 @@ def content_of(path: Path) -> bytes:
     """Return the bytes of a regular file of at most ``MOST_BYTES``.
 
     Raises:
-        FileNotFoundError: there is none.
-        UnreadableError: it is no file, is too large, or may not be read.
+        FileNotFoundError: it does not exist.
+        UnreadableError: it is not a regular file, is too large, or cannot be read.
     """
     with opened(path) as file:
         content = file.read(MOST_BYTES + 1)
@@ -64,34 +64,34 @@ def content_of(path: Path) -> bytes:
 
 
 def json_of(content: bytes) -> dict[str, Any]:
-    """Return the JSON object that a file holds.
+    """Return the JSON object in a file's content.
 
     Raises:
-        UnreadableError: it holds something else.
+        UnreadableError: the content is anything else.
     """
     try:
         value = json.loads(content.decode(), parse_constant=_refuse_constant)
     except UnreadableError:
         raise
     except UnicodeDecodeError:
-        raise UnreadableError("cannot be read (it is no UTF-8)") from None
+        raise UnreadableError("cannot be read (it is not UTF-8)") from None
     except ValueError:
-        raise UnreadableError("is torn, or no JSON") from None
+        raise UnreadableError("is truncated, or not JSON") from None
     except RecursionError:
         raise UnreadableError("is nested too deeply") from None
     if not isinstance(value, dict):
-        raise UnreadableError("is no JSON object")
+        raise UnreadableError("is not a JSON object")
     return value
 
 
 def misfit(value: Any, shape: Any, at: str = "") -> str | None:
-    """Say where a JSON value differs from a shape; None if it fits.
+    """Describe where a JSON value differs from a shape; None if it fits.
 
     Args:
         value: read from JSON.
-        shape: a type; a tuple of shapes, one of which must fit; [shape] of each item; {str: shape}
-            of a table with any keys; {"key": shape, …} of one that has these, and maybe others.
-        at: where the value stands, for the answer.
+        shape: a type; a tuple of alternative shapes; [shape] for a list of such items; {str: shape}
+            for a table with any keys; {"key": shape, …} for one with at least these keys.
+        at: path of the value, for the description.
     """
     if isinstance(shape, tuple):
         return None if any(misfit(value, one) is None for one in shape) else _unlike(value, at)
@@ -119,4 +119,4 @@ def _unlike(value: Any, at: str) -> str:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise UnreadableError(f"holds {name}, which is no number")
+    raise UnreadableError(f"contains {name}, which is not a number")

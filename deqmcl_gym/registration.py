@@ -1,10 +1,10 @@
-"""Registers ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets with Gymnasium, once imported.
+"""Register ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets when Gymnasium is imported.
 
 ``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
 ``deqmcl_gym/Journey-v0`` is ``Room-v0`` with a route through an office, and without a time limit:
 its episodes end where their plan does, whose length follows the route.
 
-Nothing here imports it: localizers need the maps of this package, not the environment.
+Gymnasium itself is not imported here: localizers use the maps of this package without it.
 """
 
 import sys
@@ -19,7 +19,7 @@ from deqmcl_gym.world.presets import WORLDS
 ENV_ID = "deqmcl_gym/Room-v0"
 JOURNEY_ENV_ID = "deqmcl_gym/Journey-v0"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
-# Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
+# Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
 _ROOM = "deqmcl_gym.envs.room:RoomEnv"
 _REGISTRY = "gymnasium.envs.registration"
@@ -34,7 +34,7 @@ def register() -> None:
 
 
 def preset_id(preset: str) -> str:
-    """Return the id of a named world: ``deqmcl_gym/Guided-v0`` of "guided"."""
+    """Return the id of a preset: ``deqmcl_gym/Guided-v0`` for "guided"."""
     return f"deqmcl_gym/{preset.title().replace('-', '')}-v0"
 
 
@@ -55,7 +55,7 @@ def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> N
     registry.register(
         id=name,
         entry_point=_ROOM,
-        # many rooms with drivers run one by one, which is Gymnasium's own way
+        # None: rooms with drivers run one by one, in Gymnasium's own vector env
         vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv" if together else None,
         max_episode_steps=MAX_EPISODE_STEPS,
         kwargs=kwargs,
@@ -63,7 +63,7 @@ def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> N
 
 
 class _Finder(MetaPathFinder):
-    """Finds Gymnasium's registry, once, and has the environments registered when it is loaded."""
+    """Registers the environments when Gymnasium's registry is first imported."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -78,7 +78,7 @@ class _Finder(MetaPathFinder):
 
 
 class _ThenRegister(Loader):
-    """Loads a module as its own loader does, and registers the environments with it."""
+    """Loads a module with its own loader, then registers the environments."""
 
     def __init__(self, loader: Loader) -> None:
         self._loader = loader

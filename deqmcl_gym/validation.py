@@ -1,4 +1,4 @@
-"""How bad input is refused: one sentence with what was given, what is allowed and what to do."""
+"""Checks of input. A refusal is one sentence: what was given, what is allowed, what to do."""
 
 import dataclasses
 import difflib
@@ -14,15 +14,15 @@ from deqmcl_gym.numerics.types import Floats
 
 T = TypeVar("T")
 
-LARGEST = 1e12  # of a finite number: products and squares of such stay finite, in float32 too
+LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 _SHOWN = 200  # characters of a value in a sentence
 
 
 class InputError(ValueError):
-    """A refused input. Its text is the one sentence a user reads, also at the command line."""
+    """Bad input. Its message is one sentence, shown as it is at the command line."""
 
     def __init__(self, sentence: str) -> None:
-        """Say ``sentence``, on one line even where it shows an array."""
+        """Put ``sentence`` on one line, even if it contains an array."""
         super().__init__(" ".join(sentence.split()))
 
 
@@ -37,16 +37,16 @@ def shown(value: object) -> str:
 
 
 def in_words(error: BaseException) -> str:
-    """Return what was raised on one line: "KeyError: 'offset'", or its kind if it says nothing."""
+    """Return an error on one line: "KeyError: 'offset'", or its type if it has no message."""
     try:
         words = " ".join(str(error).split())
     except BaseException as another:
-        words = f"it cannot be shown, which raised {type(another).__name__}"
+        words = f"its message cannot be shown ({type(another).__name__})"
     return ": ".join(filter(None, [type(error).__name__, words]))
 
 
 def digits(value: float) -> str:
-    """Return a number in as few digits as tell it from all others: 10, 0.1, 10.0000001."""
+    """Return a number in the fewest digits that are exact: 10, 0.1, 10.0000001."""
     short = f"{value:g}"
     return short if math.isnan(value) or float(short) == value else repr(float(value))
 
@@ -73,7 +73,7 @@ def number(
 ) -> float:
     """Return a real number in [low, high] (in (low, high] if ``above``), else refuse it.
 
-    Numbers beyond ``LARGEST`` are refused too, unless they need not be ``finite``.
+    Magnitudes above ``LARGEST`` are refused too, unless ``finite`` is False.
     """
     allowed = _interval(low, high, above, finite)
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
@@ -89,6 +89,18 @@ def number(
     if not (inside and given <= high):
         raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
     return given
+
+
+def keep_plain(part: object) -> None:
+    """Convert the numbers in a frozen dataclass to int and float.
+
+    With a ``numpy.float32`` among them, NumPy would compute in single precision from there on.
+    """
+    for field in dataclasses.fields(part):  # type: ignore[arg-type]
+        value = getattr(part, field.name)
+        if isinstance(value, numbers.Real) and not isinstance(value, int | float):
+            plain = int(value) if isinstance(value, numbers.Integral) else float(value)
+            object.__setattr__(part, field.name, plain)
 
 
 def boolean(what: str, value: object) -> bool:
@@ -110,22 +122,22 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
 
 
 def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> Floats:
-    """Return numbers of ``shape`` (None: any length) as a fresh array, else refuse.
+    """Return numbers of ``shape`` (None: any length) as a fresh float64 array, else refuse them.
 
-    None is NaN or beyond ``LARGEST``.
+    NaN and magnitudes above ``LARGEST`` are refused.
     """
     try:
         given = np.asarray(value)
     except ValueError:  # ragged
         given = np.empty(0, object)
-    if given.dtype.kind not in "fiu":  # "1.5" and True are no numbers
+    if given.dtype.kind not in "fiu":  # "1.5" and True are not numbers
         raise InputError(f"{what} is {shown(value)}, but must be {_numbers(shape)}.")
     with np.errstate(over="ignore"):  # of a wider float
         given = given.astype(np.float64)
     if given.shape != shape and not _fits(given.shape, shape):
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
-    if not np.abs(given).max(initial=0.0) <= LARGEST:  # not so of NaN either
+    if not np.abs(given).max(initial=0.0) <= LARGEST:  # False for NaN, too
         allowed = f"{_numbers(shape)} of at most {LARGEST:g}"
         if given.size <= 12:
             raise InputError(f"{what} is {given.tolist()}, but must be {allowed}.")
@@ -136,7 +148,7 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
 
 
 def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
-    """Return a pose (x, y, heading), else refuse it; over 2π it looks like degrees."""
+    """Return a pose (x, y, heading), else refuse it; a heading above 2π may be in degrees."""
     x, y, heading = array(what, value, (3,)).tolist()
     if abs(heading) > 2 * math.pi:
         raise InputError(
@@ -147,15 +159,15 @@ def pose(what: str, value: ArrayLike) -> tuple[float, float, float]:
 
 
 def actions(what: str, value: ArrayLike) -> Floats:
-    """Return actions (distance, turn), (k, 2), as a fresh array, else refuse; [] is none."""
+    """Return actions (distance, turn), (k, 2), as a fresh array, else refuse; [] has none."""
     none = isinstance(value, list | tuple) and not value
     return array(what, np.empty((0, 2)) if none else value, (None, 2))
 
 
 def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: T) -> T:
-    """Return a frozen dataclass given as itself, as a mapping of changes to ``default``, or None.
+    """Return a frozen dataclass, from an instance, a mapping of changes to ``default``, or None.
 
-    This is what makes every part of the world configurable by JSON-able keyword arguments.
+    So every part of the world can be configured by JSON-able keyword arguments.
     """
     if value is None:
         return default

@@ -1,4 +1,4 @@
-"""What a localizer believes, as an observation, and its error, as a reward."""
+"""A localizer's belief as an observation, and its error as a reward."""
 
 import math
 from typing import Any, Protocol, SupportsFloat
@@ -15,14 +15,16 @@ from deqmcl_gym.validation import LARGEST, InputError, shown
 Seen = dict[str, Any]
 StepResult = tuple[Seen, SupportsFloat, bool, bool, dict[str, Any]]
 
-_FLOOR = np.array([1e-2, 1e-2, 1e-6])  # (0.1 px)², 10⁻⁶ rad²: so that a single pose has an entropy
+_FLOOR = np.array(
+    [1e-2, 1e-2, 1e-6]
+)  # (0.1 px)², 10⁻⁶ rad²: the entropy of a single pose is finite
 
 
 class Estimator(Protocol):
-    """A localizer, as far as it concerns an env: ``localizers.Localizer`` has the whole story."""
+    """The methods of a localizer that an env calls; see ``localizers.Localizer``."""
 
     def reset(self, prior: Any, plan: Reals, rng: np.random.Generator) -> Any:
-        """Start anew and return the belief."""
+        """Start a new episode and return the belief."""
         ...
 
     def update(self, ranges: Reals, action: Reals, plan: Reals) -> Any:
@@ -31,21 +33,21 @@ class Estimator(Protocol):
 
 
 class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.RecordConstructorArgs):
-    """Run a localizer inside the env and show what it believes beside what the env shows.
+    """Run a localizer inside the env and add its belief to the observation.
 
-    The observation is a dict: ``scan``, or what the env's own dict holds, and
+    The observation is a dict: ``scan``, or the env's own dict, and
 
-    - ``mean`` (3,): of the belief, x, y, θ in [-π, π); the heading is the direction of the mean
+    - ``mean`` (3,): of the belief, x, y, θ in [-π, π]; the heading is the direction of the mean
       (cos θ, sin θ).
     - ``covariance`` (3, 3): of x, y, θ around it.
     - ``entropy`` (1,): ½ log((2πe)³ det(covariance + f)), nats, f = (0.1 px)², (0.1 px)², 10⁻⁶.
-    - ``quality`` (1,): P(not lost), only of a localizer that says it.
+    - ``quality`` (1,): P(not lost), if the localizer estimates it.
 
-    The localizer gets what it gets in a benchmark, never the true pose. Its randomness is spawned
-    from the env's ``np_random``, for each episode anew: same seed, same beliefs.
+    The localizer gets the same input as in a benchmark, never the true pose. Its random generator
+    is spawned from the env's ``np_random`` at each reset: same seed, same beliefs.
 
     Args:
-        env: Room-v0 or Log-v0, or wrappers around one that leave scans or dicts with a ``scan``.
+        env: Room-v0 or Log-v0, or one in wrappers that keep scans, or dicts with a ``scan``.
         localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; each
             env needs one of its own.
         prior: p(x_0), given to the localizer at each reset.
@@ -89,7 +91,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         return self._with(seen, belief), info
 
     def step(self, action: Singles) -> StepResult:
-        """Step, and let the localizer take it in."""
+        """Step the env and update the localizer."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         scan = seen["scan"] if isinstance(seen, dict) else seen
         belief = self._localizer.update(scan.copy(), info["action"].copy(), _plan(info))
@@ -112,14 +114,14 @@ class LocalizationReward(
 ):
     """Replace the reward by -‖mean - truth‖ in (x, y), in the map's unit: active localization.
 
-    The robot earns most where its localizer is best.
+    The reward is highest where the localizer is most accurate.
 
     Args:
-        env: with a BeliefObservation among its wrappers, and nothing around that which changes
-            the observation.
+        env: with a BeliefObservation among its wrappers, and no wrapper around it that changes the
+            observation.
 
     Raises:
-        InputError: there is no BeliefObservation, or no room with a true pose.
+        InputError: there is no BeliefObservation, or the env is not Room-v0.
     """
 
     def __init__(self, env: gym.Env[Seen, Singles]) -> None:
@@ -134,7 +136,7 @@ class LocalizationReward(
             )
 
     def step(self, action: Singles) -> StepResult:
-        """Step; the reward is the localizer's error."""
+        """Step; the reward is the negative error of the localizer."""
         seen, _, terminated, truncated, info = self.env.step(action)
         dx, dy = seen["mean"][:2] - info["truth"][:2]
         return seen, -float(np.hypot(dx, dy)), terminated, truncated, info

@@ -1,4 +1,4 @@
-"""What ``reset`` and ``step`` tell beside the observation."""
+"""The ``info`` that ``reset`` and ``step`` return."""
 
 from collections.abc import Mapping
 from typing import NotRequired, TypedDict
@@ -13,13 +13,13 @@ class RoomInfo(TypedDict):
     Attributes:
         planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
             distance, turn.
-        planned_count: how many rows of ``planned_actions`` are actions.
+        planned_count: number of rows of ``planned_actions`` that are actions.
         action: the command carried out in this step, before motion noise and contact, (2,)
             float32; zeros at reset.
         collided: whether the step was stopped by a wall.
-        truth: the true pose (x, y, θ), (3,) float64. For scoring: an estimator that
-            reads it has been told the answer.
-        goal: of a world with a route: where it ends (x, y), (2,) float64.
+        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
+            it.
+        goal: the end of the route (x, y), (2,) float64; only in a world with a route.
         route: of a world with a route: its corners as planned, from where the robot was expected to
             the goal, (k, 2) float64. For whoever drives: its beginning is the answer at reset.
     """

@@ -25,7 +25,7 @@ _SIDE = 960  # image pixels of a picture without a map
 
 
 class LogEnv(gym.Env[Singles, Singles]):
-    """A recorded log, played back record by record: what a real robot saw, told and, later, knew.
+    """A recorded log, played back record by record: scans, odometry and, if known, true poses.
 
     ```python
     import gymnasium as gym, deqmcl_gym
@@ -39,58 +39,60 @@ class LogEnv(gym.Env[Singles, Singles]):
     ```
 
     **Action Space**: `Box(-a, a, (2,), float32)`: distance to drive (in the log's unit; backwards
-    if negative) after an angle to turn (rad), as in `Room-v0`; a are the largest recorded ones.
-    Nothing can be steered: the action given must be the recorded one (`env.unwrapped.next_action`,
-    the first of `info["planned_actions"]` if the plan is the odometry's). `on_mismatch` says what
-    happens otherwise; it is never carried out. A checker that tries random actions, such as
-    Gymnasium's `check_env`, needs `on_mismatch="ignore"`.
+    if negative) after an angle to turn (rad), as in `Room-v0`; a are the largest recorded actions.
+    The robot cannot be steered: the action given must be the recorded one
+    (`env.unwrapped.next_action`, the first of `info["planned_actions"]` if the plan is the
+    odometry's). `on_mismatch` says what happens otherwise; another action is never carried out.
+    Checkers that try random actions, such as Gymnasium's `check_env`, need
+    `on_mismatch="ignore"`.
 
     **Observation Space**: `Box(0, 2 r, (beams,), float32)` for a scanner's `max_range` r: the scan.
     Beams without a measurement (nothing in range, too near, failed) read 2 r, as Gymnasium's
-    checker wants finite spaces; localizers skip whatever is above r.
+    checker requires finite spaces; localizers skip ranges above r.
 
     **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here as an action
-    (d, φ): φ is its turn, d its component along the new heading; `env.unwrapped.log.residuals` is
-    what is left across (`deqmcl_gym.logs.motion`). `planned_actions` are the increments to come, as
-    a log is a plan that was carried out, `planned_count` how many; `collided` is always False.
-    `truth` is the reference pose, and only there at records that have one. It is nowhere else, with
-    one exception that is asked for: `plan="reference"` plans by it.
+    (d, φ): φ is its turn, d its component along the new heading; `env.unwrapped.log.residuals` are
+    the components across (`deqmcl_gym.logs.motion`). `planned_actions` are the increments to come,
+    as if the log were a plan that was carried out, and `planned_count` is their number; `collided`
+    is always False. `truth` is the reference pose, at records that have one. The env reveals it in
+    no other way, except that `plan="reference"` plans by it.
 
-    **Poses** are those of the scanner's place with the robot's heading, so that a localizer needs
-    no mounting: `env.unwrapped.lidar` is in their origin. If a scanner is not mounted in the
-    robot's centre, that place moves sideways in a turn; `residuals` count it.
+    **Poses** are the scanner's position with the robot's heading, so that a localizer needs no
+    mounting: `env.unwrapped.lidar` is at their origin. If the scanner is not mounted in the robot's
+    centre, its position moves sideways in a turn, which `residuals` include.
 
     **Reward**: 0. **Terminated** after the last record, never truncated. **Randomness**: where a
     `segment` begins, drawn at `reset`. **Options** of `reset`: none.
 
     Args:
         log: path of a log (see `deqmcl_gym.logs.read` for formats), or a `deqmcl_gym.logs.Log`.
-        map: path of a map's yaml, a map, its corners as for `floor_plan` of `Room-v0`, or None. The
-            env itself needs none; localizers find it as `env.unwrapped.floor_plan`.
+        map: a map, the path of its yaml, its corners as for `floor_plan` of `Room-v0`, or None.
+            The env itself needs no map; localizers find it as `env.unwrapped.floor_plan`.
         reference: path of a TUM trajectory in the frame of the map.
-        segment: how far an episode goes, by odometry, from a record drawn at reset from those that
-            have so much of the log to come, with a reference throughout if it has one; None plays
-            all of it.
-        plan: what is planned: "odometry", "reference" (needs a pose at each record) or "none".
-        horizon: how many planned actions `info` shows.
+        segment: length of an episode by odometry. Its first record is drawn at reset, from those
+            that are followed by such a stretch, with a reference at each record if the log has one.
+            None plays the whole log.
+        plan: source of planned actions: "odometry", "reference" (needs a pose at each record) or
+            "none".
+        horizon: number of planned actions that `info` shows.
         every: (distance, angle rad) or "0.2m,5deg": play only records this far apart, by odometry,
-            as AMCL's update_min_d and update_min_a; None plays all.
-        max_beams: use at most so many beams, spread evenly; None uses all.
-        start: the record of the log to begin with, from 0.
-        length: how many records from there on, before `every`; None is all.
-        on_mismatch: "error" refuses another action than the recorded one, "warn" warns and plays
-            the log, "ignore" plays it.
+            like AMCL's update_min_d and update_min_a; None plays all.
+        max_beams: largest number of beams used, spread evenly; None uses all.
+        start: index of the first record, from 0.
+        length: number of records from there on, before `every`; None is all.
+        on_mismatch: what an action other than the recorded one does: "error" refuses it, "warn"
+            warns and plays the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         render_mode: None or "rgb_array".
 
     Raises:
-        InputError: a bad value, a log that cannot be read or has less than two records, a map in
-            another unit than the log.
+        InputError: a value is bad, the log cannot be read or has fewer than two records, or the map
+            is not in the log's unit.
 
     Attributes:
         log: the records that are played.
         lidar: the scanner's geometry, for localizers.
-        radius: the robot's, for localizers, of which a log says nothing: 0.16 m.
+        radius: of the robot, for localizers: 0.16 m, as logs do not contain it.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -99,7 +101,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self,
         *,
         log: str | PathLike[str] | logs.Log,
-        map: Any = None,  # noqa: A002  # the word of everybody
+        map: Any = None,  # noqa: A002  # everybody calls it that
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
         plan: str = "odometry",
@@ -114,11 +116,11 @@ class LogEnv(gym.Env[Singles, Singles]):
     ) -> None:
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
-        apart = None if every is None else spacing("every", every)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         whole = log_of(log, reference, reading).segment(start, length)
+        apart = None if every is None else spacing("every", every, whole.unit)
         played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
         self.log = played if max_beams is None else played.with_beams(max_beams)
         if len(self.log) < 2:
@@ -156,7 +158,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         """The reference pose of the first record of this episode, for priors.
 
         Raises:
-            InputError: it has none.
+            InputError: there is none.
         """
         at = self.log[self._begun - self.elapsed_steps].reference
         if at is None:
@@ -167,7 +169,7 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     @property
     def record(self) -> logs.Record:
-        """The record that was played last, its reference pose included: for scoring."""
+        """The last record played, with its reference pose, for scoring."""
         return self.log[self._begun]
 
     @property
@@ -190,10 +192,10 @@ class LogEnv(gym.Env[Singles, Singles]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
-        """Go to the first record, or to that of a segment drawn anew.
+        """Go to the first record, of a newly drawn segment if there are several.
 
         Raises:
-            InputError: an option, or a bad seed.
+            InputError: there are options, or the seed is bad.
         """
         check_no_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
@@ -211,9 +213,9 @@ class LogEnv(gym.Env[Singles, Singles]):
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return map, way and scan as seen from the last record, (h, w, 3) RGB.
+        """Return a picture of map, path and last scan, (h, w, 3) RGB.
 
-        In the frame of the map if there is a reference, else in that of the odometry, without map.
+        Without a reference, it is in the frame of the odometry and has no map.
         """
         if self.render_mode is None:
             gym.logger.warn('render() needs gym.make(..., render_mode="rgb_array").')
@@ -239,7 +241,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         return self._step
 
     def _compare(self, action: Floats, recorded: Singles) -> None:
-        """Say if an action is not the recorded one."""
+        """Refuse, or warn of, an action that is not the recorded one."""
         if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
             return
         given, meant = (f"({d:.6g}, {turn:.6g})" for d, turn in (action, recorded))
@@ -268,7 +270,7 @@ class LogEnv(gym.Env[Singles, Singles]):
 
 
 def _blank(poses: Floats, unit: str) -> Any:
-    """A view of the ground around some poses, without a map."""
+    """Return a view of the area around poses, without a map."""
     from deqmcl_gym.world.drawing import View
 
     around = 50 * pixel(unit)

@@ -1,4 +1,4 @@
-"""What a ``LogEnv`` plays: a log, a map, a plan, and the segments that its episodes are."""
+"""The arguments of ``LogEnv``: log, map, plan, and the segments that its episodes play."""
 
 import math
 import re
@@ -21,10 +21,10 @@ PLANS = ("odometry", "reference", "none")
 
 
 def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
-    """Return a log given as one or by its path, with its reference.
+    """Return a log given as a ``Log`` or by its path, with its reference.
 
     Raises:
-        InputError: neither, or it cannot be read.
+        InputError: it is neither, or cannot be read.
     """
     if not isinstance(given, logs.Log):
         if not isinstance(given, str | PathLike):
@@ -32,19 +32,20 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
         if not isinstance(reading, Mapping | None):
             raise InputError(f"reading is {shown(reading)}, but must be arguments of logs.read.")
         options = dict(reading or {})
+        allowed = set(signature(logs.read).parameters) - {"path", "reference"}
         for name in options:
-            one_of("key in reading", name, set(signature(logs.read).parameters) - {"path"})
-        return logs.read(given, **{"reference": reference, **options})
+            one_of("key in reading", name, allowed)
+        return logs.read(given, reference=reference, **options)
     if reading:
         raise InputError("reading is given, but the log has been read already: leave it out.")
     return given if reference is None else logs.referenced(given, reference)
 
 
 def map_of(given: Any, log: logs.Log) -> Map:
-    """Return a map given as one, by its path or its corners.
+    """Return a map given as a ``Map``, by its path or by its corners.
 
     Raises:
-        InputError: none of these, or it is in another unit than the log.
+        InputError: it is none of these, or not in the log's unit.
     """
     found = (
         given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
@@ -57,7 +58,7 @@ def map_of(given: Any, log: logs.Log) -> Map:
 
 
 def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
-    """Return the actions that a plan has for the steps of a log, (n - 1, 2); (0, 2) of none.
+    """Return the planned actions of a log's steps, (n - 1, 2); (0, 2) for "none".
 
     Args:
         plan: one of ``PLANS``.
@@ -65,7 +66,7 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
         segments: see ``segments_of``.
 
     Raises:
-        InputError: it is the reference's, which is not known at each record of a segment.
+        InputError: it is "reference", but a record of a segment has no reference pose.
     """
     if one_of("plan", plan, PLANS) == "none":
         return np.empty((0, 2))
@@ -82,14 +83,14 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
 
 
 def segments_of(log: logs.Log, length: float | None) -> Indices:
-    """Return the first and the last record of each segment that an episode may be, (k, 2).
+    """Return the first and the last record of each segment that an episode may play, (k, 2).
 
     Args:
         log: the records; where it has a reference, each record of a segment must have one.
-        length: driven in a segment, by odometry; None is all of the log.
+        length: of a segment, by odometry; None is the whole log.
 
     Raises:
-        InputError: a length that no segment has.
+        InputError: no segment has this length.
     """
     if length is None:
         return np.array([[0, len(log) - 1]])
@@ -110,14 +111,18 @@ def segments_of(log: logs.Log, length: float | None) -> Indices:
 
 
 def _unknown(log: logs.Log) -> Indices:
-    """How many of the first k records have no reference, k = 0 … n, (n + 1,)."""
+    """Number of records without a reference among the first k, k = 0 … n, (n + 1,)."""
     unknown = np.ones(len(log), np.intp)
     unknown[log.referenced] = 0
     return np.concatenate([[0], np.cumsum(unknown)])
 
 
-def spacing(what: str, given: object) -> tuple[float, float]:
-    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
+def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
+    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair.
+
+    Raises:
+        InputError: it is none of these, or not in the log's unit.
+    """
     if not isinstance(given, str):
         distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
         return distance, angle
@@ -129,6 +134,8 @@ def spacing(what: str, given: object) -> tuple[float, float]:
             raise InputError(
                 f'{what} is {given!r}, but must be a distance and an angle, such as "0.2m,5deg".'
             )
+        if kind == "length" and match[2] != unit:
+            raise InputError(f"{what} is {given!r}, but the log is in {unit}: give {unit}.")
         value = float(match[1])
         found[kind] = math.radians(value) if match[2] in ("deg", "°") else value
     return found["length"], found["angle"]

@@ -1,4 +1,4 @@
-"""RoomEnv: the Gymnasium environment. Wiring only; each part has a file of its own."""
+"""RoomEnv: the Gymnasium environment, wired from the parts in ``deqmcl_gym.world``."""
 
 from typing import Any, SupportsFloat, cast
 
@@ -21,7 +21,7 @@ from deqmcl_gym.world.streams import Stream
 
 
 class RoomEnv(gym.Env[Any, Singles]):
-    """A disc robot drives a planned lap through a room and sees it by lidar.
+    """A disc-shaped robot drives a planned lap through a room and scans it with a lidar.
 
     ```python
     import gymnasium as gym, deqmcl_gym
@@ -40,7 +40,7 @@ class RoomEnv(gym.Env[Any, Singles]):
     drive. Then a scan is taken. docs/environment.md has every detail.
 
     **Action Space**: `Box([0, -π/4], [10, π/4], (2,), float32)`: a distance (px) to drive after a
-    turn (rad). Anything else is refused, nothing clamped. For actions in [-1, 1] wrap the env in
+    turn (rad). Anything else is refused, never clamped. For actions in [-1, 1] wrap the env in
     `gymnasium.wrappers.RescaleAction(env, -1, 1)`.
 
     **Observation Space**: `Box(0, 400, (beams,), float32)`: ranges (px). With `observation="dict"`
@@ -49,12 +49,12 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     **Rewards**: progress along the lap in px up to the goal, -10 for a contact, +100 at the goal.
 
-    **Starting State**: the bottom centre of the lap, along it; drawn around there if
-    `start.sd_position` or `start.sd_heading` are not 0.
+    **Starting State**: the bottom centre of the lap, heading along it; drawn around that pose if
+    `start.sd_position` or `start.sd_heading` is not 0.
 
-    **Episode End**: terminated when the robot, once round, touches the line it started from,
-    wherever it crosses it; not with `ends_at_goal=False`. Truncated when it has not and the plan is
-    used up, or after `max_episode_steps` (408; none in `Journey-v0`).
+    **Episode End**: terminated when the robot, once round, touches the line it started from, at
+    any point of it; never with `ends_at_goal=False`. Truncated when the plan is used up before, or
+    after `max_episode_steps` (408; none in `Journey-v0`).
 
     **Version History**: v0, as of 0.2.0 with this reward and end.
 
@@ -69,14 +69,14 @@ class RoomEnv(gym.Env[Any, Singles]):
         noise: motion noise of the world.
         start: pose at reset and its spread.
         lap: step lengths, or waypoints of the planned path.
-        driver: who follows that path from the true pose, and plans anew at every step; "none" takes
-            the preset's away.
-        route: a way from a start to a goal, drawn in each episode, instead of the lap.
-        horizon: how many planned actions are shown; None shows the whole rest.
+        driver: follows that path from the true pose and replans at every step; "none" removes the
+            preset's.
+        route: a start and a goal, drawn in each episode, instead of the lap.
+        horizon: number of planned actions shown; None shows all that are left.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: "scan", or "dict" for the plan, progress and clock beside it.
+        observation: "scan", or "dict" for scan, plan, progress and clock.
         render_mode: None or "rgb_array".
-        unknown: nothing; refused with the nearest name.
+        unknown: refused, with the nearest valid name.
 
     Attributes:
         floor_plan: the map m, for localizers too.
@@ -123,7 +123,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     @property
     def radius(self) -> float:
-        """Of the robot's disc."""
+        """Radius of the robot's disc."""
         return self.world.robot.radius
 
     @property
@@ -135,20 +135,20 @@ class RoomEnv(gym.Env[Any, Singles]):
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 
-        Of a driver: those without noise from the expected start.
+        For a driver, they are those without noise from the expected start.
 
         Raises:
-            RuntimeError: it is that of a route, and there is no episode.
+            RuntimeError: the world has a route, and no episode has begun.
         """
         plan = self._setting.plan if self._is_lap_ahead else self._episode.plan
-        return plan.actions
+        return plan.actions.copy()
 
     @property
     def course(self) -> Course:
         """Lap or route: its path, start, and actions as planned beforehand.
 
         Raises:
-            RuntimeError: it is a route, and there is no episode.
+            RuntimeError: the world has a route, and no episode has begun.
         """
         return self._setting.course if self._is_lap_ahead else self._episode.course
 
@@ -172,11 +172,11 @@ class RoomEnv(gym.Env[Any, Singles]):
         """Begin an episode; without a seed, the next one in the order of the last seed.
 
         Raises:
-            InputError: a bad seed, an option, or no free start. The last episode goes on.
+            InputError: the seed is bad, there are options, or no start is free. The last episode
+                then continues.
         """
         check_no_options(options)
-        root = self.np_random_seed if seed is None else integer("seed", seed)
-        number = self._number + 1 if seed is None else 0
+        root, number = self._next_episode() if seed is None else (integer("seed", seed), 0)
         episode = Episode(self._setting, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
@@ -202,7 +202,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
         Args:
             at: (x, y, θ).
-            noticed: whether a driver sees it, and plans from there; else his plan stays as it is.
+            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
 
         Raises:
             InputError: the robot would touch a wall there.
@@ -210,10 +210,10 @@ class RoomEnv(gym.Env[Any, Singles]):
         self._episode.place(self.checked_pose("the pose", at), noticed)
 
     def elsewhere(self, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere on a lap, on a route as its start is drawn.
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
 
         Raises:
-            InputError: none was found.
+            InputError: no free pose was found.
         """
         return self._setting.elsewhere(self.course, rng)
 
@@ -221,8 +221,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
 
         Raises:
-            InputError: wrong shape, NaN, an action outside the action space, or the plan is a
-                driver's.
+            InputError: their shape is wrong, they have NaN, an action is outside the action space,
+                or the plan is a driver's.
         """
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
@@ -253,6 +253,12 @@ class RoomEnv(gym.Env[Any, Singles]):
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
         return self._setting.picture(episode.course, episode.pose, episode.scan, episode.step)
+
+    def _next_episode(self) -> tuple[int, int]:
+        """Seed and number of the next episode if no seed is given."""
+        if self.np_random_seed >= 0:
+            return self.np_random_seed, self._number + 1
+        return int(self.np_random.integers(2**63)), 0  # np_random was set, and its seed is unknown
 
     @property
     def _is_lap_ahead(self) -> bool:

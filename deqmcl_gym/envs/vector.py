@@ -1,4 +1,4 @@
-"""RoomVectorEnv: the Gymnasium vector environment. Wiring only; the rooms are in rooms.py."""
+"""RoomVectorEnv: the Gymnasium vector environment, wired from ``vector_rooms``."""
 
 import secrets
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ MAX_BYTES = 16 * 2**30  # of all rooms
 
 
 class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
-    """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with a seed and episodes of its own.
+    """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with its own seed and episodes.
 
     docs/environment.md describes what differs from one room.
 
@@ -52,8 +52,8 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
 
         Args:
             num_envs: n.
-            max_episode_steps: truncate episodes after so many steps; None is 408, the registered
-                limit, and -1 is none, as in ``gym.make``.
+            max_episode_steps: number of steps after which episodes are truncated; None is 408, the
+                registered limit, and -1 is no limit, as in ``gym.make``.
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
             render_mode: None or "rgb_array".
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
@@ -90,7 +90,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     @property
     def plan(self) -> Actions:
         """The actions planned for each episode, done and to come, (T, 2) float32."""
-        return self._plan.actions
+        return self._plan.actions.copy()
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -111,7 +111,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             options: ``reset_mask``: (n,) bool.
 
         Raises:
-            InputError: a bad seed or option, or no free start. All episodes go on.
+            InputError: a seed or option is bad, or no start is free. All episodes then continue.
         """
         chosen = self._chosen(options)
         rooms = np.flatnonzero(chosen)
@@ -124,10 +124,10 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         """Turn, then drive in each room; where an episode ended, begin the next one.
 
         Raises:
-            InputError: bad actions. No room has taken its step.
+            InputError: actions are bad. No room has then taken its step.
         """
         self._check_begun("step")
-        resting = self._ended  # nobody, by SAME_STEP
+        resting = self._ended  # all False with SAME_STEP
         again = resting.nonzero()[0]
         if again.size and self._mode is AutoresetMode.DISABLED:
             raise RuntimeError(
@@ -158,14 +158,14 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         return tuple(self._setting.picture(self.course, *room) for room in seen)
 
     def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
-        """Begin an episode in each of ``rooms``: of these seeds (n,), or the room's next one."""
+        """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
         numbers = rooms.tolist()
         episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in numbers]
         self._rooms.begin(rooms, episodes)
         for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
         self._all_begun = self._all_begun or None not in self._episodes
-        self._ended = self._ended.copy()  # step() goes on with those that had ended
+        self._ended = self._ended.copy()  # step() still uses the old array
         self._ended[rooms] = False
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
@@ -178,7 +178,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         return secrets.randbits(128), 0
 
     def _begun_again(self, commands: Actions, collided: Bools) -> Info:
-        """Begin the next episode where one ended; return what was last seen of that."""
+        """Begin the next episode where one has ended; return its last observation and info."""
         ended = self._ended.copy()
         rooms = np.flatnonzero(ended)
         last = np.full(self.num_envs, None, dtype=object)
@@ -193,7 +193,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         return final | {f"_{key}": ended.copy() for key in final}
 
     def _seen(self) -> Any:
-        """Return what each room shows, fresh."""
+        """Return the observations of all rooms, as fresh arrays."""
         rooms, plan = self._rooms, self._plan
         if self._setting.observation == "scan":
             return rooms.scans.copy()
@@ -204,7 +204,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
 
-        It keeps ``commands`` and ``collided``: they are to be its own.
+        ``commands`` and ``collided`` become part of it and must not be used elsewhere.
         """
         planned, count = self._plan.after_each(self._rooms.steps)
         told: Info = {

@@ -28,15 +28,15 @@ def sides(walls: Floats) -> Floats:
 
 
 class Robots(NamedTuple):
-    """The robots of n rooms; what changes from step to step.
+    """The robots of n rooms: the state that changes from step to step.
 
     Attributes:
         poses: x, y, θ in [-π, π), (n, 3).
-        gaps: how far each can drive in any direction without meeting a wall, at least, (n,); 0 if
-            nobody knows.
+        gaps: least distance that each can drive in any direction without touching a wall, (n,); 0
+            if unknown.
         arcs: arc length at which each is on the path, (n,).
         progress: along the path since reset, (n,).
-        steps: carried out, (n,).
+        steps: number carried out, (n,).
     """
 
     poses: Floats
@@ -47,20 +47,20 @@ class Robots(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What is the same in all rooms and at every step.
+    """The values that are the same in all rooms and at every step.
 
     Attributes:
         noise: σ_dd, σ_φφ, σ_φd.
-        walls: as :func:`sides` returns them; free space to their left. None of a grid.
+        walls: as :func:`sides` returns them, free space to their left; empty for a grid.
         cells: a ``disc_kernels.Terrain`` as a plain tuple: a grid, or ``NO_CELLS``.
         radius: of the robots.
-        skin: how far before a contact they stop.
-        reach: a length that no drive has without contact.
+        skin: distance at which they stop before a contact.
+        reach: a length that no drive can have without contact.
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
         length: of the path.
         rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.task_kernels``.
-        most: steps of a plan.
-        limit: steps of an episode.
+        most: number of steps of the plan.
+        limit: largest number of steps of an episode.
     """
 
     noise: tuple[float, float, float]
@@ -77,14 +77,14 @@ class Rules(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What came of a step.
+    """The results of a step.
 
     Attributes:
         rewards: see ``deqmcl_gym.world.task_kernels``, (n,).
         collided: whether a wall stopped the robot, (n,).
         terminated: whether the task is done, (n,).
-        truncated: whether it is not and the plan is used up, or the episode is as long as it may
-            be, (n,).
+        truncated: whether the plan is used up and the task not done, or the episode has reached its
+            limit, (n,).
     """
 
     rewards: Floats
@@ -103,14 +103,14 @@ def step(
     resting: Bools,
     moved: tuple[Any, ...],
 ) -> None:
-    """Turn and drive the robots that are not ``resting``; say what came of it.
+    """Turn and drive the robots that are not ``resting``; fill in the results.
 
     Args:
         robots: :class:`Robots`, as a plain tuple like the other two: numba takes it faster.
         rules: :class:`Rules`.
         commands: distance, turn, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
-        at: the row of these that each robot takes, (n,); goes on to the next one.
+        at: the row of these that each robot uses, (n,); advanced by one.
         resting: which robots stay, (n,).
         moved: :class:`Moved`, filled in.
     """
@@ -180,7 +180,7 @@ def _gap(x: float, y: float, rules: Rules) -> float:
 
 @compiled
 def _first_contact(x: float, y: float, dx: float, dy: float, rules: Rules) -> float:
-    """Share of the way (dx, dy) at which a disc, clear of the walls, first touches one; or inf."""
+    """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
     reach, _, _, frame = rules.cells
     walls, radius, first = rules.walls, rules.radius, np.inf
     if reach.size:
@@ -189,9 +189,9 @@ def _first_contact(x: float, y: float, dx: float, dy: float, rules: Rules) -> fl
     for wall in range(walls.shape[0]):
         px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
         ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
-        # the side, from where space is free
+        # the side of the wall in free space
         gap = ex * py - ey * px - radius
-        sinks = dx * ey - dy * ex  # by so much from start to end of the way
+        sinks = dx * ey - dy * ex  # decrease of the gap along the drive
         if 0.0 <= gap < sinks:
             share = gap / sinks
             at = px * ex + py * ey + share * (dx * ex + dy * ey)
@@ -211,7 +211,7 @@ def _first_contact(x: float, y: float, dx: float, dy: float, rules: Rules) -> fl
 def _evaluate(
     i: int, from_x: float, from_y: float, robots: Robots, rules: Rules, moved: Moved
 ) -> None:
-    """Fill in what came of a drive of robot i."""
+    """Fill in the results of a drive of robot i."""
     x, y, _ = robots.poses[i]
     robots.arcs[i], gone = follow(from_x, from_y, x, y, robots.arcs[i], rules.edges, rules.length)
     robots.progress[i] += gone

@@ -1,4 +1,4 @@
-"""The robots of many rooms as flat arrays: all that changes between two resets."""
+"""Rooms: the state of many rooms between two resets, as flat arrays."""
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from deqmcl_gym.world.streams import NormalTable, Stream, episode_stream
 
 
 class Rooms:
-    """What :class:`deqmcl_gym.world.episode.Episode` is for one room, for n of them."""
+    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time."""
 
     def __init__(self, setting: Setting, number: int, limit: int) -> None:
-        """Make rooms without an episode, of ``limit`` steps: :meth:`begin` gives them one."""
+        """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
         world, course = setting.world, setting.course
         self._setting = setting
         ground = world.floor_plan
@@ -49,7 +49,7 @@ class Rooms:
 
     @staticmethod
     def bytes_each(setting: Setting) -> int:
-        """Memory that a room takes, about: its random numbers, its scan and the plan shown."""
+        """Approximate memory of a room: its random numbers, its scan and the plan shown."""
         beams, steps = setting.world.lidar.beams, len(setting.course.actions)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
         numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * setting.plan.horizon + 64
@@ -67,19 +67,19 @@ class Rooms:
 
     @property
     def progress(self) -> Floats:
-        """Along the path since reset, (n,)."""
+        """Progress along the path since reset, (n,)."""
         return self._robots.progress
 
     @property
     def scans(self) -> Singles:
-        """The last ones, (n, B)."""
+        """The last scans, (n, B)."""
         return self._lidars.scans
 
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
         Raises:
-            InputError: no start drawn is free; then all rooms stay as they were.
+            InputError: no drawn start is free. All rooms are then unchanged.
         """
         setting = self._setting
         starts = [setting.start(setting.course, *episode) for episode in episodes]

@@ -1,4 +1,4 @@
-"""Disturbances, one wrapper each: kidnapping, beam drop-out, a change of plan."""
+"""Wrappers that disturb a room: kidnapping, beam drop-out, a change of plan."""
 
 from collections.abc import Iterator
 from typing import Any, SupportsFloat
@@ -24,7 +24,7 @@ StepResult = tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]
 class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
     """Something that happens to the robot at one step of every episode.
 
-    An episode that ends before is reported by a warning of Gymnasium's logger.
+    Gymnasium's logger warns of an episode that ends before.
     """
 
     what: str
@@ -37,7 +37,7 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
 
     @property
     def steps_after(self) -> int | None:
-        """How many steps an episode has after this; None: it changes nothing."""
+        """Number of steps that an episode has after this; None: as planned."""
         return None
 
     def step(self, action: Action) -> StepResult:
@@ -58,10 +58,10 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
 
 
 def _check_all_happen(env: gym.Env[Any, Any]) -> None:
-    """Refuse a step that no episode comes to: after the plan, or the limit of a TimeLimit."""
+    """Refuse a step that no episode reaches: after the plan, or the limit of a TimeLimit."""
     layers = list(_layers(env))
     limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
-    room = room_of(env)  # routes differ between episodes: those that end before it give a warning
+    room = room_of(env)  # routes differ in length: episodes that end before give a warning
     last = len(room.plan) if room.world.route is None else MAX_STEPS
     for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
         most = min([last, *limits])
@@ -75,17 +75,17 @@ def _check_all_happen(env: gym.Env[Any, Any]) -> None:
 
 
 class Kidnap(_Once):
-    """Carry the robot elsewhere just before it takes a step; only its scans can tell.
+    """Carry the robot elsewhere just before a step; only its scans reveal it.
 
-    A step that no episode comes to is refused.
+    A step that no episode reaches is refused.
 
     Args:
         env: a RoomEnv, or wrappers around one.
-        step: before which step, from 1.
-        pose: where to (x, y, θ); None draws a free pose anew in each episode; in a world with a
-            route so that the way from there to the goal is one that could be drawn.
-        noticed: whether a driver sees it and plans from there; else he goes on showing the plan
-            that he had. Without a driver nobody does.
+        step: the step before which it happens, from 1.
+        pose: where to (x, y, θ). None draws a free pose in each episode; in a world with a route,
+            as the start of a route to the goal is drawn.
+        noticed: whether a driver notices and replans; otherwise its plan stays as it was. Without a
+            driver this has no effect.
     """
 
     what = "the kidnapping"
@@ -158,11 +158,11 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
 
 
 class PlanChange(_Once):
-    """Replace the rest of the plan: after a given step, other actions are planned.
+    """Replace the rest of the plan by other actions, after a given step.
 
     Args:
         env: a RoomEnv, or wrappers around one.
-        step: after which step the new plan is shown and begins, from 1.
+        step: the step after which the new plan is shown and begins, from 1.
         actions: (distance, turn), (k, 2); may be empty, which ends the episode there.
     """
 
@@ -189,7 +189,7 @@ def _lossy_space(room: RoomEnv) -> gym.Space[Singles]:
 
 
 def room_of(env: gym.Env[Any, Action]) -> RoomEnv:
-    """Return the room within wrappers, else refuse the env."""
+    """Return the room inside the wrappers of an env, else refuse it."""
     room = env.unwrapped
     if not isinstance(room, RoomEnv):
         raise InputError(f"the env is {room!r}, but this wrapper needs deqmcl_gym/Room-v0.")

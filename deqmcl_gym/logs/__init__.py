@@ -1,4 +1,4 @@
-"""Logs: what robots recorded, in one form, whatever it was recorded with.
+"""Logs: recordings of robots, read from several formats into one form.
 
 >>> from deqmcl_gym import logs
 >>> log = logs.read("robot.log.gz", reference="robot.tum")

@@ -1,12 +1,12 @@
-"""CARMEN logs: one message a line, its words between blanks.
+"""CARMEN logs: one message per line, its words separated by blanks.
 
-``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` says nothing of its angles: n
-beams go from -90° on, 180°/n apart if n is even and up to +90° if it is odd, as those of a SICK
+``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` does not contain its angles: n
+beams begin at -90° and are 180°/n apart if n is even, or reach +90° if n is odd, as those of a SICK
 LMS. ``ROBOTLASER1 type start fov step max_range accuracy remission_mode n r… m remission… laser_x
 laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis time host [logger_time]``
-says all. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator, is
-the reference. ``PARAM`` lines say how the scanner of FLASER is mounted and how far it sees; one of
-our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
+is complete. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator,
+is the reference. ``PARAM`` lines have the mounting and the range of FLASER's scanner; logs written
+here have ``PARAM deqmcl_scanner``, with all digits of the scanner.
 """
 
 import math
@@ -19,24 +19,25 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning
+from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1")
-SICK_RANGE = 79.0  # m: an LMS in its 80 m mode says 81.83 or 81.91 where nothing is in range
-SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS counts in cm
+SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
+SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS measures in cm
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
 # How a message of any kind begins and ends
 _KIND = re.compile(r"[A-Z_]+\d*")
 _STAMP = re.compile(r"(.* )?[\d.]+ [A-Za-z]\S*( [\d.]+)?")
 
-# What else stands in such logs and is not needed here
+# Other messages of such logs, which are not needed here
 _OTHERS = re.compile(
     r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
     r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
@@ -55,10 +56,11 @@ class _Messages:
     others: Counter[str] = field(default_factory=Counter)
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
+    mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
     unreadable: int = 0
 
     def read(self, line: str) -> None:
-        """Take in a line; count it if it is damaged."""
+        """Read a line; count it if it is damaged."""
         kind, *words = line.split()
         try:
             if kind == "FLASER":
@@ -94,21 +96,21 @@ class _Messages:
         _, start, _, step, farthest, *_ = numbers_of(words[:7])
         ranges = numbers_of(words[8 : 8 + n])
         rest = numbers_of(words[9 + n + m : 21 + n + m])
-        offset = relative(np.array([rest[3:6]]), np.array([rest[:3]]))[0]
-        geometry = (start, step, farthest, *(np.round(offset, 3) + 0.0).tolist())
-        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, geometry)
+        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, (start, step, farthest))
+        self.mounts.append(rest[:6])
 
     def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
-        """Return the scanner of messages that say their geometry, or of FLASER, which does not."""
+        """Return the scanner of messages with a geometry, or without one, as FLASER."""
         if _OURS in self.params:
             return Scanner.of_json(_OURS, self.params[_OURS])
         if geometry is None:
-            start, step = -math.pi / 2, math.pi / (beams - 1 + (beams % 2 == 0))
+            start, step = -math.pi / 2, math.pi / max(beams - beams % 2, 1)
             farthest = self._param("robot_front_laser_max", SICK_RANGE)
             names = ("offset", "side_offset", "angular_offset")
             x, y, turn = (self._param(f"robot_frontlaser_{name}", 0.0) for name in names)
         else:
-            start, step, farthest, x, y, turn = geometry
+            start, step, farthest = geometry
+            x, y, turn = self._mounting()
         return Scanner(
             angles=tuple((start + turn + step * np.arange(beams)).tolist()),
             mounting=(x, y),
@@ -122,6 +124,18 @@ class _Messages:
         """The unit of all lengths."""
         return self.params.get(_UNIT, "m")
 
+    def _mounting(self) -> list[float]:
+        """Median offset of the laser from the robot, to 0.001: x, y, turn."""
+        mounts = np.array(self.mounts)
+        offsets = relative(mounts[:, 3:], mounts[:, :3])
+        offsets = offsets[usable(offsets)]
+        if not len(offsets):
+            return [math.nan] * 3
+        off = offsets - offsets[0]
+        off[:, 2] = arrays.wrapped(off[:, 2])  # a turn of π may also read -π
+        middle: list[float] = (np.round(offsets[0] + np.median(off, axis=0), 3) + 0.0).tolist()
+        return middle
+
     def _param(self, name: str, default: float) -> float:
         try:
             return numbers_of([self.params[name]])[0]
@@ -134,10 +148,10 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
 
     Args:
         path: the file.
-        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one that there is.
+        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one in the file.
 
     Raises:
-        InputError: no scan, both kinds of them, or no sound record.
+        InputError: there is no scan, a choice of two kinds, or no usable record.
     """
     messages = _Messages({kind: Found(str(path)) for kind in SCANS})
     for line in text_of(path).splitlines():
@@ -154,16 +168,16 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
 
 
 def write_carmen(log: Log, path: Path) -> None:
-    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference; all digits.
+    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference, with all digits.
 
     Raises:
-        InputError: beams that are not evenly spaced, or the file cannot be written.
+        InputError: beams are not evenly spaced, or the file cannot be written.
     """
     scanner, step = log.scanner, log.scanner.spacing
     if step is None:
         raise InputError(
-            "a CARMEN log has evenly spaced beams, but those of this log are not: write .csv or "
-            ".npz."
+            "beams of a CARMEN log must be evenly spaced, but those of this log are not: write "
+            ".csv or .npz."
         )
     mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
     farthest = min(scanner.no_return, scanner.max_range)

@@ -1,4 +1,4 @@
-"""The files of logs, whatever they are packed in."""
+"""Writing of log files, compressed or not."""
 
 import gzip
 from pathlib import Path
@@ -8,7 +8,7 @@ from deqmcl_gym.validation import InputError
 
 
 def save(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; packed if its name ends in .gz.
+    """Write a file whole or not at all; compressed if its name ends in .gz.
 
     Raises:
         InputError: it cannot be written there.

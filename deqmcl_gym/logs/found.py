@@ -1,4 +1,4 @@
-"""What a reader finds in a file, and how that becomes a log: damage is skipped and counted."""
+"""Records found in a file, made into a log: damaged ones are skipped and counted."""
 
 import bisect
 import warnings
@@ -12,28 +12,28 @@ import numpy as np
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import LARGEST, InputError
 
 UNREADABLE = "unreadable"
 OTHER_SCAN = "with a scan of another length or geometry"
-NOT_FINITE = "with a time or pose that is not finite"
+NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
 
 
 class LogWarning(UserWarning):
-    """Something in a log is not as it should be, and what was done about it."""
+    """A problem in a log, and how it was handled."""
 
 
 @dataclass
 class Found:
-    """Records as they stand in a file, good and bad.
+    """All records of a file, sound or damaged.
 
     Attributes:
-        source: the file, as it is named in sentences.
+        source: name of the file in messages.
         times, odometry, ranges: of each record.
-        geometry: of the scanner at each record, whatever tells one from another.
-        damage: records that could not even be read, by reason.
+        geometry: number of beams and anything else that identifies the scanner, of each record.
+        damage: number of records that could not be read, by reason.
     """
 
     source: str
@@ -59,7 +59,7 @@ class Found:
     def log(self, scanner_of: Callable[[int, Any], Scanner], *, unit: str = "m") -> Log:
         """Return the sound records as a log; warn of the others.
 
-        The scanner is the one of most records, as ``scanner_of`` (beams, geometry) makes it.
+        The scanner is that of most records, made by ``scanner_of(beams, geometry)``.
 
         Raises:
             InputError: no record is sound.
@@ -70,8 +70,8 @@ class Found:
             (most, _), *_ = Counter(self.geometry).most_common(1)
             same = np.array([geometry == most for geometry in self.geometry])
             kept = self._without(kept, same, OTHER_SCAN)
-            finite = np.isfinite(times) & np.isfinite(odometry).all(axis=1)
-            kept = self._without(kept, finite[kept], NOT_FINITE)
+            sound = usable(np.column_stack([times, odometry]))
+            kept = self._without(kept, sound[kept], NOT_FINITE)
             kept = kept[in_order(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
@@ -97,15 +97,20 @@ class Found:
         return left
 
 
-def in_order(times: Floats, damage: Counter[str]) -> Indices:
-    """Return the indices of the longest run of times that never goes back; count the others.
+def usable(rows: Floats) -> Bools:
+    """Whether all numbers of rows (n, k) are finite and at most ``LARGEST``, (n,)."""
+    return np.asarray((np.abs(rows) <= LARGEST).all(axis=1))  # False for NaN, too
 
-    So one time stamp far ahead costs one record, not all that follow it.
+
+def in_order(times: Floats, damage: Counter[str]) -> Indices:
+    """Return the indices of the longest subsequence of times without decrease; count the others.
+
+    So one time stamp far ahead costs one record, not all records after it.
     """
     if not (np.diff(times) < 0).any():
         return np.arange(times.size)
-    ends: list[float] = []  # least last time of a run of each length
-    at: list[int] = []  # where it ends
+    ends: list[float] = []  # least last time of a subsequence of each length
+    at: list[int] = []  # index of that time
     before = np.full(times.size, -1)
     for index, time in enumerate(times.tolist()):
         length = bisect.bisect_right(ends, time)

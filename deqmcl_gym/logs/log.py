@@ -1,4 +1,4 @@
-"""Log: what a robot recorded, record by record."""
+"""Log: scans, odometry and reference poses of a robot, record by record."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -22,13 +22,13 @@ Pose = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Record:
-    """What was recorded at one time.
+    """One record of a log.
 
     Attributes:
         time: s.
-        odometry: the pose by odometry (x, y, θ), in a frame of its own that drifts.
+        odometry: the pose by odometry (x, y, θ), in the drifting frame of the odometry.
         ranges: the scan, (beams,); +inf where nothing was measured.
-        reference: the true pose (x, y, θ) in the map, as far as anyone knows; None if nobody does.
+        reference: the best estimate of the true pose (x, y, θ) in the map; None if unknown.
     """
 
     time: float
@@ -40,17 +40,17 @@ class Record:
 @final
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Records in the order of their times. Its arrays are read-only, headings in [-π, π].
+    """Records in the order of their times. Arrays are read-only, headings in [-π, π].
 
     Attributes:
-        scanner: what took the scans.
-        times: s, (n,), none before the last.
+        scanner: that took the scans.
+        times: s, (n,), not decreasing.
         odometry: poses (x, y, θ) of the robot by odometry, (n, 3).
         ranges: (n, beams) float32; +inf where nothing was measured.
-        reference: poses in the map, (n, 3), rows of NaN where there is none; None: no reference.
+        reference: poses in the map, (n, 3), NaN in rows without one; None: no reference.
         unit: of all lengths, "m" or "px".
-        skipped: how many records were left out when it was read, by reason.
-        source: what it was read from.
+        skipped: number of records left out when the log was read, by reason.
+        source: name of the log in messages, such as its file.
     """
 
     scanner: Scanner
@@ -108,15 +108,15 @@ class Log:
         unit: str,
         step: float = 1.0,
     ) -> "Log":
-        """Return the log of an episode of a simulated robot; its odometry is what it was told.
+        """Return the log of a simulated episode; its odometry is dead reckoning of the commands.
 
         Args:
             scans: at reset and after each step, (T + 1, beams).
             actions: ``info["action"]`` of each step (d, φ), (T, 2).
-            truth: the true poses, (T + 1, 3); None if they are not to be recorded.
-            lidar: which took the scans.
+            truth: the true poses, (T + 1, 3); None does not record them.
+            lidar: that took the scans.
             unit: of all lengths.
-            step: how long a step takes, s.
+            step: duration of a step, s.
         """
         odometry = dead_reckoned(actions)
         scanner = lidar if isinstance(lidar, Scanner) else Scanner.of_lidar(lidar)
@@ -140,7 +140,7 @@ class Log:
         return (self[index] for index in range(len(self)))
 
     def __str__(self) -> str:
-        """Return what one wants to know of a log first, on a few lines."""
+        """Return a summary of a few lines."""
         seconds, driven = self.times[-1] - self.times[0], np.abs(self.actions[:, 0]).sum()
         degrees = np.degrees(self.scanner.bearings[[0, -1]])
         lines = [
@@ -163,28 +163,28 @@ class Log:
 
     @cached_property
     def residuals(self) -> Floats:
-        """What each action leaves out, to the left of the new heading, (n - 1,)."""
+        """Component of each increment to the left of the new heading, (n - 1,)."""
         return actions_of(self.odometry)[1]
 
     @cached_property
     def referenced(self) -> Indices:
-        """The records that have a reference pose, in order."""
+        """Indices of the records with a reference pose, ascending."""
         if self.reference is None:
             return np.empty(0, np.intp)
         return np.flatnonzero(np.isfinite(self.reference[:, 0]))
 
     def segment(self, start: int = 0, length: int | None = None) -> "Log":
-        """Return ``length`` records from the ``start``-th on; None is all the rest."""
+        """Return ``length`` records from index ``start`` on; None is all that follow."""
         first = integer("start", start, low=0, high=len(self) - 1)
         most = len(self) - first
         count = most if length is None else integer("length", length, low=1, high=most)
         return self.of_records(slice(first, first + count))
 
     def spaced(self, distance: float, angle: float) -> "Log":
-        """Return the records that lie apart: by ``distance`` or by ``angle`` rad from the last one.
+        """Return the records at least ``distance`` or ``angle`` rad from the last one kept.
 
-        As AMCL's update_min_d and update_min_a: it takes a scan when either is reached. The first
-        record stays. The distance is that of the odometry.
+        Like AMCL's update_min_d and update_min_a: a record is kept when either is reached. The
+        first record is always kept. Distances are by odometry.
         """
         far = number("the distance of every", distance, low=0, finite=False)
         turned = number("the angle of every", angle, low=0, finite=False)
@@ -197,14 +197,14 @@ class Log:
         return self.of_records(np.array(kept))
 
     def with_beams(self, max_beams: int) -> "Log":
-        """Return the log with at most so many beams, spread evenly over those of the scanner."""
+        """Return the log with at most ``max_beams`` beams, spread evenly over the scanner's."""
         scanner, kept = self.scanner.thinned(max_beams)
         return replace(self, scanner=scanner, ranges=self.ranges[:, kept])
 
     def at_scanner(self) -> "Log":
-        """Return the log of the scanner's place instead of the robot's centre; headings stay.
+        """Return the log with poses of the scanner instead of the robot's centre; headings stay.
 
-        For localizers, which see from where they are. The place of a scanner that is not mounted in
+        Localizers take their own position as that of the scanner. A scanner that is not mounted in
         the centre moves sideways when the robot turns: see ``residuals``.
         """
         if self.scanner.mounting == (0.0, 0.0):
@@ -224,7 +224,7 @@ class Log:
         )
 
     def of_records(self, chosen: slice | Indices) -> "Log":
-        """Return the log of some records, in order."""
+        """Return the log of the chosen records, in order."""
         return replace(
             self,
             times=self.times[chosen],
@@ -235,16 +235,29 @@ class Log:
 
     @cached_property
     def way(self) -> Floats:
-        """How far the robot has come at each record, a radian turned as 1 m, (n,)."""
+        """Distance driven up to each record by odometry, plus 1 m for each radian turned, (n,)."""
         per_turn = 1 / PIXELS["m"] * PIXELS[self.unit]
-        across = np.diff(self.odometry[:, :2], axis=0)
         turned = np.abs(arrays.wrapped(np.diff(self.odometry[:, 2])))
-        steps = np.hypot(*across.T) + per_turn * turned
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return _sums(self._steps + per_turn * turned)
+
+    @cached_property
+    def driven(self) -> Floats:
+        """Distance driven up to each record, by odometry, (n,)."""
+        return _sums(self._steps)
+
+    @cached_property
+    def _steps(self) -> Floats:
+        """Straight distance from each record to the next, (n - 1,)."""
+        across, up = np.diff(self.odometry[:, :2], axis=0).T
+        return np.asarray(np.hypot(across, up))
+
+
+def _sums(steps: Floats) -> Floats:
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def said_of_skipped(skipped: Mapping[str, int], kept: int) -> str:
-    """Return the sentence that says what was left out, most first."""
+    """Return the sentence on records left out, by reason, the most frequent first."""
     total = sum(skipped.values())
     reasons = ", ".join(
         f"{count:,} {reason}" for reason, count in sorted(skipped.items(), key=lambda one: -one[1])

@@ -1,10 +1,10 @@
 """Odometry as actions (d, φ): turn, then drive.
 
-An increment (Δx, Δy, Δθ) has three numbers, an action two. The heading is kept exactly, as scans
-depend on it most, and the drive is the least-squares one: φ = Δθ, and d is the component along the
-new heading. What is left is its component across, -d Δθ / 2 for a robot on an arc, and
-that of wheels that slip. As n dθ = dt for a tangent t and a normal n, a bend to the left and one to
-the right cancel at one pace: see ``Log.residuals`` for those of a log.
+An increment (Δx, Δy, Δθ) has three numbers, an action two. The heading is exact, as scans depend on
+it most, and the drive is the least-squares solution: φ = Δθ, and d is the component along the new
+heading. The residual is the component across: -d Δθ / 2 for a robot on an arc, plus any slip of the
+wheels. Residuals of bends to the left and to the right cancel at equal speed; ``Log.residuals`` has
+those of a log.
 """
 
 import numpy as np
@@ -15,11 +15,11 @@ from deqmcl_gym.numerics.types import Bools, Floats
 
 
 def actions_of(poses: Floats) -> tuple[Floats, Floats]:
-    """Return the actions between consecutive poses (n, 3), and what they leave out.
+    """Return the actions between consecutive poses (n, 3), and their residuals.
 
     Returns:
-        (d, φ), (n - 1, 2); the residual to the left of the new heading, (n - 1,). NaN where a pose
-        is.
+        (d, φ), (n - 1, 2); the residuals to the left of the new heading, (n - 1,). NaN where a
+        pose is NaN.
     """
     known: Bools = np.asarray(np.isfinite(poses).all(axis=1))
     given = np.where(known[:, None], poses, 0.0)
@@ -32,7 +32,7 @@ def actions_of(poses: Floats) -> tuple[Floats, Floats]:
 
 
 def dead_reckoned(actions: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return the poses that actions (n, 2) lead to, one by one, from a start, (n + 1, 3)."""
+    """Return the start and the poses after each of the actions (n, 2), (n + 1, 3)."""
     steps = np.asarray(actions, dtype=np.float64).reshape(-1, 2)
     x, y, heading = np.asarray(start, dtype=np.float64)
     headings = arrays.wrapped(np.cumsum([heading, *steps[:, 1]]))
@@ -44,7 +44,7 @@ def dead_reckoned(actions: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Flo
 
 
 def composed(poses: Floats, offset: Floats) -> Floats:
-    """Return poses (n, 3) ⊕ offset (3,) or (n, 3): the offset is seen from each pose."""
+    """Return poses (n, 3) ⊕ offset (3,) or (n, 3): the offset is in the frame of each pose."""
     x, y, heading = poses.T
     dx, dy, turn = np.broadcast_to(offset, poses.shape).T
     cosine, sine = arrays.cos(heading), arrays.sin(heading)
@@ -58,14 +58,14 @@ def composed(poses: Floats, offset: Floats) -> Floats:
 
 
 def relative(origins: Floats, poses: Floats) -> Floats:
-    """Return poses (n, 3) as seen from origins (n, 3): origin ⊕ relative = pose."""
+    """Return poses (n, 3) in the frames of origins (n, 3): origin ⊕ relative = pose."""
     dx, dy, turn = (poses - origins).T
     cosine, sine = arrays.cos(origins[:, 2]), arrays.sin(origins[:, 2])
     return np.column_stack([cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)])
 
 
 def heading_of(quaternions: Floats) -> Floats:
-    """Return the headings of quaternions (n, 4) x, y, z, w; NaN where one has no length."""
+    """Return the headings of quaternions (n, 4) x, y, z, w; NaN for quaternions of length 0."""
     x, y, z, w = quaternions.T
     size = (quaternions**2).sum(axis=1)
     heading = np.asarray(arrays.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))

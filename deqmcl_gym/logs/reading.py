@@ -1,4 +1,4 @@
-"""Logs by the endings of their names: which format is read and written."""
+"""Reading and writing of logs; the ending of the name determines the format."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -49,31 +49,31 @@ def read(
     reference_topic: str | None = None,
     base_frame: str | None = None,
 ) -> Log:
-    """Read a log; the ending of its name says the format.
+    """Read a log; the ending of its name determines the format.
 
     ``.log``, ``.clf``, ``.carmen``, ``.txt``, also with ``.gz``: CARMEN. ``.csv`` (``.csv.gz``),
-    ``.npz``: see ``logs.tables``. ``.bag``: ROS 1. ``.mcap``, ``.db3`` or a folder: ROS 2; these
-    need ``pip install "deqmcl-gym[ros]"``. Damaged records are skipped, with one ``LogWarning``
-    that counts them.
+    ``.npz``: see ``logs.tables``. ``.bag``: ROS 1. ``.mcap``, ``.db3`` or a folder: ROS 2. ROS bags
+    need ``pip install "deqmcl-gym[ros]"``. Damaged records are skipped, and a ``LogWarning`` counts
+    them.
 
     Args:
         path: the file, or the folder of a ROS 2 bag.
-        reference: a TUM file or a trajectory, of the map's frame and the log's clock.
+        reference: a TUM file or a trajectory, in the map's frame and with the log's clock.
         max_gap: see ``referenced``.
-        max_range: ranges above it are no measurements, as those above the scanner's own.
-        mounting: of the scanner on the robot, x ahead, y left, turn in rad, instead of what the log
-            says. A log that says nothing has it in the robot's centre.
-        scanner: of CSV and npz without it.
+        max_range: ranges above it count as no measurement, like those above the scanner's own.
+        mounting: of the scanner on the robot, x ahead, y left, turn in rad; replaces the log's. The
+            default of a log without one is the robot's centre.
+        scanner: for CSV and npz files that do not contain it.
         scan_topic: of a ROS bag; "FLASER" or "ROBOTLASER1" of a CARMEN log. None takes the only
             one, as do the next.
         odometry_topic: of a ROS bag; None also takes a moving transform from ``odom``.
-        reference_topic: of a ROS bag: poses of the robot in the map; None takes ``/reference`` if
-            there is one.
+        reference_topic: of a ROS bag, with poses of the robot in the map; None takes ``/reference``
+            if it exists.
         base_frame: the robot's frame in a ROS bag; None is the odometry's.
 
     Raises:
-        InputError: an unknown format, an argument that it does not take, a file that is missing or
-            damaged as a whole, or no sound record.
+        InputError: the format is unknown or does not take an argument, the file is missing or
+            damaged as a whole, or no record is usable.
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the log is {shown(path)}, but must be the path of a file.")
@@ -98,22 +98,22 @@ def read(
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
-    """Write a log, whole or not at all; the ending of the name says the format.
+    """Write a log, whole or not at all; the ending of the name determines the format.
 
     ``.log``, ``.clf``, ``.carmen``: CARMEN. ``.csv``. Both also with ``.gz``. ``.npz``. ``.bag``:
     ROS 1, ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3).
 
     Raises:
-        InputError: an unknown format, or one that cannot hold the log, or no place to write.
+        InputError: the format is unknown or cannot hold the log, or the file cannot be written.
     """
     _WRITERS[check_writable(path)](log, Path(path))
 
 
 def check_writable(path: str | PathLike[str]) -> str:
-    """Return the ending of a log's name, which says its format.
+    """Return the ending of a log's name, which determines its format.
 
     Raises:
-        InputError: no format that is written, or one that needs what is not installed.
+        InputError: the format cannot be written, or needs a package that is not installed.
     """
     ending = _ending(Path(path))
     if ending not in _WRITERS:

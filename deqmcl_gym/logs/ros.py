@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags, read by ``rosbags``: no ROS is needed."""
+"""ROS 1 and ROS 2 bags, read by ``rosbags``, without ROS."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -29,11 +29,11 @@ POSES: dict[str, Callable[[Any], Any]] = {
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _WORDS = "std_msgs/msg/String"
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
-_GAP = 1.0  # s without odometry, beyond which nobody knows where the robot was in between
+_GAP = 1.0  # s without odometry beyond which the pose in between is unknown
 
 
 def require_rosbags() -> None:
-    """Refuse to go on without ``rosbags``.
+    """Check that ``rosbags`` is installed.
 
     Raises:
         InputError: it is not installed.
@@ -55,12 +55,12 @@ def read_bag(
 ) -> Log:
     """Read a ROS bag; see ``logs.read``.
 
-    A scan's time is that of its header; its odometry lies straight between the two messages around
-    it. Static transforms say where the scanner is mounted; one that hangs upside down is turned.
+    A scan's time is that of its header; its odometry is interpolated between the two messages
+    around it. Static transforms give the mounting of the scanner, which may hang upside down.
 
     Raises:
-        InputError: no bag, a topic that is missing, several without a choice, a scanner that is
-            tilted, or no sound record.
+        InputError: the bag is missing or damaged, a topic is missing or has to be chosen, the
+            scanner is tilted, or no record is usable.
     """
     require_rosbags()
     if not path.exists():
@@ -80,7 +80,7 @@ def read_bag(
 
 
 class _Messages:
-    """What is needed of the messages of a bag."""
+    """The messages of a bag that a log is made of."""
 
     def __init__(self, path: Path, scans: str, odometry: str | None, reference: str | None) -> None:
         self.path, self.scans, self.odometry, self.reference = path, scans, odometry, reference
@@ -93,7 +93,7 @@ class _Messages:
         self.truth: list[list[float]] = []
 
     def read(self, bag: Any) -> None:
-        """Read all messages that matter; count those that cannot be decoded."""
+        """Read all messages needed; count those that cannot be decoded."""
         wanted = {self.scans, self.odometry, self.reference, UNIT_TOPIC}
         chosen = [
             one for one in bag.connections if one.topic in wanted or one.msgtype in _TRANSFORMS
@@ -101,7 +101,7 @@ class _Messages:
         for connection, _, raw in bag.messages(connections=chosen):
             try:
                 message = bag.deserialize(raw, connection.msgtype)
-            except Exception:  # whatever damaged bytes lead to
+            except Exception:  # damaged bytes can raise anything
                 self.found.damage[UNREADABLE] += 1
                 continue
             self._take(connection, message)
@@ -128,7 +128,7 @@ class _Messages:
                 self.base = message.child_frame_id or self.base
 
     def log(self, base_frame: str | None) -> Log:
-        """Return the log."""
+        """Return the log of all messages read."""
         base = base_frame or self.base
         rows = np.array(self.moved).reshape(-1, 7)
         if self.odometry is None:
@@ -152,7 +152,7 @@ class _Messages:
         return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)))
 
     def _place(self, odometry: Floats) -> None:
-        """Fill in where the robot was at each scan; leave out scans that nobody knows it of."""
+        """Fill in the odometry at each scan; leave out scans without it."""
         odometry = odometry[np.isfinite(odometry).all(axis=1)]
         odometry = odometry[np.argsort(odometry[:, 0], kind="stable")]
         found, times = self.found, np.array(self.found.times)
@@ -179,7 +179,7 @@ class _Messages:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a bag; whatever damaged bytes lead to within becomes a sentence."""
+    """Open a bag; any error inside becomes an ``InputError``."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 

@@ -1,6 +1,7 @@
 """Logs as ROS bags, written by ``rosbags``: /scan, /odom, /tf_static, /reference if there is one.
 
-ROS lengths are metres. A log in px says so in a topic of our own, so that it comes back as it was.
+ROS lengths are metres. A log in px has an additional topic with its unit, so that it is read back
+as it was.
 """
 
 import math
@@ -28,25 +29,29 @@ _TRANSFORMS, _POSE, _WORDS = (
     "geometry_msgs/msg/PoseStamped",
     "std_msgs/msg/String",
 )
+_LAST = 2**31 - 1  # s: the seconds of a ROS 2 stamp are int32
 
 
 def write_bag(log: Log, path: Path) -> None:
     """Write a log as .bag (ROS 1), .mcap (ROS 2), or a folder of a ROS 2 bag (sqlite3).
 
     Raises:
-        InputError: beams that are not evenly spaced, times before 0, or it cannot be written.
+        InputError: beams that are not evenly spaced, times that ROS cannot hold, or a path that
+            cannot be written.
     """
     require_rosbags()
     if log.scanner.spacing is None:
         raise InputError(
-            "a ROS bag has evenly spaced beams, but those of this log are not: write .csv or .npz."
+            "beams of a ROS bag must be evenly spaced, but those of this log are not: write .csv "
+            "or .npz."
         )
-    if log.times[0] < 0:
+    if not 0 <= log.times[0] <= log.times[-1] < _LAST:
         raise InputError(
-            f"the log begins at {log.times[0]:g} s, but ROS has no time before 0: shift its times."
+            f"the log is from {log.times[0]:g} s to {log.times[-1]:g} s, but times in ROS are from "
+            f"0 to {_LAST:,} s: shift its times."
         )
     if path.exists() and path.is_dir():
-        raise InputError(f"{path} is a folder that exists already: give another path.")
+        raise InputError(f"{path} is an existing folder: give another path.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
@@ -71,7 +76,7 @@ def _write(log: Log, draft: Path, ending: str) -> None:
 
     first = ending == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
-    if _TRANSFORMS not in store.types:  # those of ROS 1 are without tf2
+    if _TRANSFORMS not in store.types:  # the types of ROS 1 lack tf2
         listed = "geometry_msgs/TransformStamped[] transforms"
         store.register(get_types_from_msg(listed, _TRANSFORMS))
     plugin = StoragePlugin.MCAP if ending == ".mcap" else StoragePlugin.SQLITE3
@@ -99,12 +104,12 @@ class _Messages:
         *,
         sequenced: bool,
     ) -> None:
-        """Make messages of the ``types`` of a ROS; its headers are ``sequenced`` in ROS 1."""
+        """Make messages of ``types``; headers are ``sequenced`` in ROS 1."""
         self._log, self._send, self._sequenced = log, send, sequenced
         self._types = types
 
     def send_all(self) -> None:
-        """Send what never changes, then each record."""
+        """Send the mounting and the unit, then each record."""
         log, scanner = self._log, self._log.scanner
         times = np.round(log.times * 1e9).astype(np.int64).tolist()
         make = self._make

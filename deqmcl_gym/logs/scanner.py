@@ -1,4 +1,4 @@
-"""Scanner: a lidar as it sits on a real robot."""
+"""Scanner: a lidar as mounted on a real robot."""
 
 import json
 import math
@@ -21,17 +21,17 @@ _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 @final
 @dataclass(frozen=True, kw_only=True)
 class Scanner(Lidar):
-    """A lidar with beams at any angles, and what its ranges mean. Lengths are in the log's unit.
+    """A lidar with beams at any angles, and the meaning of its ranges, in the log's unit.
 
-    A range is a measurement if it lies in [min_range, max_range] and is below ``no_return``;
-    otherwise it is +inf in a record: the beam came back from nowhere, or failed.
+    A range is a measurement if it is in [min_range, max_range] and below ``no_return``. Other
+    ranges are +inf in a record: nothing was in range, or the beam failed.
 
     Attributes:
-        angles: of the beams against the robot's heading, the turn of the mounting included,
+        angles: of the beams against the robot's heading, including the turn of the mounting,
             counterclockwise, in the order of the ranges, (beams,) rad.
-        mounting: where the scanner sits, x ahead and y left of the robot's centre.
+        mounting: position of the scanner, x ahead and y left of the robot's centre.
         min_range: smallest range that is a measurement.
-        no_return: reported where nothing is in range, as is everything above.
+        no_return: smallest range reported where nothing is in range.
     """
 
     beams: int = field(init=False)
@@ -57,23 +57,24 @@ class Scanner(Lidar):
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
         x, y = array("scanner.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (x, y))
-        number("scanner.min_range", self.min_range, low=0)
-        number("scanner.no_return", self.no_return, low=0, above=True, finite=False)
         super().__post_init__()
+        number("scanner.min_range", self.min_range, low=0, high=self.max_range)
+        least = self.min_range
+        number("scanner.no_return", self.no_return, low=least, above=True, finite=False)
 
     @classmethod
     def of_lidar(cls, lidar: Lidar) -> "Scanner":
-        """Return the scanner of a simulated robot: in its centre, every range a measurement."""
+        """Return the scanner of a simulated robot: in its centre, with all ranges measurements."""
         return cls(
             angles=tuple(lidar.bearings), max_range=float(lidar.max_range), sigma=lidar.sigma
         )
 
     @classmethod
     def of_json(cls, what: str, text: str) -> "Scanner":
-        """Return the scanner that :attr:`json` describes; ``what`` names the text in sentences.
+        """Return the scanner that :attr:`json` describes; ``what`` names the text in messages.
 
         Raises:
-            InputError: no JSON, an unknown name, or a bad value.
+            InputError: the text is not JSON, or has an unknown name or a bad value.
         """
         try:
             values = json.loads(text)
@@ -81,7 +82,7 @@ class Scanner(Lidar):
             values = None
         if not isinstance(values, dict) or not {"angles", "max_range"} <= values.keys():
             raise InputError(
-                f"{what} is no JSON object with a scanner's angles and max_range: give "
+                f"{what} is not a JSON object with a scanner's angles and max_range: give "
                 '{"angles": [rad, …], "max_range": …}.'
             )
         for name in values:
@@ -90,7 +91,7 @@ class Scanner(Lidar):
 
     @property
     def json(self) -> str:
-        """All that makes this scanner, as JSON without blanks."""
+        """This scanner as JSON without blanks."""
         values = {name: getattr(self, name) for name in _NAMES}
         return json.dumps(values, separators=(",", ":"))
 
@@ -109,7 +110,7 @@ class Scanner(Lidar):
         return step if np.abs(even - self.bearings).max() <= _EVEN else None
 
     def measured(self, ranges: ArrayLike) -> Singles:
-        """Return ranges (..., beams) with +inf for all that are no measurements, float32."""
+        """Return ranges (..., beams) as float32, +inf where they are not measurements."""
         with np.errstate(over="ignore", invalid="ignore"):
             given = np.array(ranges, dtype=np.float32)
             low, high = np.float32(self.min_range), np.float32(self.max_range)
@@ -118,9 +119,9 @@ class Scanner(Lidar):
         return given
 
     def thinned(self, max_beams: int) -> tuple["Scanner", Sequence[int]]:
-        """Return the scanner with at most so many of its beams, spread evenly, and their indices.
+        """Return the scanner with at most ``max_beams`` beams, spread evenly, and their indices.
 
-        The first and the last beam stay, unless there is to be one only: the middle one.
+        The first and the last beam are kept; a single beam is the middle one.
         """
         integer("max_beams", max_beams, low=1)
         if max_beams >= self.beams:

@@ -1,18 +1,16 @@
-"""Logs of one's own: CSV with a row for each record, npz with an array for each column.
+"""Logs in plain formats: CSV with a row for each record, and npz.
 
 CSV: a header ``time,odom_x,odom_y,odom_heading,[ref_x,ref_y,ref_heading,]range_0,range_1,…``;
-headings in rad; empty cells of a reference say that there is none. A first line ``# {JSON}`` has
-the scanner: ``angles`` (rad, against the robot's heading), ``max_range``, and, if they are not the
-defaults, ``mounting``, ``min_range``, ``no_return``; a second one, ``# px``, the unit if it is not
-m. npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN
-for none, ``scanner`` with that JSON, ``unit``; no pickles.
+headings in rad; the reference is empty where it is unknown. A first line ``# {JSON}`` has the
+scanner: ``angles`` (rad, against the robot's heading), ``max_range`` and, optionally, ``mounting``,
+``min_range``, ``no_return``; a second line has the unit if it is not m: ``# px``.
+
+npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN where
+it is unknown, ``scanner`` with that JSON, ``unit``; no pickles.
 """
 
-import csv
 import io
 import itertools
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +26,6 @@ from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
 _REFERENCE = ("ref_x", "ref_y", "ref_heading")
-# what NumPy raises; the last two where a header promises what the file has not
-_BROKEN = OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError, OverflowError
 
 
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
@@ -37,29 +33,27 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
 
     Args:
         path: the file, gzipped or not.
-        scanner: if the file does not say it.
+        scanner: if the file does not contain it.
 
     Raises:
-        InputError: a column or the scanner is missing, or no record is sound.
+        InputError: a column or the scanner is missing, or no record is usable.
     """
     lines = text_of(path).splitlines()
     comments = [line[1:].strip() for line in itertools.takewhile(_is_comment, lines)]
     words, unit = (*comments, *(None, None)[len(comments) :])[:2]
-    table = csv.reader(lines[len(comments) :])
-    columns = [name.strip() for name in next(table, [])]
+    header, *rows = lines[len(comments) :] or [""]
+    columns = _cells(header)
     first = _first_range(path, columns)
     at = [columns.index(name) for name in _COLUMNS]
     reference = [columns.index(name) for name in _REFERENCE if name in columns]
     found, truth = Found(str(path)), []
-    for row in table:
-        if not row:
-            continue
+    for row in map(_cells, filter(str.strip, rows)):
         try:
             if len(row) != len(columns):
                 raise ValueError("another number of cells")
             time, *odometry = numbers_of([row[index] for index in at])
             found.add(time, odometry, numbers_of(row[first:]))
-            if len(reference) == 3 and all(row[index].strip() for index in reference):
+            if reference and all(row[index] for index in reference):
                 truth.append([time, *numbers_of([row[index] for index in reference])])
         except ValueError:
             found.damage[UNREADABLE] += 1
@@ -74,10 +68,10 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             known = {name: archive[name] for name in archive.files}
     except InputError:
         raise
-    except _BROKEN as error:
+    except Exception as error:  # damaged bytes can raise anything in zip, zlib and NumPy
         raise InputError(
-            f"{path} is no whole npz file of plain arrays ({error}): write it by numpy.savez, "
-            "without pickles."
+            f"{path} is not a complete npz file of plain arrays ({error}): write it by "
+            "numpy.savez, without pickles."
         ) from None
     missing = [name for name in ("times", "odometry", "ranges") if name not in known]
     if missing:
@@ -132,6 +126,11 @@ def write_npz(log: Log, path: Path) -> None:
     save(path, buffer.getvalue())
 
 
+def _cells(line: str) -> list[str]:
+    """Split a line at its commas, also within quotes: a stray quote affects its line only."""
+    return [cell.strip().strip('"') for cell in line.split(",")]
+
+
 def _is_comment(line: str) -> bool:
     return line.startswith("#")
 
@@ -142,6 +141,10 @@ def _first_range(path: Path, columns: list[str]) -> int:
             raise InputError(
                 f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}."
             )
+    if 0 < (given := sum(name in columns for name in _REFERENCE)) < len(_REFERENCE):
+        raise InputError(
+            f"{path} has {given} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
+        )
     first = next((i for i, name in enumerate(columns) if name.startswith("range_")), None)
     ranges = columns[first:] if first is not None else []
     if not ranges or ranges != [f"range_{beam}" for beam in range(len(ranges))]:
@@ -153,7 +156,7 @@ def _scanner(path: Path, words: str | None, given: Scanner | None, beams: int) -
     """Return the scanner given, else that of the file."""
     if given is None and words is None:
         raise InputError(
-            f"{path} does not say its scanner: put it in the file, or read it with "
+            f"{path} does not contain its scanner: put it in the file, or read it with "
             "scanner=Scanner(angles=…, max_range=…)."
         )
     scanner = given or Scanner.of_json(f"the scanner in {path}", words or "")

@@ -1,4 +1,4 @@
-"""Text of logs and trajectories, whatever it is packed and encoded in."""
+"""Text of logs and trajectories, gzipped or not, in any common encoding."""
 
 import gzip
 import io
@@ -14,12 +14,12 @@ _GZIP = b"\x1f\x8b"
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file, unpacked if it is gzip.
+    """Return the text of a file, decompressed if it is gzip.
 
-    Bytes that are no UTF-8 become U+FFFD, so that they damage their line only.
+    Bytes that are not UTF-8 become U+FFFD, so that they damage their line only.
 
     Raises:
-        InputError: it is missing, cannot be read, breaks off within its compression, or is binary.
+        InputError: the file is missing, cannot be read, is damaged gzip, or is binary.
     """
     with opened_log(path) as file:
         packed = file.read()
@@ -28,13 +28,13 @@ def text_of(path: Path) -> str:
             packed = gzip.decompress(packed)
         except (EOFError, zlib.error, OSError) as error:
             raise InputError(
-                f"{path} is a gzip file that breaks off or is damaged ({error}): fetch it again."
+                f"{path} is a truncated or damaged gzip file ({error}): fetch it again."
             ) from None
     if packed[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return packed.decode("utf-16", errors="replace")
     if b"\0" in packed[:4096]:
         raise InputError(
-            f"{path} is a binary file, but must be text: is its name's ending the right one?"
+            f"{path} is a binary file, but must be text: check the ending of its name."
         )
     return packed.decode("utf-8-sig", errors="replace")
 
@@ -44,7 +44,7 @@ def opened_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a file.
 
     Raises:
-        InputError: it is missing, no file, or cannot be read.
+        InputError: it is missing, not a regular file, or cannot be read.
     """
     try:
         with opened(path) as file:
@@ -59,7 +59,7 @@ def numbers_of(words: list[str]) -> list[float]:
     """Return words as numbers, NaN and inf among them.
 
     Raises:
-        ValueError: one is none. Python's "1_000" is none either.
+        ValueError: one is not a number. "1_000", which Python takes, is refused too.
     """
     if any("_" in word for word in words):
         raise ValueError("an underscore")

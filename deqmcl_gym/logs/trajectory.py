@@ -1,4 +1,4 @@
-"""Trajectories in the TUM format, and where a robot was at other times than those in one."""
+"""Trajectories in the TUM format, and interpolation of their poses at the times of a log."""
 
 import math
 import warnings
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order
+from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order, usable
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
 from deqmcl_gym.logs.text import numbers_of, text_of
@@ -22,7 +22,7 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, number, shown
 
 MAX_GAP = 2.0  # m
-_FEW = 0.5  # share of records with a reference pose below which one is warned
+_FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
 @final
@@ -31,9 +31,9 @@ class Trajectory:
     """Poses at times.
 
     Attributes:
-        times: s, (n,), none before the last.
+        times: s, (n,), not decreasing.
         poses: (x, y, θ), (n, 3).
-        source: what it was read from.
+        source: name of the trajectory in messages, such as its file.
     """
 
     times: Floats
@@ -52,7 +52,7 @@ class Trajectory:
 
     @property
     def tum(self) -> bytes:
-        """A TUM file of it: ``t x y 0 0 0 sin(θ/2) cos(θ/2)`` a line, all digits."""
+        """The content of a TUM file: lines ``t x y 0 0 0 sin(θ/2) cos(θ/2)``, with all digits."""
         rows = np.column_stack([self.times, self.poses]).tolist()
         return "".join(_line(*row) for row in rows).encode()
 
@@ -62,12 +62,12 @@ class Trajectory:
 
 
 def read_tum(path: str | PathLike[str]) -> Trajectory:
-    """Read a TUM trajectory: ``t x y z qx qy qz qw`` a line, ``#`` begins a comment.
+    """Read a TUM trajectory: lines ``t x y z qx qy qz qw``; ``#`` begins a comment.
 
-    Lines that are no pose are skipped with a warning that counts them.
+    Other lines are skipped, with a warning that counts them.
 
     Raises:
-        InputError: no pose in it.
+        InputError: the file has no pose.
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
@@ -86,18 +86,18 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
-    known = np.isfinite(table).all(axis=1)
+    known = usable(table)
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
     return _sound(np.column_stack([table[:, :3], headings]), str(file), damage)
 
 
 def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
-    """Return the sound ones of rows t, x, y, θ, (n, 4); warn of the others."""
-    finite = np.isfinite(rows).all(axis=1)
-    if not finite.all():
-        damage[NOT_FINITE] += int((~finite).sum())
-    rows = rows[finite]
+    """Return the trajectory of the sound rows t, x, y, θ, (n, 4); warn of the others."""
+    sound = usable(rows)
+    if not sound.all():
+        damage[NOT_FINITE] += int((~sound).sum())
+    rows = rows[sound]
     if not len(rows):
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         raise InputError(
@@ -116,14 +116,15 @@ def referenced(
 ) -> Log:
     """Return the log with a trajectory as its reference, at the times of its records.
 
-    Between two poses of the trajectory the robot is where its odometry takes it from the first; the
-    odometry's error at the second is spread over the way between them. So a reference with a pose
-    a metre does not cut corners.
+    Between two poses of the trajectory, the robot's odometry is followed from the first; its error
+    at the second is spread evenly over the distance between them. So a reference with one pose per
+    metre does not cut corners.
 
     Args:
         log: the records.
         reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
-        max_gap: records between two poses further apart than this get none; None is 2 m.
+        max_gap: records between two poses get none if these are so far apart, in a straight line
+            or by odometry, or farther; None is 2 m.
 
     Raises:
         InputError: no record lies within the trajectory.
@@ -137,7 +138,9 @@ def referenced(
     before = after - 1
     after = np.minimum(after, times.size - 1)
     exact = np.isin(log.times, times)
+    gone = np.interp(times, log.times, log.driven)
     near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
+    near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
     known = inside & (near | exact)
     if not known.any():
         raise InputError(
@@ -162,9 +165,9 @@ def referenced(
 
 
 def with_own_reference(log: Log, rows: ArrayLike) -> Log:
-    """Return the log with the reference of its own file, rows t, x, y, θ, (k, 4); none if k = 0.
+    """Return the log with the reference in its own file, rows t, x, y, θ, (k, 4); none if k = 0.
 
-    If they all stand at records, there is none between them.
+    If the times of all rows are those of records, there is no interpolation.
     """
     given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
     if not len(given):
@@ -177,15 +180,15 @@ def with_own_reference(log: Log, rows: ArrayLike) -> Log:
 def _travelled(
     log: Log, times: Floats, known: Bools, first: Indices, last: Indices
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the ways from the ``first`` of ``times`` to records, and to the ``last``, by odometry.
+    """Return the motion by odometry from the ``first`` of ``times`` to records and to the ``last``.
 
     Returns:
-        Poses as seen from the first, of the record and of the last, (k, 3) each, and the share of
-        the way that the record has behind it. Where the odometry does not reach so far, the way is
-        unknown: 0, and the share is that of the time.
+        Poses of the record and of the last in the frame of the first, (k, 3) each, and the share of
+        the distance at the record, (k,). Beyond the odometry, the poses are 0, and the share is
+        that of the time.
     """
     x, y, heading = log.odometry.T
-    elapsed = log.way + 1e-9 * (log.times - log.times[0])  # goes on a little while it stands
+    elapsed = log.way + 1e-9 * (log.times - log.times[0])  # grows a little while it stands still
     columns = (x, y, np.unwrap(heading), elapsed)
     *at, way = (np.interp(times, log.times, column) for column in columns)
     odometry = np.column_stack(at)

@@ -1,4 +1,4 @@
-"""Transforms between the frames of a robot: where its scanner is mounted, and its odometry."""
+"""ROS transforms between the frames of a robot: the scanner's mounting, and odometry."""
 
 import math
 import warnings
@@ -12,11 +12,11 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 
 _ODOMETRY_FRAME = "odom"
-_UPRIGHT = 0.99  # cosine of the largest tilt that is none: 8°
+_UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
 
 
 class Transforms:
-    """All transforms of a bag, from parent to child: those that never change, and odometry."""
+    """All transforms of a bag, from parent to child: static ones, and odometry."""
 
     def __init__(self) -> None:
         self._edges: dict[tuple[str, str], list[list[float]]] = {}
@@ -38,7 +38,7 @@ class Transforms:
     def mounted(
         self, path: Path, base: str, frame: str, angles: Floats
     ) -> tuple[tuple[float, ...], tuple[float, float]]:
-        """Return beam angles as the robot has them, and where the scanner is on it (x, y).
+        """Return beam angles against the robot's heading, and the scanner's position on it (x, y).
 
         Raises:
             InputError: the scanner is tilted.
@@ -46,8 +46,8 @@ class Transforms:
         chain = self._chain(_name(base), _name(frame))
         if chain is None:
             warnings.warn(
-                f"{path} has no static transform from {base} to {frame}: the scanner is taken to "
-                "be in the robot's centre, looking ahead; say otherwise by mounting=(x, y, turn).",
+                f"{path} has no static transform from {base} to {frame}: the scanner is assumed in "
+                "the robot's centre, looking ahead; if it is not, give mounting=(x, y, turn).",
                 LogWarning,
                 stacklevel=2,
             )
@@ -63,7 +63,7 @@ class Transforms:
         return tuple(seen.tolist()), (float(chain[0, 3]), float(chain[1, 3]))
 
     def _chain(self, base: str, frame: str) -> Floats | None:
-        """Return the transform from base to frame along static ones, 4 x 4; None without a way."""
+        """Return the transform from base to frame, 4 x 4; None without static ones between them."""
         steps: dict[str, list[tuple[str, Floats]]] = {}
         for (parent, child), rows in self._edges.items():
             values = np.array(rows)[:, 1:]
@@ -82,7 +82,7 @@ class Transforms:
 
 
 def _name(frame: str) -> str:
-    return frame.lstrip("/")  # tf of ROS 1 wrote both
+    return frame.lstrip("/")  # tf of ROS 1 wrote names with and without it
 
 
 def _matrix(values: Floats) -> Floats:

@@ -1,8 +1,8 @@
-"""The map m: what the world is built of, and the only part of it that a localizer may know.
+"""Maps: the walls of a world, and the only part of it that a localizer may know.
 
-``Map`` is what a map must be able to tell, and ``RollOuts`` what it may; ``PolygonMap`` and
-``GridMap`` are its forms; ``Office`` is a building generated from a seed; ``Lidar`` is the geometry
-of the sensor that looks at it. Needs numpy and numba only.
+``Map`` is the interface of a map, ``RollOuts`` an optional extension; ``PolygonMap`` and
+``GridMap`` implement both. ``Office`` generates buildings from a seed. ``Lidar`` is the geometry of
+the sensor. Needs only numpy and numba.
 """
 
 from deqmcl_gym.maps.grid_map import GridMap

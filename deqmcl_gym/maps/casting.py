@@ -1,4 +1,4 @@
-"""How rays find the nearest wall: all walls against all rays, or from cell to cell among many."""
+"""Ray casting on polygons: each ray against all walls or, among many walls, cell by cell."""
 
 import math
 from collections.abc import Sequence
@@ -15,17 +15,17 @@ from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
 from deqmcl_gym.maps.ray_kernels import AllWalls
 from deqmcl_gym.numerics.types import Floats, Singles
 
-# px: walls are cast this much longer at both ends, so that no ray slips between two at a corner
+# px: walls are extended by this at both ends, so that no ray slips between two at a corner
 OVERLAP = 5e-4
-# px: a wall this close to a cell counts as in it, well over rounding errors
+# px: a wall this close to a cell counts as in it; far above rounding errors
 MARGIN = 0.05
-# From here on, walking through cells is faster than trying all walls. Each box counts as one, and a
-# wall along an axis as a third: in an office of 232 of those all at once do 31 M rays/s, cell by
-# cell 12; in one of 844 it is 8 against 11. Among 256 oblique walls it is 14 against 12.
-# `deqmcl speed` measures both sides of it: rays against segments.
+# From this many walls on, walking through cells is faster than trying all walls. A box counts as
+# one wall, a wall along an axis as a third. In an office with 232 of the latter, all at once does
+# 31 M rays/s and cell by cell 12 M; with 844 it is 8 M and 11 M; with 256 oblique walls 14 M and
+# 12 M. `deqmcl speed` measures rays against segments on both sides of the limit.
 MANY_WALLS = 192
 _PARALLEL = 1 / 3
-# Below, lanes over the beams of each pose are faster than lanes over the poses.
+# Below this, lanes over the beams of each pose are faster than lanes over the poses.
 FEW_POSES = 8
 
 
@@ -51,7 +51,7 @@ class AllAtOnce:
 
     @property
     def tries(self) -> float:
-        """How many oblique walls take as long as all that each ray is tried against."""
+        """Number of oblique walls that would take as long as these walls."""
         walls = self.walls
         rectangles = sum(bool(np.isfinite(box[0])) for box in (walls.room, walls.box))
         parallel = len(walls.upright) + len(walls.level)
@@ -82,7 +82,7 @@ def caster_of(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> Caster
 
 
 def all_at_once(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllAtOnce:
-    """Sort walls by what is known of their direction, which saves arithmetic."""
+    """Sort walls by direction: those along an axis need less arithmetic."""
     room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
     polygons = zip((outer, *obstacles), (room, *found), strict=True)
     walls = _edges([polygon for polygon, box in polygons if box is None])

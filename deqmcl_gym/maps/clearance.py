@@ -1,4 +1,4 @@
-"""How far each square of a grid is from all walls: most steps need no closer look than that."""
+"""Bounds on the distance to walls, on a grid: they decide most steps without looking at walls."""
 
 import math
 
@@ -9,13 +9,16 @@ from deqmcl_gym.maps.kernels import Clearance
 from deqmcl_gym.numerics.types import Singles
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
-# Share of the map's size that is kept off every bound. float32 resolves coordinates to 6e-8 of it,
-# and a distance to a wall is a handful of operations on them.
+# Share of the map's size that is subtracted from every bound. float32 resolves coordinates to 6e-8
+# of it, and a distance to a wall takes only a few operations on them.
 _MARGIN = 1e-4
 
 
 def clearance_of(walls: Singles) -> Clearance:
-    """Measure a map by its walls (x₀, y₀, x₁, y₁), (S, 4); a ring of squares is outside it."""
+    """Return the clearance of a map with walls (x₀, y₀, x₁, y₁), (S, 4).
+
+    A ring of squares of its grid is outside the map.
+    """
     x, y = walls[:, [0, 2]].astype(np.float64), walls[:, [1, 3]].astype(np.float64)
     width, height = float(np.ptp(x)), float(np.ptp(y))
     side = math.sqrt(width * height / _SQUARES)

@@ -1,8 +1,8 @@
 """Compiled crossings of a single ray with a single obstacle.
 
 A ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx. All but ``leave`` return the
-shorter of ``best`` and the distance to one obstacle. They are free of branches, as a loop over
-lanes must be, and of decisions about each other's results, which would be branches again.
+smaller of ``best`` and the distance to one obstacle. They have no branches, which a loop over SIMD
+lanes cannot have.
 """
 
 from typing import Any
@@ -27,7 +27,7 @@ def _more(a: Single, b: Single) -> Single:
 
 @compiled
 def inverse(slope: Single) -> Single:
-    """1 / slope; a beam along an axis keeps some slope, so that 0 · inf does not come up."""
+    """1 / slope; a beam along an axis gets a tiny slope, so that 0 · inf cannot occur."""
     return _ONE / (slope if abs(slope) > _TINY else _TINY)
 
 
@@ -35,7 +35,7 @@ def inverse(slope: Single) -> Single:
 def leave(
     left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single
 ) -> Single:
-    """Where a ray leaves the rectangle that it starts in, whose sides are so far in x or y."""
+    """Where a ray leaves the rectangle that it starts in; sides are relative to its start."""
     leave_x = _more(left * per_dx, right * per_dx)
     leave_y = _more(low * per_dy, high * per_dy)
     return _less(leave_x, leave_y)

@@ -1,6 +1,6 @@
 """Compiled discs among solid squares: one sweep, and whole roll-outs.
 
-Positions are in cells, and all ask for the *reach* of a cell alone; see ``grid_kernels``.
+Positions are in cells, and all use only the *reach* of cells; see ``grid_kernels``.
 """
 
 from typing import Any, NamedTuple
@@ -20,10 +20,10 @@ _ROUNDING = 1e-9  # cells, far above errors of float64
 
 
 class Terrain(NamedTuple):
-    """A grid as a robot that drives in it meets it.
+    """A grid for kernels that drive robots.
 
     Attributes:
-        reach: of each cell; without any, there is no grid.
+        reach: of each cell; empty if there is no grid.
         up, down: as ``grid_kernels.fill_runs`` fills them in.
         frame: a ``grid_kernels.Frame``, as a plain tuple.
     """
@@ -68,13 +68,13 @@ def roll_out(
     collisions: Ints,
     out: Singles,
 ) -> None:
-    """Drive poses through several moves; fill in where they come to and which steps collide.
+    """Drive poses through several moves; fill in the poses reached and the steps that collide.
 
     Args:
         poses: rows x, y, θ, (3, n).
         moves: distances and turns, (F, 2, n); as ``kernels.drive``.
         reach, frame, radius: as ``feasible``.
-        collisions: how many steps of each collide, (n,).
+        collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
     """
     n, size = poses.shape[1], radius / frame[4]
@@ -106,11 +106,11 @@ def collisions(
     radius: float,
     out: Ints,
 ) -> None:
-    """Fill in how many steps of a path collide if it is laid from each pose.
+    """Fill in the number of steps that collide on a path laid from each pose.
 
     Args:
         poses: rows x, y, θ, (3, n).
-        path: points as seen from the pose, (k + 1, 2), k ≥ 1.
+        path: points in the frame of the pose, (k + 1, 2), k ≥ 1.
         reach, frame, radius: as ``feasible``.
         out: (n,).
     """
@@ -133,7 +133,7 @@ def collisions(
 
 @compiled
 def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Reached) -> None:
-    """Fill in points in cells, and the reach of the cells they lie in; -1 outside the map."""
+    """Fill in points in cells, and the reach of their cells; -1 outside the map."""
     locate(points, frame, us, vs)
     for i in range(us.size):
         out[i] = reach[int(vs[i]), int(us[i])] if on_map(us[i], vs[i], reach) else -1
@@ -162,9 +162,9 @@ def _clear(
 ) -> bool:
     """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map.
 
-    No point of a path of length d between places a and b away from all solid cells is nearer to
-    them than (a + b - d) / 2. The cells are looked at one by one only where that leaves it open, as
-    well as the nearest cells beside the ends and the open square around the middle.
+    On a path of length d between places a and b away from all solid cells, no point is nearer to
+    them than (a + b - d) / 2. If that does not decide, the nearest cells beside the ends and the
+    open square around the middle are tried, then all cells one by one.
     """
     if before <= 0 or after <= 0:
         return False
@@ -202,7 +202,7 @@ def _touches_beside(u: float, v: float, m: int, radius: float, reach: Reach) -> 
 def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach: Reach) -> bool:
     """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map.
 
-    Row by row: what it covers of a row is as wide as the cells it touches there.
+    Row by row: the cells that it touches in a row are between its left and right ends there.
     """
     low, high = min(v, v + dv) - radius, max(v, v + dv) + radius
     left, right = min(u, u + du) - radius, max(u, u + du) + radius

@@ -3,6 +3,7 @@
 Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
 """
 
+import io
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, number, one_of, pose
@@ -29,25 +31,26 @@ _remembered: dict[tuple[Any, ...], Any] = {}
 def remembered(
     path: str | os.PathLike[str], unknown: Any, made: Callable[[dict[str, Any]], T]
 ) -> T:
-    """Return what is made of a map file, the same as last time if its files have not changed."""
+    """Return ``made`` of a map file, or the last result if the files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
     image = _image_path(yaml_path, said)
     stat = image.stat()
     key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
-    if key not in _remembered:
-        while len(_remembered) >= _KEPT:
-            del _remembered[next(iter(_remembered))]
+    found: T | None = _remembered.get(key)
+    if found is None:
         try:
-            _remembered[key] = made(_read(said, image))
+            found = made(_read(said, image))
         except InputError as error:
             raise InputError(f"the map {yaml_path}: {error}") from None
-    found: T = _remembered[key]
+        while len(_remembered) >= _KEPT:
+            _remembered.pop(next(iter(_remembered)), None)  # another thread may have done so
+        _remembered[key] = found
     return found
 
 
 def check_thresholds(free: Any, occupied: Any) -> None:
-    """Refuse thresholds that are no shares in order."""
+    """Refuse thresholds that are outside [0, 1] or not in order."""
     number("occupied_thresh", occupied, low=0, high=1, above=True)
     number("free_thresh", free, low=0, high=1)
     if free >= occupied:
@@ -82,9 +85,14 @@ def write(
         "occupied_thresh": float(thresholds[1]),
         "free_thresh": float(thresholds[0]),
     }
+    pixels = _pixels(cells[::-1], mode, *thresholds)
+    _check_kept(cells[::-1], pixels, mode, *thresholds)
+    drawn = io.BytesIO()
+    Image.fromarray(pixels).save(drawn, "PNG" if mode == "scale" else "PPM")
     try:
-        Image.fromarray(_pixels(cells[::-1], mode, *thresholds)).save(image)
-        yaml_path.write_text(yaml.safe_dump(document, sort_keys=False, default_flow_style=None))
+        write_bytes(image, drawn.getvalue())
+        said = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+        write_bytes(yaml_path, said.encode())
     except OSError as error:
         raise InputError(
             f"the map cannot be written to {yaml_path} ({error.strerror or error}): name a file in "
@@ -105,11 +113,11 @@ def _document(path: Path) -> dict[str, Any]:
     try:
         given = yaml_of(content_of(path))
     except FileNotFoundError:
-        raise InputError(f"the map file {path} is not there: give one that is.") from None
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
     except UnreadableError as error:
         raise InputError(f"the map file {path} {error}.") from None
     if not isinstance(given, Mapping) or (missing := [key for key in _KEYS if key not in given]):
-        what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is no mapping"
+        what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is not a mapping"
         raise InputError(f"the map file {path} {what}, but needs {', '.join(_KEYS)}.")
     try:
         return _checked(given)
@@ -139,7 +147,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _number(value: Any) -> Any:
-    """YAML 1.1, which PyYAML reads, takes 5e-2 for text; 1.2 and ROS take it for a number."""
+    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -186,7 +194,7 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     """Return the values that map_server gives pixels, in the rows of the image."""
     channels = shades.shape[2]
     opaque = shades[:, :, -1] == 1 if channels == 4 else np.True_
-    # map_server counts alpha as a colour in this mode
+    # in this mode, map_server counts alpha as a colour
     colours = channels if mode == "trinary" else min(channels, 3)
     shade = shades[:, :, :colours].mean(axis=2)
     if mode == "raw":
@@ -203,6 +211,25 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     return cells.astype(np.int8)
 
 
+def _check_kept(
+    cells: Occupancy, pixels: NDArray[np.uint8], mode: str, free: float, occupied: float
+) -> None:
+    """Refuse pixels in which solid cells or free ones would be read back as something else.
+
+    A white pixel is 254 of 255, so free cells need a ``free`` above 0.004, solid ones an
+    ``occupied`` below 1.
+    """
+    back = _occupancy(pixels.reshape(*cells.shape, -1) / 255, mode, False, free, occupied)
+    was_solid, is_solid = (values / OCCUPIED >= occupied for values in (cells, back))
+    was_free = (cells >= FREE) & (cells / OCCUPIED <= free)
+    if (was_solid & ~is_solid).any() or (was_free & (is_solid | (back < FREE))).any():
+        raise InputError(
+            f"mode is {mode!r}, in which cells would change from free or occupied to another kind "
+            f'with free_thresh = {free:g} and occupied_thresh = {occupied:g}: choose mode="raw", '
+            "or other thresholds."
+        )
+
+
 def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
     """Return the image that map_saver makes of cells."""
     if mode == "raw":
@@ -210,7 +237,8 @@ def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArra
     if mode == "trinary":
         between = 1 - (free + occupied) / 2
         grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
-        solid, open_ = cells >= OCCUPIED * occupied, (cells >= FREE) & (cells <= OCCUPIED * free)
+        shares = cells / OCCUPIED
+        solid, open_ = shares >= occupied, (cells >= FREE) & (shares <= free)
         return np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
     share = free + cells / OCCUPIED * (occupied - free)
     shade = np.rint(255 * (1 - share))

@@ -1,9 +1,9 @@
 """The compiled geometry of cells: rays, points and distances among solid squares.
 
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. All but ``distances``
-ask one table, the *reach* of each cell: how many cells away, along an axis or a diagonal, the
-nearest solid one is; 0 is solid. The table has a ring of solid cells around the map, so that
-nothing walks off it, and all cells nearer than the reach of an open one are open too.
+use one table, the *reach* of each cell: the number of cells, along an axis or a diagonal, to the
+nearest solid one; 0 is solid. The table has a ring of solid cells around the map, so that no ray
+leaves it, and all cells nearer than the reach of an open one are open too.
 """
 
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ _NAN = np.float32(np.nan)
 
 
 class Frame(NamedTuple):
-    """From lengths of the map's unit to cells of its table.
+    """The transform from the map's unit to cells of its table.
 
     Attributes:
         x, y: of the lower left corner of the map's first cell.
@@ -41,7 +41,7 @@ class Frame(NamedTuple):
 
 @compiled
 def fill_runs(reach: Reach, up: Runs, down: Runs) -> None:
-    """Fill in how many cells above and below the next one of the other kind is.
+    """Fill in the number of cells up and down to the next one of the other kind, solid or open.
 
     The ring is of neither kind.
     """
@@ -58,7 +58,7 @@ def fill_runs(reach: Reach, up: Runs, down: Runs) -> None:
 
 @compiled
 def locate(points: Any, frame: tuple[float, ...], us: Any, vs: Any) -> None:
-    """Fill in points (2+, n) in cells of the table; computed in float64, kept as us and vs are."""
+    """Convert points (2+, n) to cells of the table, in float64; us and vs may be float32."""
     x0, y0, cosine, sine, cell = frame
     for i in range(us.size):
         x, y = np.float64(points[0, i]) - x0, np.float64(points[1, i]) - y0
@@ -117,7 +117,7 @@ def cast(
 
 @compiled
 def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> Scalar:
-    """How far a ray from within solid cells comes to open ones or to the edge; 0 from open ones."""
+    """Distance of a ray from solid cells to open ones or to the edge; 0 from open ones."""
     rows, columns = reach.shape
     if not on_map(x, y, reach):
         return _NAN
@@ -139,9 +139,10 @@ def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> 
 def distances(
     points: Any, reach: Reach, up: Runs, down: Runs, frame: tuple[float, ...], out: Singles
 ) -> None:
-    """Fill in how far points (2+, n) are from the nearest face between open and solid cells.
+    """Fill in the distance of points (2+, n) to the nearest face between open and solid cells.
 
-    Column by column to both sides, until no column can be nearer; outside the map, from its edge.
+    Columns are searched to both sides, until none can be nearer. Outside the map, it is the
+    distance to its edge.
     """
     n, cell = out.size, frame[4]
     u, v = np.empty(n), np.empty(n)

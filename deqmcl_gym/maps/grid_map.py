@@ -1,4 +1,4 @@
-"""GridMap: the map m as square cells, such as ROS' map_server serves it."""
+"""GridMap: a map of square cells, as ROS' map_server publishes it."""
 
 import math
 import os
@@ -21,39 +21,40 @@ from deqmcl_gym.maps import (
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Point
+from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, number, one_of, pose
+from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
 
-MAX_SIDE = 32_000  # cells: their numbers fit 16 bits
+MAX_SIDE = 32_000  # cells: distances in cells fit 16 bits
 _SHARES = {"obstacle": 1.0, "free": 0.0}
-_RESOLVED = 16  # steps of float32 that a cell has at least
+_RESOLVED = 16  # least number of float32 steps in a cell
 
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GridMap:
-    """Square cells, solid or open: a form of ``Map``, in metres.
+    """Square cells, solid or open, in metres; implements ``Map``.
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
-    solid and open cells and the edge of the map; all that is asked is exact for these squares.
+    solid and open cells and the edge of the map; all answers are exact for these squares.
 
     Attributes:
         occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
             columns) int8, the lowest row first.
         resolution: edge of a cell, m.
         origin: pose of the lower left corner of the first cell (x, y, yaw).
-        unknown: what unknown cells count as: "obstacle", "free", or an occupancy of their own, from
-            0 to 1.
+        unknown: what unknown cells count as: "obstacle", "free", or an occupancy from 0 to 1.
         occupied_thresh: occupancy from which a cell is solid, in (0, 1].
-        free_thresh: occupancy up to which it is free in a file, below that.
+        free_thresh: occupancy up to which a cell is free when written to a file; below
+            ``occupied_thresh``.
 
     Raises:
-        InputError: a bad value, no open cell, or a map so far from (0, 0) that single precision
-            does not resolve its cells.
+        InputError: a value is bad, no cell is open, or the map is so far from (0, 0) that single
+            precision does not resolve its cells.
     """
 
     occupancy: NDArray[np.int8]
@@ -72,6 +73,7 @@ class GridMap:
             one_of("value of unknown", self.unknown, _SHARES)
         else:
             number('unknown, if it is neither "obstacle" nor "free",', self.unknown, low=0, high=1)
+        keep_plain(self)
         self._check_resolved()
         if self.solid.all():
             counts = [int((self.occupancy == kind).sum()) for kind in (OCCUPIED, UNKNOWN)]
@@ -89,10 +91,10 @@ class GridMap:
     def load(cls, path: str | os.PathLike[str], unknown: Unknown = "obstacle") -> "GridMap":
         """Read a map as ROS' map_server does: a yaml file and the image that it names.
 
-        A file that has not changed is read once; the map is then the same object.
+        A file that has not changed is read once; the same object is returned again.
 
         Raises:
-            InputError: a file that is missing or broken, or a bad value in it.
+            InputError: a file is missing or damaged, or has a bad value.
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
@@ -105,7 +107,8 @@ class GridMap:
                 transparent.
 
         Raises:
-            InputError: an unknown mode, or a path that cannot be written to.
+            InputError: the mode is unknown, an image of it cannot hold the map, or the path cannot
+                be written to.
         """
         grid_file.write(
             path,
@@ -123,7 +126,7 @@ class GridMap:
 
     @cached_property
     def solid(self) -> Bools:
-        """Which cells are, (rows, columns), the lowest row first."""
+        """Which cells are solid, (rows, columns), the lowest row first."""
         shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
         shares[0] = _SHARES[self.unknown] if isinstance(self.unknown, str) else self.unknown
         solid: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
@@ -138,7 +141,7 @@ class GridMap:
 
     @property
     def datum(self) -> Point:
-        """See ``Map.datum``: where float32 is too coarse for it, there is no map."""
+        """See ``Map.datum``: always (0, 0); maps that are too far from there are refused."""
         return (0.0, 0.0)
 
     @property
@@ -169,19 +172,22 @@ class GridMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins, beams = _rows(poses, 3), np.asarray(bearings, dtype=np.float32)
+        origins, beams = _rows("poses", poses, 3), np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.cast(origins, beams, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
-        return ~self._feasible(_rows(starts, 2), _rows(ends, 2), radius)
+        before, after = _rows("starts", starts, 2), _rows("ends", ends, 2)
+        check_pairs(before, after)
+        return ~self._feasible(before, after, radius)
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``RollOuts.rolled_out``."""
+        check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = float(radius)
@@ -190,13 +196,14 @@ class GridMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``RollOuts.collisions_along``."""
+        check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         disc_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
         return hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
-        centres = _rows(points, 2)
+        centres = _rows("points", points, 2)
         if radius > 0.0:
             return self._feasible(centres, centres, radius)
         us, vs = np.empty((2, centres.shape[1]))
@@ -207,7 +214,7 @@ class GridMap:
 
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = _rows(points, 2)
+        centres = _rows("points", points, 2)
         out = np.empty(centres.shape[1], np.float32)
         grid_kernels.distances(centres, self._reach, *self._runs, self._frame, out)
         return out
@@ -221,14 +228,14 @@ class GridMap:
 
     @cached_property
     def digest(self) -> str:
-        """Of all that the map says."""
+        """SHA-256 of the map's content."""
         said = repr((self.occupancy.shape, self.resolution, self.origin, self.unknown))
         thresholds = repr((self.free_thresh, self.occupied_thresh))
         return sha256((said + thresholds).encode() + self.occupancy.tobytes()).hexdigest()
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``disc_kernels.Terrain``, as a plain tuple: for kernels that drive in it."""
+        """A ``disc_kernels.Terrain``, as a plain tuple, for kernels that drive robots."""
         return (self._reach, *self._runs, self._frame)
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
@@ -290,9 +297,9 @@ def _occupancy(given: Any) -> NDArray[np.int8]:
     return kept
 
 
-def _rows(items: ArrayLike, columns: int) -> NDArray[Any]:
+def _rows(what: str, items: ArrayLike, columns: int) -> NDArray[Any]:
     """(n, d) as contiguous rows (columns, n) of float32 or float64: far from 0 both matter."""
-    given = np.asarray(items)
+    given = table(what, items, columns)
     dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
     rows = given.astype(dtype, order="F", copy=False).T
     return rows if len(rows) == columns else rows[:columns]

@@ -1,4 +1,4 @@
-"""The outline of solid cells: faces joined to straight walls, and walls to closed outlines."""
+"""Walls of a map of cells: faces joined to straight walls, and walls to closed outlines."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices
 
 
 def faces_of(solid: Bools) -> Floats:
-    """Return the faces between open and solid cells, those in a line joined to one.
+    """Return the faces between open and solid cells, joined where they are in a line.
 
     The edge of the map is solid.
 
@@ -18,7 +18,7 @@ def faces_of(solid: Bools) -> Floats:
         solid: which cells are, (rows, columns).
 
     Returns:
-        (x₀, y₀, x₁, y₁) in cells from the lower left corner, the open side to their left, (S, 4).
+        (x₀, y₀, x₁, y₁) in cells from the lower left corner, the open side to the left, (S, 4).
     """
     open_ = np.pad(~solid, 1).astype(np.int8)
     level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
@@ -41,11 +41,11 @@ def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
 
 
 def outlines_of(solid: Bools) -> list[Indices]:
-    """Return the outline of the largest open region, then those of what stands in it.
+    """Return the outline of the largest open region, then those of the obstacles in it.
 
-    Regions are of cells that share a face; all others count as solid. Where four faces meet, at two
-    solid cells that touch by a corner, an outline turns right, around the solid cell. As the region
-    holds together without that corner, no outline comes through a point twice.
+    The cells of a region are connected by faces; other regions count as solid. Where four faces
+    meet, at two solid cells that touch at a corner, an outline turns right, around the solid cell.
+    As the region is connected without that corner, no outline passes through a point twice.
 
     Args:
         solid: as ``faces_of``.
@@ -60,14 +60,14 @@ def outlines_of(solid: Bools) -> list[Indices]:
 
 
 def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:
-    """Leave out corners of outlines, so that none is farther than ``tolerance`` from what it was.
+    """Leave out corners of outlines, so that no point moves by more than ``tolerance``.
 
-    Corners come back where an outline would vanish, touch itself or cross another one.
+    Corners are kept where an outline would vanish, touch itself or cross another one.
 
     Args:
         outlines: as ``outlines_of`` returns them.
         tolerance: in cells.
-        apart: least distance of two edges of an outline that share no corner, in cells.
+        apart: least distance between edges of an outline that share no corner, in cells.
     """
     kept = [np.arange(len(outline)) == 0 for outline in outlines]
     amiss, before = [np.ones(len(outline), np.bool_) for outline in outlines], 0
@@ -83,7 +83,7 @@ def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Ind
 
 
 def _amiss(outlines: list[Indices], kept: list[Bools], apart: float) -> list[Bools]:
-    """Which edges between corners kept make an outline no polygon, or cross another one."""
+    """Which edges between kept corners fold, touch or cross, or belong to fewer than three."""
     polygons = [o[some].astype(np.float64) for o, some in zip(outlines, kept, strict=True)]
     sizes = np.array([len(polygon) for polygon in polygons])
     whose = np.repeat(np.arange(sizes.size), sizes)

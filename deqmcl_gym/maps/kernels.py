@@ -23,13 +23,13 @@ _INF = np.float32(np.inf)
 
 
 class Clearance(NamedTuple):
-    """How far each square of a grid around a map is from all walls.
+    """Bounds on the distance of the squares of a grid around a map to the walls.
 
     Attributes:
         corner: lower left corner of the grid (x, y).
         per_side: squares per length.
-        bounds: no point of the square is nearer to a wall than this, negative where it is not free
-            space; 0 where there may be a wall; (rows, columns).
+        bounds: least distance of any point of a square to a wall, negative outside free space, 0
+            where there may be a wall, (rows, columns).
     """
 
     corner: Singles
@@ -44,7 +44,7 @@ def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> N
     Args:
         poses: rows x, y, θ, (3, n).
         distances, turns: (n,).
-        out: (3, n), other memory than the poses.
+        out: (3, n), not the memory of the poses.
     """
     x, y, heading = poses[0], poses[1], poses[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
@@ -59,7 +59,7 @@ def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> N
 
 @compiled
 def wind(poses: Singles, walls: Singles, out: Ints) -> None:
-    """Fill in how often the walls wind counterclockwise around each point.
+    """Fill in the winding number of the walls around each point.
 
     Args:
         poses: rows x and y (further rows are ignored), (2+, n).
@@ -171,9 +171,9 @@ def feasible(
 ) -> None:
     """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
 
-    Free space is what the walls wind around once. No point of a path of length d between places a
-    and b away from all walls is nearer to them than (a + b - d) / 2: only where the bounds leave
-    it open are the walls looked at.
+    Free space is what the walls wind around once. On a path of length d between places a and b away
+    from all walls, no point is nearer to them than (a + b - d) / 2: only paths for which the bounds
+    do not decide are compared with the walls.
 
     Args:
         starts, ends, walls: as ``sweep``.
@@ -222,15 +222,15 @@ def roll_out(
     collisions: Ints,
     out: Singles,
 ) -> None:
-    """Drive poses through several moves; fill in where they come to and which steps collide.
+    """Drive poses through several moves; fill in the poses reached and the steps that collide.
 
-    A block of poses at a time goes all the way, so that it stays in the processor's cache.
+    Each block of poses does all moves before the next one, to stay in the processor's cache.
 
     Args:
         poses: rows x, y, θ, (3, n).
         moves: distances and turns, (F, 2, n); as ``drive``.
         walls, radius, clearance: as ``feasible``.
-        collisions: how many steps of each collide, (n,).
+        collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
     """
     n = poses.shape[1]

@@ -1,4 +1,4 @@
-"""The compiled geometry of one path laid from many poses: where it goes, and where it collides."""
+"""The compiled geometry of one path laid from many poses: its points, and its collisions."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def laid(poses: Singles, path: Singles, out: Singles) -> None:
 
     Args:
         poses: rows x, y, θ, (3, n).
-        path: points as seen from the pose, (k, 2).
+        path: points in the frame of the pose, (k, 2).
         out: rows x, y of each point, (k, 2, n).
     """
     rows = np.empty((4, poses.shape[1]), np.float32)
@@ -49,7 +49,7 @@ def laid(poses: Singles, path: Singles, out: Singles) -> None:
 def _look_closely(
     paths: Singles, owners: Ints, walls: Singles, radius: np.float32, hits: Ints
 ) -> None:
-    """Count the steps x, y to x', y' that collide, rows (4, k), for those that own them, (k,)."""
+    """Count colliding steps, rows x, y, x', y', (4, k), for their ``owners``, (k,)."""
     starts, ends = paths[:2].copy(), paths[2:].copy()
     square, windings = np.empty(owners.size, np.float32), np.empty(owners.size, np.int32)
     sweep(starts, ends, walls, square)
@@ -67,13 +67,13 @@ def collisions(
     clearance: tuple[Any, ...],
     out: Ints,
 ) -> None:
-    """Fill in how many steps of a path collide if it is laid from each pose; as ``feasible`` says.
+    """Fill in the number of steps that collide on a path laid from each pose; see ``feasible``.
 
-    The steps that its bounds leave open are held against the walls many at a time.
+    Steps for which the bounds do not decide are compared with the walls, many at a time.
 
     Args:
         poses: rows x, y, θ, (3, n).
-        path: points as seen from the pose, (k + 1, 2), k ≥ 1.
+        path: points in the frame of the pose, (k + 1, 2), k ≥ 1.
         walls, radius, clearance: as ``feasible``.
         out: (n,).
     """

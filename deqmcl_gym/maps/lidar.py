@@ -7,7 +7,7 @@ import numpy as np
 
 from deqmcl_gym.maps.units import LENGTH
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import integer, number
+from deqmcl_gym.validation import integer, keep_plain, number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class Lidar:
     Attributes:
         beams: number of beams, 1 or more. One beam looks straight ahead.
         field_of_view: angle between the outermost beams, in (0, 2π] rad. At 2π the beams are
-            spread evenly, without a twin at the back.
+            spread evenly, with only one at the back.
         max_range: largest range reported.
         sigma: standard deviation of the range noise; added before clipping to [0, max_range].
     """
@@ -34,6 +34,7 @@ class Lidar:
         number("lidar.field_of_view", self.field_of_view, low=0, high=2 * math.pi, above=True)
         number("lidar.max_range", self.max_range, low=0, above=True)
         number("lidar.sigma", self.sigma, low=0)
+        keep_plain(self)
 
     @property
     def bearings(self) -> Floats:

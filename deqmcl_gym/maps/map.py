@@ -1,4 +1,4 @@
-"""Map: what a floor plan must be able to tell, whatever it is made of."""
+"""Map: the interface of a floor plan, of polygons or of cells."""
 
 from typing import Protocol, runtime_checkable
 
@@ -11,7 +11,7 @@ Point = tuple[float, float]
 
 
 class Caster(Protocol):
-    """Ray casting on one map, for kernels and others that bring their own arrays."""
+    """Ray casting on one map into given arrays."""
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """Fill in the distance of each beam to the nearest wall; NaN outside the building.
@@ -43,31 +43,31 @@ class Map(Protocol):
 
     @property
     def datum(self) -> Point:
-        """A point of the map, about which float32 is fine; (0, 0) if it is fine as it is."""
+        """Origin for float32 coordinates: (0, 0), or a point of a map that is far from there."""
         ...
 
     @property
     def local(self) -> "Map":
-        """The same map with (0, 0) at its datum: for float32 poses seen from there."""
+        """The same map with (0, 0) at its datum, for float32 poses relative to the datum."""
         ...
 
     @property
     def walls(self) -> Floats:
         """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
 
-        For physics and drawing; estimators have no use for it.
+        For physics and drawing; estimators do not need it.
         """
         ...
 
     @property
     def caster(self) -> Caster:
-        """How rays find the nearest wall."""
+        """The ray caster of this map."""
         ...
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """Exact distance along each beam to the nearest wall; NaN for a pose outside.
 
-        Walls are seen as segments, also from inside an obstacle.
+        Rays from inside an obstacle end at its walls.
 
         Args:
             poses: (n, 3).
@@ -99,24 +99,24 @@ class Map(Protocol):
         ...
 
     def distance(self, points: ArrayLike) -> Singles:
-        """Distance of ``points``, (n, 2+), to the nearest wall, on whichever side, (n,)."""
+        """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
         ...
 
 
 @runtime_checkable
 class RollOuts(Protocol):
-    """What a map may offer besides: ``collides`` for many steps in one pass, with the same bits."""
+    """Optional methods of a map: ``collides`` for many steps in one pass, with the same bits."""
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides``, step by step, in one.
+        """Drive poses through several moves: ``driven`` and ``collides`` for each, in one pass.
 
         Args:
             poses: rows x, y, θ, (3, n) float32.
             moves: distances and turns of each step, (F, 2, n) float32.
             radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last alone.
+            kept: F to return the poses after each step, 1 for those after the last only.
 
         Returns:
             The poses, (kept, 3, n), and how many steps of each collide, (n,).
@@ -124,11 +124,11 @@ class RollOuts(Protocol):
         ...
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """How many steps of a path collide if it is laid from each pose: ``collides``, in one pass.
+        """Number of steps that collide on a path laid from each pose: ``collides``, in one pass.
 
         Args:
             poses: rows x, y, θ, (3, n) float32.
-            path: points as seen from the pose, (k + 1, 2) float32, k ≥ 1.
+            path: points in the frame of the pose, (k + 1, 2) float32, k ≥ 1.
             radius: of the disc.
 
         Returns:

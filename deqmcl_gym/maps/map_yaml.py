@@ -1,18 +1,18 @@
-"""The YAML of a map: each key once and no aliases, so that a file says one thing in few words."""
+"""YAML of maps: no duplicate keys, no aliases and little nesting."""
 
 from collections import Counter
 from typing import Any
 
 from deqmcl_gym.reading import UnreadableError
 
-_DEEPEST = 20  # a map has 2
+_DEEPEST = 20  # a map's file has 2 levels
 
 
 def yaml_of(content: bytes) -> Any:
-    """Return what a YAML file holds.
+    """Return the content of a YAML file.
 
     Raises:
-        UnreadableError: it is no such YAML.
+        UnreadableError: it is not YAML, or breaks one of these rules.
     """
     import yaml
 
@@ -34,5 +34,5 @@ def yaml_of(content: bytes) -> Any:
         return yaml.safe_load(text)
     except UnreadableError:
         raise
-    except (yaml.YAMLError, ValueError) as error:  # no UTF-8, a 13th month
-        raise UnreadableError(f"is no YAML: {' '.join(str(error).split()).rstrip('.')}") from None
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
+        raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None

@@ -9,7 +9,7 @@ from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.numerics.types import Bools
-from deqmcl_gym.validation import InputError, boolean, digits, integer, number
+from deqmcl_gym.validation import InputError, boolean, digits, integer, keep_plain, number
 
 CELL = 0.1  # m
 _WALL = 2  # cells
@@ -23,18 +23,18 @@ class Office:
     """An office building. Lengths in m, multiples of 0.1 m.
 
     Horizontal corridors run through the whole building; vertical ones divide it into wings. Between
-    corridors stand rooms, each with a door to one of them, now and then a hall with doors on both
+    corridors are rooms, each with a door to one corridor, and sometimes a hall with doors on both
     sides, empty or with pillars, or a closed courtyard. Some neighbouring rooms share a door. The
     same values give the same building on every machine.
 
     Attributes:
-        seed: that the building is drawn from.
-        wings: of rooms, side by side, each 16 to 24 m long.
-        corridors: horizontal ones, with loops between them from 2 on.
+        seed: of the building.
+        wings: number of wings, side by side, each 16 to 24 m long.
+        corridors: number of horizontal corridors; 2 or more form loops.
         corridor: width of all corridors.
         door: width of all doors.
-        repeated: all wings are alike, so that a scan in one may be a scan in another.
-        symmetric: a half turn of the building gives the same building, exactly.
+        repeated: all wings are the same, so that scans do not tell them apart.
+        symmetric: the building is the same after a half turn, exactly.
     """
 
     seed: int = 0
@@ -55,11 +55,12 @@ class Office:
                 raise InputError(
                     f"office.{name} is {digits(length)}, but must be a multiple of {CELL:g} m."
                 )
+        keep_plain(self)
         boolean("office.repeated", self.repeated)
         if boolean("office.symmetric", self.symmetric) and (self.repeated or self.wings % 2):
             raise InputError(
                 f"office.symmetric is true with wings = {self.wings} and repeated = "
-                f"{str(self.repeated).lower()}, but its wings are those of one half, turned: give "
+                f"{str(self.repeated).lower()}, but half of its wings are the others turned: give "
                 "an even number of wings, and either symmetric or repeated."
             )
 
@@ -91,7 +92,7 @@ def _polygons(office: Office) -> PolygonMap:
 
 
 def _building(office: Office, rng: np.random.Generator) -> Bools:
-    """Draw which cells are free, the lowest row first; all of them hold together."""
+    """Draw which cells are free, the lowest row first; the free cells are connected."""
     depths = _symmetric(_drawn(rng, 40, 60, (office.corridors + 2) // 2), office.corridors + 1)
     drawn = office.wings // 2 if office.symmetric else 1 if office.repeated else office.wings
     wings = [_wing(office, depths, rng) for _ in range(drawn)]
@@ -163,7 +164,7 @@ def _hall(office: Office, depth: int, length: int, rng: np.random.Generator) -> 
 
 
 def _pillars(depth: int, length: int) -> Bools:
-    """Which cells are of pillars in a hall: in rows, as far from one wall as from the other."""
+    """Which cells of a hall are pillars: in rows, centred between the walls."""
     along, across = (_stripes(size) for size in (length, depth))
     return across[:, None] & along
 
@@ -182,7 +183,7 @@ def _drawn(rng: np.random.Generator, low: int, high: int, count: int) -> list[in
 
 
 def _symmetric(half: list[int], count: int) -> list[int]:
-    """The first ``count`` of values, then of their mirror image."""
+    """Return ``count`` values: the first half of them, then its mirror image."""
     return half[: count // 2] + half[: count - count // 2][::-1]
 
 

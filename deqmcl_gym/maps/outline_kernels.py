@@ -8,7 +8,7 @@ from deqmcl_gym.numerics.types import Bools, Floats
 
 @compiled
 def largest_region(solid: Bools) -> Bools:
-    """Return which cells are of the largest open region, of cells that share faces; of equals, one.
+    """Return the cells of the largest open region, connected by faces; the first if equal.
 
     Args:
         solid: which cells are, (rows, columns).
@@ -38,16 +38,15 @@ def largest_region(solid: Bools) -> Bools:
 
 @compiled
 def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> None:
-    """Keep corners of a closed outline until the rest can be left out (Douglas & Peucker 1973).
+    """Keep corners of a closed outline until the others can be left out (Douglas & Peucker 1973).
 
-    A corner is left out if it is no farther than that from the edge that replaces it, ends
-    included: then no point of the one outline is farther from the other.
+    A corner is left out if it is within ``tolerance`` of the edge that replaces it.
 
     Args:
         corners: (k, 2).
         tolerance: a length.
-        forced: whether the edge from each corner on is to be parted once, however near, (k,).
-        kept: which corners are, the first among them, (k,); filled in.
+        forced: whether to split the edge from each corner once, whatever the distance, (k,).
+        kept: which corners are kept, the first among them, (k,); updated.
     """
     ends = np.append(np.flatnonzero(kept), len(corners))
     stretches = [(ends[i], ends[i + 1], forced[ends[i]]) for i in range(len(ends) - 1)]

@@ -1,6 +1,6 @@
 """Maps of polygons as JSON: ``{"outer": [[x, y], …], "obstacles": [[[x, y], …], …], "unit": "m"}``.
 
-The same keys as ``floor_plan`` takes in Python and in TOML.
+The keys are those of ``floor_plan`` in Python and in TOML.
 """
 
 import json
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deqmcl_gym.maps.polygon_map import PolygonMap
+from deqmcl_gym.reading import UnreadableError, content_of, json_of
 from deqmcl_gym.validation import InputError, one_of
 
 KEYS = ("outer", "obstacles", "unit")
@@ -19,17 +20,17 @@ def read(path: str | os.PathLike[str]) -> PolygonMap:
     """Read a map.
 
     Raises:
-        InputError: a file that is missing or broken, or a bad value in it.
+        InputError: the file is missing or damaged, or has a bad value.
     """
     try:
-        given = json.loads(Path(path).expanduser().read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"the map file {path} cannot be read ({error.strerror}): give one that is there."
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"the map file {path} is no JSON: {error}.") from None
+        given = json_of(content_of(Path(path).expanduser()))
+    except FileNotFoundError:
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"the map file {path} {error}.") from None
     try:
+        for key in given:
+            one_of("key", key, KEYS)
         return of_mapping(given)
     except InputError as error:
         raise InputError(f"the map {path}: {error}") from None
@@ -46,7 +47,7 @@ def of_mapping(given: Any) -> PolygonMap:
 
 
 def text_of(floor_plan: PolygonMap) -> str:
-    """Return a map as JSON, a polygon a line."""
+    """Return a map as JSON, one polygon per line."""
     outer, unit = json.dumps(floor_plan.outer), json.dumps(floor_plan.unit)
     obstacles = ",\n".join(map(json.dumps, floor_plan.obstacles))
     return f'{{"unit": {unit},\n"outer": {outer},\n"obstacles": [\n{obstacles}\n]}}\n'

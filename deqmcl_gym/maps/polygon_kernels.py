@@ -52,7 +52,7 @@ def _apart(a: Floats, b: Floats, within: float) -> bool:
 
 @compiled
 def _side(edge: Floats, x: float, y: float) -> float:
-    """-1, 0 or 1: on which side of an edge's line a point lies."""
+    """Side of an edge's line on which a point lies: -1, 0 or 1."""
     left = (edge[2] - edge[0]) * (y - edge[1]) - (edge[3] - edge[1]) * (x - edge[0])
     side: float = np.sign(left)  # a product of two areas may underflow
     return side

@@ -1,4 +1,4 @@
-"""PolygonMap: the map m, one geometry for physics, lidar, localizers and drawing."""
+"""PolygonMap: a map of polygons, for physics, lidar, localizers and drawing."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,27 +13,28 @@ from deqmcl_gym.maps.clearance import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Box, Caster, Point
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
+from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, shown
 
-_ZERO_LENGTH = 1e-3  # px: an edge shorter than this is none
-_FARTHEST = 1e9  # px: float64 is 1e-7 px coarse there
+_ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length
+_FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
 
 
 @final
 @dataclass(frozen=True)
 class PolygonMap:
-    """Polygonal walls around a free interior, with solid obstacles inside: a form of ``Map``.
+    """Polygonal walls around a free interior with solid obstacles; implements ``Map``.
 
     Attributes:
-        outer: corners of the outer wall, in order, closed by itself.
+        outer: corners of the outer wall, in order; the last is joined to the first.
         obstacles: corners of each solid obstacle.
         unit: of all lengths, "px" or "m".
 
     Raises:
-        InputError: a polygon that is not simple, or has fewer than 3 corners, NaN, a coordinate too
-            large or a zero-length edge; no free space; an unknown unit.
+        InputError: a polygon is not simple, or has fewer than 3 corners, NaN, a coordinate that is
+            too large or a zero-length edge; there is no free space; the unit is unknown.
     """
 
     outer: Polygon
@@ -60,14 +61,14 @@ class PolygonMap:
 
     @classmethod
     def from_grid(cls, grid: GridMap, tolerance: float = 0.0) -> "PolygonMap":
-        """Return the largest open region of a map of cells: its outline and what stands in it.
+        """Return the largest open region of a map of cells: its outline and the obstacles in it.
 
-        Regions that share no cell's face with it count as solid.
+        All other open regions count as solid.
 
         Args:
             grid: a map of cells.
-            tolerance: how far an outline may be from that of the cells at most, m; 0 for all their
-                corners. Where two outlines would come to cross, both stay closer.
+            tolerance: largest distance of an outline from that of the cells, m; 0 keeps all
+                corners. It is smaller where two outlines would cross.
         """
         number("tolerance", tolerance, low=0)
         outlines = grid_walls.outlines_of(grid.solid)
@@ -93,7 +94,7 @@ class PolygonMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins = self._rows(poses, 3)
+        origins = self._rows("poses", poses, 3)
         beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.local.caster.cast(origins, beams, out)
@@ -101,7 +102,8 @@ class PolygonMap:
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
-        before, after = self._rows(starts, 2), self._rows(ends, 2)
+        before, after = self._rows("starts", starts, 2), self._rows("ends", ends, 2)
+        check_pairs(before, after)
         clear = np.empty(after.shape[1], np.bool_)
         kernels.feasible(before, after, self._walls32, np.float32(radius), self._clearance, clear)
         return ~clear
@@ -110,6 +112,7 @@ class PolygonMap:
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``RollOuts.rolled_out``."""
+        check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
@@ -119,6 +122,7 @@ class PolygonMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``RollOuts.collisions_along``."""
+        check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         laid_kernels.collisions(
@@ -128,7 +132,7 @@ class PolygonMap:
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
-        centres = self._rows(points, 2)
+        centres = self._rows("points", points, 2)
         free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
             windings = np.empty(centres.shape[1], np.int32)
@@ -142,14 +146,14 @@ class PolygonMap:
 
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = self._rows(points, 2)
+        centres = self._rows("points", points, 2)
         square = np.empty(centres.shape[1], np.float32)
         kernels.sweep(centres, centres, self._walls32, square)
         return np.sqrt(square)
 
     @cached_property
     def datum(self) -> Point:
-        """See ``Map.datum``: (0, 0) for a map no farther from there than it is large."""
+        """See ``Map.datum``: (0, 0) unless the map is farther from there than twice its size."""
         x0, y0, x1, y1 = self.bounds
         near = max(map(abs, self.bounds)) <= 2 * max(x1 - x0, y1 - y0)
         return (0.0, 0.0) if near else (x0 + (x1 - x0) / 2, y0 + (y1 - y0) / 2)
@@ -159,7 +163,7 @@ class PolygonMap:
         """See ``Map.local``."""
         if self.datum == (0.0, 0.0):
             return self
-        local = object.__new__(PolygonMap)  # what it is made of has been checked
+        local = object.__new__(PolygonMap)  # its polygons have been checked
         object.__setattr__(local, "outer", self._about_datum(self.outer))
         object.__setattr__(local, "obstacles", tuple(map(self._about_datum, self.obstacles)))
         object.__setattr__(local, "unit", self.unit)
@@ -170,13 +174,13 @@ class PolygonMap:
         x0, y0 = self.datum
         return tuple((x - x0, y - y0) for x, y in polygon)
 
-    def _rows(self, items: ArrayLike, columns: int) -> Singles:
+    def _rows(self, what: str, items: ArrayLike, columns: int) -> Singles:
         """(n, d) in any layout as contiguous rows (columns, n) about the datum; see ``_moved``."""
+        given = table(what, items, columns)
         if self.datum == (0.0, 0.0):
-            # such rows' .T is not copied
-            rows = np.asarray(items, dtype=np.float32, order="F").T
+            rows = np.asarray(given, dtype=np.float32, order="F").T  # no copy of rows that fit
         else:
-            rows = _moved(np.asarray(items).T, self.datum)
+            rows = _moved(given.T, self.datum)
         return rows if len(rows) == columns else rows[:columns]
 
     @cached_property
@@ -209,6 +213,11 @@ def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
     Returns:
         (3, n), θ' in [-π, π].
     """
+    if len(poses) != 3 or not poses.shape[1:] == distances.shape == turns.shape:
+        raise InputError(
+            f"poses have shape {poses.shape}, distances {distances.shape} and turns {turns.shape}, "
+            "but they must be (3, n), (n,) and (n,)."
+        )
     out = np.empty_like(poses)
     kernels.drive(poses, distances, turns, out)
     return out
@@ -216,7 +225,7 @@ def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
 
 @dataclass(frozen=True)
 class _FarCaster:
-    """The caster of a map far from (0, 0), for poses of its own frame."""
+    """The caster of a map far from (0, 0), for poses in the map's frame."""
 
     local: Caster
     datum: Point
@@ -227,9 +236,9 @@ class _FarCaster:
 
 
 def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
-    """Rows x, y and others (…, 2+, n), about the datum, in float32; themselves if that is (0, 0).
+    """Return rows x, y and others (…, 2+, n) relative to the datum, in float32.
 
-    With ``sign`` -1 the way back.
+    The rows themselves if the datum is (0, 0). With ``sign`` -1, the inverse.
     """
     if datum == (0.0, 0.0):
         return rows

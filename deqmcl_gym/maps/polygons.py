@@ -1,4 +1,4 @@
-"""What a wall must be: a simple polygon, oriented so that free space lies to its left."""
+"""Checks of polygons, and their edges oriented so that free space is to the left."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from deqmcl_gym.validation import InputError, array, digits, shown
 
 Polygon = Sequence[tuple[float, float]]
 
-_ROUNDING = 1e-12  # of heights, as a share of the floor plan's
+_ROUNDING = 1e-12  # error of heights, as a share of the floor plan's
 
 
 def parse_polygon(
@@ -21,14 +21,14 @@ def parse_polygon(
     """Return the corners of a simple polygon.
 
     Args:
-        name: what a refusal calls it.
+        name: of the polygon in error messages.
         polygon: its corners.
         shortest: least length of an edge, and least distance of two edges that share no corner.
         farthest: largest coordinate.
 
     Raises:
-        InputError: fewer than three corners, NaN, a coordinate that is too large, an edge of zero
-            length, or edges that cross, touch or fold back.
+        InputError: it has fewer than three corners, NaN, a coordinate that is too large, an edge of
+            zero length, or edges that cross, touch or fold back.
     """
     try:
         corners = array(name, list(polygon), (None, 2))
@@ -80,7 +80,7 @@ def _check_simple(name: str, edges: Floats, shortest: float) -> None:
 
 
 def folds_back(edges: Floats, following: Floats, least: float) -> Bools:
-    """Whether edges (S, 4) and those that follow them lie on each other, (S,)."""
+    """Whether edges (S, 4) and the edges that follow them overlap, (S,)."""
     along, after = edges[:, 2:] - edges[:, :2], following[:, 2:] - following[:, :2]
     longer = np.sqrt(np.maximum((along**2).sum(axis=1), (after**2).sum(axis=1)))
     across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
@@ -90,7 +90,7 @@ def folds_back(edges: Floats, following: Floats, least: float) -> Bools:
 
 
 def close_pairs(edges: Floats, within: float) -> Indices:
-    """Return the pairs (i, j), i < j, of edges (S, 4) nearer to each other than that, (k, 2)."""
+    """Return the pairs (i, j), i < j, of edges (S, 4) less than ``within`` apart, (k, 2)."""
     by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
     pairs: Indices = np.sort(polygon_kernels.close_pairs(edges, by_x, within), axis=1)
     return pairs
@@ -111,22 +111,22 @@ def crossings(edges: Floats, pairs: Indices) -> Floats:
 
 
 def has_free_space(walls: Floats, least: float) -> bool:
-    """Whether the walls (S, 4) wind once around some place wider than ``least``.
+    """Whether the walls (S, 4) wind once around a place wider than ``least``.
 
-    Between two heights at which walls begin, end or cross, free space is a set of trapezia: the
+    Between two heights at which walls begin, end or cross, free space is a set of trapezia, and the
     line half-way up meets each of them.
     """
     points = crossings(walls, close_pairs(walls, 0.0))
     heights = np.unique(np.concatenate([walls[:, 1], points[np.isfinite(points[:, 1]), 1]]))
     depths = np.diff(heights)
     levels = heights[:-1] + depths / 2
-    by_depth = np.argsort(-depths, kind="stable")  # the deepest first; rounding errors are none
+    by_depth = np.argsort(-depths, kind="stable")  # the deepest first, without rounding errors
     real = by_depth[depths[by_depth] > _ROUNDING * (heights[-1] - heights[0])]
     return polygon_kernels.finds_free_space(walls, levels[real], least)
 
 
 def oriented_edges(polygon: Polygon, *, solid: bool) -> Floats:
-    """Return the edges (S, 4), counterclockwise, or clockwise around something ``solid``."""
+    """Return the edges (S, 4), counterclockwise, or clockwise if the polygon is ``solid``."""
     corners = np.array(polygon)
     clockwise = signed_area(corners) < 0
     return edges_of(corners if clockwise == solid else corners[::-1])
@@ -143,7 +143,7 @@ def as_box(polygon: Polygon) -> Box | None:
 
 def signed_area(points: Floats) -> float:
     """½ Σ (x_i y_{i+1} - x_{i+1} y_i), positive if counterclockwise."""
-    x, y = (points - points[0]).T  # seen from a corner: nothing cancels far from (0, 0)
+    x, y = (points - points[0]).T  # relative to a corner: no cancellation far from (0, 0)
     return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
 
 

@@ -17,7 +17,7 @@ from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 from deqmcl_gym.numerics.types import Bools, Singles
 
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
-_RAYS = 512  # of one beam cast in one go: what they need fits the fastest cache
+_RAYS = 512  # of one beam cast at a time: their data fit the fastest cache
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -27,18 +27,18 @@ _NAN = np.float32(np.nan)
 
 
 class AllWalls(NamedTuple):
-    """All walls, sorted by what is known of their direction.
+    """All walls, sorted by direction.
 
     Attributes:
         outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4).
         room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in;
-            infinite if the outer wall is none.
-        box: a rectangle seen from outside and from inside; four times inf if there is none.
+            infinite if the outer wall is not a rectangle.
+        box: a rectangle seen from outside and from inside; all inf if there is none.
         boxes: further ones, (S₀, 4); four walls each.
         upright: other walls x = c as (c, y_low, y_high), (S₁, 3).
         level: other walls y = c as (c, x_low, x_high), (S₂, 3).
         oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
-            the stretch of it that is wall.
+            the extent of the wall along it.
     """
 
     outer: Singles
@@ -61,14 +61,20 @@ def _enclosed(poses: Singles, outer: Singles) -> Bools:
 
 @compiled
 def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
-    """Which poses (3, n) are inside the outer wall, which is the rectangle ``room`` if finite."""
-    if room[0] == -_INF:
-        return _enclosed(poses, outer)
-    inside = np.empty(poses.shape[1], np.bool_)
-    x, y = poses[0], poses[1]
+    """Which poses (3, n) have a finite heading and are inside the outer wall.
+
+    That is the rectangle ``room`` if it is finite.
+    """
+    x, y, heading = poses[0], poses[1], poses[2]
     left, low, right, high = room
-    for i in range(inside.size):  # on the walls as ``wind`` has it
-        inside[i] = (x[i] >= left) & (x[i] < right) & (y[i] >= low) & (y[i] < high)
+    if left == -_INF:
+        inside = _enclosed(poses, outer)
+    else:
+        inside = np.empty(x.size, np.bool_)
+        for i in range(inside.size):  # points on walls as in ``wind``
+            inside[i] = (x[i] >= left) & (x[i] < right) & (y[i] >= low) & (y[i] < high)
+    for i in range(inside.size):
+        inside[i] &= abs(heading[i]) < _INF
     return inside
 
 
@@ -119,7 +125,7 @@ def _shorten(
 
 @compiled
 def _sides(rectangle: Rectangle, x: Singles, y: Singles, out: Singles) -> None:
-    """Fill in how far the sides of a rectangle are from points (n,), in x or y, (4, n)."""
+    """Fill in the distances of a rectangle's sides from points (n,), along x or y, (4, n)."""
     for side in range(4):
         start = x if side % 2 == 0 else y
         for i in range(start.size):
@@ -179,10 +185,10 @@ def cast(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Si
 
 @compiled
 def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
-    """Do the same as ``cast``, with the lanes over the beams: for a handful of poses.
+    """Do the same as ``cast``, with the lanes over the beams, for a handful of poses.
 
-    Room and box are looked at here anew: with the lanes over the poses their sides change from lane
-    to lane, and a loop for both ways costs a fifth of the time.
+    Room and box are repeated here: with lanes over poses, their sides differ between lanes, and a
+    common loop takes a fifth longer.
     """
     walls = AllWalls(*arrays)
     beams = bearings.size
@@ -225,8 +231,7 @@ def cast_through(
 ) -> None:
     """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
 
-    A ray's cost is that of the cells it comes through, not of all walls. NaN outside the outer
-    wall.
+    A ray takes as long as the cells that it crosses, not as all walls. NaN outside the outer wall.
 
     Args:
         poses: rows x, y, θ, (3, n).

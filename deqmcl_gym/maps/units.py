@@ -1,8 +1,8 @@
-"""Units of length: what a constant length is in a map's own unit.
+"""Units of length, and how constant lengths are converted to a map's unit.
 
-Lengths that are constants of the code are stated in pixels of the paper's room, in which the robot
-has a radius of 8, and multiplied by ``pixel(unit)`` where they are used. A room in metres is as
-large as that one if a pixel is 2 cm: the robot is then 16 cm in radius.
+Constant lengths in the code are in pixels of the paper's room, where the robot has a radius of 8,
+and are multiplied by ``pixel(unit)`` where they are used. In metres, a pixel is 2 cm: the same
+robot has a radius of 16 cm.
 """
 
 import dataclasses
@@ -16,23 +16,23 @@ T = TypeVar("T")
 
 PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
 
-# metadata of the fields of a part that are lengths, or numbers per length
-LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})  # also of all numbers of a tuple
+# metadata of dataclass fields that are lengths, or numbers per length
+LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})  # also for all numbers in a tuple
 PER_LENGTH: Mapping[str, int] = MappingProxyType({"length": -1})
 POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
 
 
 def pixel(unit: str) -> float:
-    """Return what a pixel of the paper's room is in a unit.
+    """Return the length of a pixel of the paper's room in a unit.
 
     Raises:
-        InputError: there is no such unit.
+        InputError: the unit is unknown.
     """
     return PIXELS[one_of("unit of length", unit, PIXELS)]
 
 
 def scaled(part: T, factor: float) -> T:
-    """Return a frozen dataclass with its lengths times ``factor``, those within its parts too."""
+    """Return a frozen dataclass with its lengths, nested ones too, multiplied by ``factor``."""
     changes: dict[str, Any] = {}
     for field in dataclasses.fields(part):  # type: ignore[arg-type]
         value = getattr(part, field.name)

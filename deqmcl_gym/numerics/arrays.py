@@ -1,7 +1,7 @@
-"""Elementary functions of whole arrays, the same bits on every processor.
+"""Elementary functions of arrays, with the same bits on every processor.
 
-NumPy's own differ in their last bits between instruction sets. For results that are compared
-across machines; each function returns fresh float64 numbers of its first argument's shape.
+NumPy's own differ in their last bits between instruction sets. Each function returns a fresh
+float64 array of its first argument's shape.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from deqmcl_gym.numerics.types import Floats
 
 
 def _of_arrays(loop: Callable[..., None]) -> Callable[..., Floats]:
-    """Return the function of arrays that a loop over flat ones, the last filled in, defines."""
+    """Make a function of arrays from a loop over flat arrays that fills in the last one."""
     kernel = compiled(loop)
 
     def function(*arguments: ArrayLike) -> Floats:
@@ -52,7 +52,7 @@ def arctan2(y: Any, x: Any, out: Any) -> None:
 
 @_of_arrays
 def wrapped(x: Any, out: Any) -> None:
-    """The same directions in [-π, π]; angles that lie there keep their bits."""
+    """The same directions in [-π, π]; angles already in it keep their bits."""
     for i in range(x.size):
         out[i] = elementary.wrapped64(x[i])
 

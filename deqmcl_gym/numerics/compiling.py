@@ -1,4 +1,4 @@
-"""Compile a numerical kernel with numba, cached on disk where that is possible."""
+"""Compilation of numerical kernels with numba, cached on disk if possible."""
 
 import contextlib
 import hashlib
@@ -29,10 +29,10 @@ _SHARED = hashlib.sha256(b"".join(path.read_bytes() for path in _KERNELS)).hexdi
 
 
 def compiled(function: F) -> F:
-    """Compile ``function`` at its first call; keep the machine code on disk where we may.
+    """Compile ``function`` at its first call and cache the machine code on disk.
 
-    That is ``NUMBA_CACHE_DIR``, beside the source, the user's cache folder, or a private folder
-    among the temporary ones, whichever can be written to first; else nowhere.
+    The cache is the first writable one of: ``NUMBA_CACHE_DIR``, a folder beside the source, the
+    user's cache folder, a private temporary folder. If none is writable, nothing is cached.
 
     IEEE arithmetic as written: no fastmath (it changes results between processors), and division
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
@@ -55,13 +55,13 @@ class _PrivateFolder(UserProvidedCacheLocator):  # type: ignore[misc]
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
-        # past the parent, which asks for NUMBA_CACHE_DIR
+        # skips the parent, which requires NUMBA_CACHE_DIR
         own: Any = super(UserProvidedCacheLocator, cls)
         return own.from_function(py_func, py_file) if private_folder() else None
 
 
 class _Signed(CompileResultCacheImpl):  # type: ignore[misc]
-    """Machine code with a checksum: numba would run whatever a damaged file holds."""
+    """Machine code with a checksum, as numba would run code from a damaged file."""
 
     _locator_classes = [*CompileResultCacheImpl._locator_classes, _PrivateFolder]
 
@@ -77,14 +77,14 @@ class _Signed(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """numba's cache, for which a file that cannot be used is one that is not there."""
+    """numba's cache, in which an unusable file counts as missing."""
 
     _impl_class = _Signed
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             found = super().load_overload(sig, target_context)
-        except Exception:  # what a damaged file raises when it is unpickled can be anything
+        except Exception:  # unpickling a damaged file can raise anything
             return None
         if found is not None and tuple(found.signature.args) != tuple(sig):
             self._forget()  # the index is damaged: it names another signature's code
@@ -108,13 +108,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 def private_folder() -> str | None:
     """Return a temporary folder that only this user can write to; None if there is none.
 
-    Machine code from a cache is run: it must not come from a folder that someone else prepared
-    under our name.
+    Cached machine code is executed, so it must not come from a folder that another user made.
     """
     user = os.getuid() if hasattr(os, "getuid") else None  # Windows: temporary folders are private
     try:
         root = Path(tempfile.gettempdir())
-        if root == Path.cwd():  # Python's last resort, where nobody looks for it
+        if root == Path.cwd():  # Python's last resort: nobody would look for a cache there
             return None
         folder = root / f"deqmcl-gym-{'cache' if user is None else user}"
         folder.mkdir(mode=0o700, exist_ok=True)

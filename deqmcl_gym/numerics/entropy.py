@@ -1,6 +1,6 @@
-"""``np.random.SeedSequence`` in a kernel: a room of many gets new streams with every lap.
+"""``np.random.SeedSequence`` as a kernel, for vector envs that need new streams at each reset.
 
-O'Neill's seed_seq (2015) with a pool of four words, which NumPy promises not to change.
+O'Neill's seed_seq (2015) with a pool of four words; NumPy guarantees its stability.
 """
 
 from functools import cached_property
@@ -28,11 +28,13 @@ class Seeds(ISpawnableSeedSequence):
     """SeedSequence(seed, spawn_key=key)."""
 
     def __init__(self, seed: int, key: tuple[int, ...]) -> None:
-        """Take a seed, 0 or more, and a key of one or more numbers below 2³²."""
+        """Take a seed ≥ 0 and a spawn key of one or more numbers below 2³²."""
+        if seed < 0:
+            raise ValueError(f"the seed is {seed}, but must be 0 or more")
         self._seed, self._key = seed, key
 
     def generate_state(self, n_words: int, dtype: Any = np.uint32) -> NDArray[Any]:
-        """Return the first words of the sequence; quickly those of 64 bits, which PCG64 takes."""
+        """Return the first words of the sequence; fast for 64 bits, which PCG64 asks for."""
         if dtype is not np.uint64:
             return self._numpy.generate_state(n_words, dtype)
         words = _words(self._seed)
@@ -42,7 +44,7 @@ class Seeds(ISpawnableSeedSequence):
         return state
 
     def spawn(self, n_children: int) -> list[Any]:
-        """Return further sequences, as NumPy's would."""
+        """Return child sequences, the same as NumPy's."""
         return self._numpy.spawn(n_children)
 
     @cached_property
@@ -60,7 +62,7 @@ def _words(number: int) -> list[int]:
 
 @compiled
 def _fill(words: NDArray[np.uint64], out: NDArray[np.uint64]) -> None:
-    """Mix words (4 or more) into a pool; fill in what comes out of it."""
+    """Mix words (4 or more) into a pool; fill in the words it generates."""
     pool = np.empty(_POOL, np.uint64)
     constant = _START_IN
     for i in range(_POOL):

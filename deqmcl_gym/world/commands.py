@@ -1,4 +1,4 @@
-"""What the robot can be told: a distance to drive and an angle to turn."""
+"""Commands to the robot: a distance to drive after an angle to turn."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ class Commands:
     """The actions (distance, turn) that a robot can carry out.
 
     Attributes:
-        space: all of them, a Box of float32.
+        space: the Box of all commands, float32.
     """
 
     def __init__(self, robot: Robot, unit: str) -> None:
@@ -55,10 +55,10 @@ class Commands:
     def checked_each(self, actions: Any, resting: Bools) -> Actions:
         """Return one action for each room as a fresh array, (n, 2) float32.
 
-        Those of rooms that are ``resting`` (n,) are not looked at, but must be numbers.
+        Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
 
         Raises:
-            InputError: another shape, or an action that is not in the space.
+            InputError: the shape is wrong, or an action is outside the space.
         """
         commands = _as_float32(actions)
         if commands is None or commands.shape != (resting.size, 2):
@@ -76,7 +76,7 @@ class Commands:
         return commands
 
     def checked_plan(self, what: str, actions: ArrayLike) -> Actions:
-        """Return actions as a fresh array, (k, 2) float32; [] is none.
+        """Return actions as a fresh array, (k, 2) float32; [] has none.
 
         Raises:
             InputError: wrong shape, NaN, or an action outside the space.

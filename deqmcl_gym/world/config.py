@@ -13,7 +13,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
+from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose
 from deqmcl_gym.world.floor_plans import floor_plan_of
 
 SKIN = 1e-3  # px
@@ -37,6 +37,7 @@ class Robot:
         number("robot.radius", self.radius, low=0)
         number("robot.max_distance", self.max_distance, low=0, above=True)
         number("robot.max_turn", self.max_turn, low=0, high=math.pi, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,7 @@ class MotionNoise:
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):
             number(f"noise.{name}", getattr(self, name), low=0)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,7 @@ class Start:
             object.__setattr__(self, "pose", pose("start.pose", self.pose))
         number("start.sd_position", self.sd_position, low=0)
         number("start.sd_heading", self.sd_heading, low=0)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,14 +113,15 @@ class Lap:
                     "last corner is joined to the first by itself."
                 )
             object.__setattr__(self, "waypoints", tuple((x, y) for x, y in corners.tolist()))
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Driver:
-    """Someone who knows the true pose and follows the lap's path from there, step by step.
+    """A driver that knows the true pose and steers back to the planned path at every step.
 
     Attributes:
-        look_ahead: way along the path to the point it heads for.
+        look_ahead: distance along the path to the point that it heads for.
         on_the_spot: heading error beyond which it turns without driving, rad.
     """
 
@@ -127,21 +131,22 @@ class Driver:
     def __post_init__(self) -> None:
         number("driver.look_ahead", self.look_ahead, low=0, above=True)
         number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """An open way instead of the lap: from a start to a goal, both drawn anew in each episode.
+    """A route from a start to a goal instead of the lap, both drawn anew in each episode.
 
-    ``start.pose`` and ``goal`` replace what is drawn.
+    A given ``start.pose`` or ``goal`` is not drawn.
 
     Attributes:
         goal: (x, y); None draws one.
-        min_length: of a way of which an end is drawn.
-        max_length: of a way of which an end is drawn.
-        clearance: from the robot's rim to walls, at least.
-        comfort: from the way to walls, where there is room.
-        tolerance: how near to the goal a robot is there.
+        min_length: least length of a route with a drawn end.
+        max_length: greatest length of a route with a drawn end.
+        clearance: least distance between the robot's rim and walls.
+        comfort: distance between route and walls where there is room.
+        tolerance: distance from the goal at which it counts as reached.
     """
 
     goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)
@@ -165,13 +170,14 @@ class Route:
         number("route.clearance", self.clearance, low=0)
         number("route.comfort", self.comfort, low=0, above=True)
         number("route.tolerance", self.tolerance, low=0, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """Everything an episode is made of, but its seed.
+    """Everything that defines an episode, except its seed.
 
-    Without a driver the plan is the lap or the route, fixed before the start.
+    Without a driver, the plan is the lap or the route, fixed before the start.
     """
 
     floor_plan: Map
@@ -192,14 +198,14 @@ class World:
 
     @cached_property
     def pixel(self) -> float:
-        """What a pixel of the paper's room is in the map's unit."""
+        """Length of a pixel of the paper's room in the map's unit."""
         return pixel(self.floor_plan.unit)
 
     @cached_property
     def skin(self) -> float:
-        """How far before a contact a robot stops, so that it can drive away again.
+        """Distance at which a robot stops before a contact, so that it can drive away again.
 
-        That is ``SKIN``, or in a large room as much as float32 tells apart there.
+        ``SKIN`` or, in a large room, four steps of float32.
         """
         x0, y0, x1, y1 = self.floor_plan.bounds
         coarse = float(np.spacing(np.float32(2 * max(x1 - x0, y1 - y0))))
@@ -207,24 +213,25 @@ class World:
 
     @cached_property
     def reach(self) -> float:
-        """A length that no straight drive has without contact."""
+        """A length that no straight drive can have without contact."""
         x0, y0, x1, y1 = self.floor_plan.bounds
         return 2 * (x1 - x0 + y1 - y0)
 
     @property
     def body(self) -> float:
-        """Radius of what meets the walls: the robot's, or the skin, that it is seen inside."""
+        """Radius of the disc that touches walls: the robot's, but at least the skin."""
         return max(self.robot.radius, self.skin)
 
     def changed(self, **parts: Any) -> "World":
-        """Return this world with other parts, each whole or as a mapping of changes; None keeps.
+        """Return this world with some parts replaced, each by an object or a mapping of changes.
 
-        A floor plan is always given whole: ``{"outer": [...], "obstacles": [...], "unit": "px"}``,
-        ``{"file": "map.yaml", "unknown": "obstacle"}``, the path of such a file or of polygons in
-        JSON, or ``{"office": {"seed": 3}, "form": "grid"}`` (or "polygons").
-        If its unit is another one, the parts of this world are converted to it, then changed.
-        Changes to a driver that the world does not have are changes to ``Driver()``, and
-        ``driver="none"`` takes it away; a route likewise.
+        None leaves a part as it is. A floor plan is always given whole:
+        ``{"outer": [...], "obstacles": [...], "unit": "px"}``, ``{"office": {"seed": 3}, "form":
+        "grid"}`` (or "polygons"), ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of
+        such a file or of polygons in JSON.
+        If its unit differs, the parts of this world are converted to it, then changed. In a world
+        without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
+        same holds for routes.
 
         Raises:
             InputError: unknown part or key, or a bad value.

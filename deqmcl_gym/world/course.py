@@ -1,4 +1,4 @@
-"""What is planned: a path, the lap in mid-corridor or a way to a goal, and the actions for it."""
+"""Course: the planned path, which is a lap or a route to a goal, and its actions."""
 
 import math
 from collections.abc import Iterator
@@ -15,17 +15,17 @@ from deqmcl_gym.validation import InputError, digits
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Path, Point, Pose, wrapped
 
-MAX_STEPS = 100_000  # of a plan: 0.8 MB in every info
+MAX_STEPS = 100_000  # in a plan: 0.8 MB in every info
 
 
 @dataclass(frozen=True)
 class Course:
-    """What a world plans: a path, a pose to start from, and the actions of the lap.
+    """The plan of an episode: a path, the pose to start from, and the actions.
 
     Attributes:
-        path: of a lap closed, counterclockwise unless waypoints say otherwise; else open.
+        path: closed for a lap, counterclockwise unless waypoints say otherwise; open for a route.
         start: expected pose at reset (x, y, θ).
-        arc: arc length of the path where the robot begins, the nearest to the start.
+        arc: arc length of the path's point nearest to the start.
         actions: (distance, turn), (T, 2) float32.
     """
 
@@ -39,8 +39,8 @@ class Course:
         """Plan the lap of a world.
 
         Raises:
-            InputError: the robot does not fit through or at its start, cannot come straight from
-                there to the path, or cannot take such steps.
+            InputError: the robot does not fit along the path or at its start, has no free straight
+                line from there to the path, or cannot take such steps.
         """
         path = path_of(world)
         given = world.start.pose
@@ -58,13 +58,13 @@ class Course:
 
     @classmethod
     def along(cls, corners: Floats, start: Pose, world: World) -> "Course":
-        """Plan the way along ``corners`` (k, 2), from a start at the first of them."""
+        """Plan the route along ``corners`` (k, 2), from a start at the first of them."""
         path = Path(corners, closed=False)
         return cls(path, start, 0.0, plan_actions(path, 0.0, start, world))
 
     @property
     def goal(self) -> Point | None:
-        """Where an open path ends."""
+        """The end of an open path; None for a lap."""
         if self.path.closed:
             return None
         x, y = self.path.corners[-1].tolist()
@@ -89,7 +89,7 @@ def path_of(world: World) -> Path:
     """Return the closed path of a world's lap.
 
     Raises:
-        InputError: the robot does not fit through.
+        InputError: the robot does not fit along it.
     """
     given = world.lap.waypoints
     corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
@@ -108,14 +108,14 @@ def path_of(world: World) -> Path:
 def mid_corridor(floor_plan: Map) -> Floats:
     """Corners of a counterclockwise path half-way between the obstacles and the outer wall, (k, 2).
 
-    From each corner of the obstacles' convex hull, half the way outwards along the bisector. In a
-    plan without obstacles the hull is a point in the middle and the bisectors lead to the outer
-    wall's corners.
+    There is one on the bisector of each corner of the obstacles' convex hull, half-way to the outer
+    wall. Without obstacles, the hull is the middle of the room, and the bisectors lead to the
+    corners of the outer wall.
     """
     if not isinstance(floor_plan, PolygonMap):
         raise InputError(
-            "lap.waypoints is None, but only a floor plan of polygons has a lap of its own: give "
-            "the corners of a closed path through free space."
+            "lap.waypoints is None, but a lap can only be computed for a floor plan of polygons: "
+            "give the corners of a closed path through free space."
         )
     outer, px = np.array(floor_plan.outer), pixel(floor_plan.unit)
     if not floor_plan.obstacles:
@@ -128,7 +128,7 @@ def mid_corridor(floor_plan: Map) -> Floats:
     bisectors = _unit(_unit(into) - _unit(out_of))
     headings = arrays.arctan2(bisectors[:, 1], bisectors[:, 0])
     x0, y0, x1, y1 = floor_plan.bounds
-    past = max(1e-3 * px, 1e-6 * max(x1 - x0, y1 - y0))  # float32 tells it from the wall
+    past = max(1e-3 * px, 1e-6 * max(x1 - x0, y1 - y0))  # more than float32 rounding errors
     outside = hull + past * bisectors
     gaps = floor_plan.ranges(np.column_stack([outside, headings]), [0.0])[:, 0].astype(float)
     if (lost := ~np.isfinite(gaps)).any():
@@ -145,7 +145,7 @@ def mid_corridor(floor_plan: Map) -> Floats:
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     """Return the actions (distance, turn) that drive from ``start`` along a path, (T, 2).
 
-    Turns and drives are cut into steps of ``lap.turn`` and ``lap.step``, the last one shorter.
+    Turns and drives are split into steps of ``lap.turn`` and ``lap.step``; the last one is shorter.
 
     Raises:
         InputError: a step is larger than the robot can do, or there are too many.
@@ -164,7 +164,7 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     steps = sum(abs(turn) / lap.turn + distance / lap.step for turn, distance in legs)
     if steps > MAX_STEPS:
         raise InputError(
-            f"the way would have about {steps:.3g} steps, but a plan may have at most "
+            f"the plan would have about {steps:.3g} steps, but may have at most "
             f"{MAX_STEPS:,}: give a larger lap.step or lap.turn."
         )
     actions: list[tuple[float, float]] = []
@@ -175,7 +175,7 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
 
 
 def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:
-    """Turn and distance to each of the points to drive to, if ``shortest`` or farther off."""
+    """Yield turn and distance to each of the points; those nearer than ``shortest`` are skipped."""
     x, y, heading = start
     for corner_x, corner_y in points.tolist():
         dx, dy = corner_x - x, corner_y - y
@@ -205,7 +205,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _thinned(hull: Floats, apart: float) -> Floats:
-    """Leave out corners of something round that are not so far ``apart``: a leg each is many."""
+    """Leave out corners of a round hull that are less than ``apart`` from the one before."""
     lengths = np.sqrt(((hull - np.roll(hull, 1, axis=0)) ** 2).sum(axis=1))
     apart = min(apart, lengths.sum() / 32)
     way, kept = np.cumsum(lengths) - lengths[0], [0]
@@ -225,7 +225,7 @@ def _convex_hull(points: Floats) -> Floats:
             while len(chain) > 1:
                 (ax, ay), (bx, by) = chain[-2:]
                 left = (bx - ax) * (y - by) - (by - ay) * (x - bx)
-                # no corner of the hull if it bends by rounding errors only
+                # a bend within rounding errors is not a corner
                 if left > 1e-9 * math.dist((ax, ay), (bx, by)) * math.dist((bx, by), (x, y)):
                     break
                 chain.pop()

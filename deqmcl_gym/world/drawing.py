@@ -23,8 +23,8 @@ PINK: Color = (240, 90, 160)
 LIGHT_BLUE: Color = (90, 180, 240)
 
 MAX_SIDE = 8_192  # pixels: 200 MB
-_OF_CELLS = 480  # times the scale: pixels to a side of a map of cells, at most
-_LEAST = 3.0  # pixels: a robot's radius
+_OF_CELLS = 480  # largest side of a picture of a map of cells, in pixels at scale 1
+_LEAST = 3.0  # pixels: smallest radius at which a robot is drawn
 _SHIFT = 4  # OpenCV's fractional bits: sixteenths of a pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -34,9 +34,9 @@ class View:
     """From the floor plan (y up) to image pixels (y down).
 
     Attributes:
-        floor_plan: what is looked at.
-        scale: image pixels per px; per 0.02 m of a floor plan in metres. Of a map of cells, which
-            may be a whole building, less: 480 times the scale is the most to a side.
+        floor_plan: the map.
+        scale: image pixels per px, or per 0.02 m of a map in metres. A map of cells, which may be a
+            whole building, is drawn smaller: its sides are at most 480 times the scale.
         margin: around the outer wall, image pixels.
     """
 
@@ -54,7 +54,7 @@ class View:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the image, both even (video codecs want that)."""
+        """Width and height of the image, both even, as video codecs need."""
         x0, y0, x1, y1 = self.floor_plan.bounds
         sides = (x1 - x0) * self.per_length, (y1 - y0) * self.per_length
         width, height = (2 * math.ceil((side + 2 * self.margin) / 2) for side in sides)
@@ -81,7 +81,7 @@ class Drawing:
     """A picture in the making; every method draws onto it and returns it."""
 
     def __init__(self, view: View) -> None:
-        """Begin with the empty floor plan: black walls, pale obstacles and unknown cells."""
+        """Draw the empty floor plan: black walls, pale obstacles and unknown cells."""
         self.view = view
         width, height = view.size
         self.image: Image = np.full((height, width, 3), 255, dtype=np.uint8)
@@ -100,11 +100,11 @@ class Drawing:
 
     def _cells(self, floor_plan: GridMap) -> None:
         occupancy = floor_plan.occupancy
-        occupied = occupancy >= 100 * floor_plan.occupied_thresh
+        occupied = occupancy / 100 >= floor_plan.occupied_thresh
         shades: Image = np.full(occupancy.shape, 255, np.uint8)
         shades[occupancy < 0], shades[occupied] = PALE[0], BLACK[0]
         wide = math.ceil(1 / (self.view.per_length * floor_plan.resolution))
-        if wide > 1:  # cells of an image pixel: the darkest one counts, so that no wall is lost
+        if wide > 1:  # cells per image pixel: the darkest one counts, so that no wall is lost
             shades = np.asarray(cv2.erode(shades, np.ones((wide, wide), np.uint8)), np.uint8)
         corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
         placed = self.view.pixels(floor_plan.placed(corners + 0.5)) - 0.5  # centres of these cells

@@ -1,4 +1,4 @@
-"""One episode: a robot on its way through a world, from reset to the end of its plan."""
+"""Episode: a robot in a world, from reset to the end of its plan."""
 
 import numpy as np
 
@@ -12,18 +12,18 @@ from deqmcl_gym.world.task_kernels import judged
 
 
 class Episode:
-    """All that changes between two resets.
+    """All state that changes between two resets.
 
     Attributes:
-        course: the path, and what was planned for it.
-        plan: says what is to be done next.
+        course: the path, and the actions planned for it.
+        plan: the actions to come.
         step: steps carried out.
         pose: the true one (x, y, θ).
         arc: arc length at which the robot is on the path.
-        way: from the arc length at reset to there, jumps included.
+        way: distance along the path since reset, jumps included.
         progress: the same without jumps.
-        done: whether the task is.
-        ended: whether there is no further one.
+        done: whether the task is done.
+        ended: whether the episode has ended.
         scan: the last one, (B,).
     """
 
@@ -31,7 +31,7 @@ class Episode:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
-            InputError: no start drawn is free, or no way was found.
+            InputError: no drawn start is free, or no route was found.
         """
         world = setting.world
         self._setting = setting
@@ -52,11 +52,11 @@ class Episode:
         return episode_stream(self._seed, self._number, stream, twin)
 
     def place(self, pose: Pose, noticed: bool = True) -> None:
-        """Put the robot somewhere; that makes no progress.
+        """Put the robot at a pose; this does not count as progress.
 
         Args:
-            pose: where to.
-            noticed: whether a driver knows, and plans from there; else his plan stays as it is.
+            pose: (x, y, θ).
+            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
         """
         if isinstance(self.plan, GuidedPlan) and not noticed:
             self.plan = self.plan.left_as_it_is(self)
@@ -92,7 +92,7 @@ class Episode:
         return reward, collided
 
     def _is_at_goal(self) -> bool:
-        """Whether the robot is where its route ends, if that ends the episode."""
+        """Whether the robot is at the end of its route, if that ends the episode."""
         route, goal = self._setting.world.route, self.course.goal
         if route is None or goal is None or not self._setting.ends_at_goal:
             return False

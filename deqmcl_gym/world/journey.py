@@ -1,4 +1,4 @@
-"""Journeys: ways from a start to a goal, drawn in free space."""
+"""Journeys: routes from a start to a goal, drawn in free space."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from deqmcl_gym.world.path import Path, Point, Pose
 from deqmcl_gym.world.route import Routes, RoutesTo, routes_on
 from deqmcl_gym.world.streams import Stream, episode_stream
 
-_ENDS = 20  # drawn, of which routes are planned to
-_OTHERS = 300  # drawn for each of them
-_DRAWS = 100_000  # of a free place
+_ENDS = 20  # tries of a drawn end
+_OTHERS = 300  # tries of the other end, for each of them
+_DRAWS = 100_000  # tries of a free place
 
 
 @dataclass(frozen=True)
 class Journeys:
-    """The ways of a world with a route.
+    """The courses of a world with a route.
 
     Attributes:
-        world: that has a route.
+        world: the world.
     """
 
     world: World
@@ -32,24 +32,24 @@ class Journeys:
     def drawn(self, seed: int, number: int) -> Course:
         """Draw a start with its heading, and a goal, unless the world names them.
 
-        The ``number``-th episode after seeding has the same ones whenever it is begun; the last
-        ones are kept.
+        They depend only on the seed and the ``number`` of the episode after seeding. The last two
+        courses are cached.
 
         Raises:
-            InputError: a place that is named has no room, or none that is drawn is so far off as
-                it should be.
+            InputError: the robot does not fit at a named place, or no drawn route has the length
+                asked for.
         """
         return _drawn(self, seed, number)
 
     def onwards(self, goal: Point, pose: Pose) -> Course:
-        """Plan the way to a goal from wherever the robot is."""
+        """Plan the route to a goal from the robot's pose."""
         return Course.along(self._routes_to(goal).start_near(pose[:2]), pose, self.world)
 
     def elsewhere(self, goal: Point, rng: np.random.Generator) -> Pose:
-        """Draw another start of a journey to a goal.
+        """Draw another start for a goal.
 
         Raises:
-            InputError: no place drawn is so far from the goal as it should be.
+            InputError: no drawn route has the length asked for.
         """
         corners = self._drawn_to(goal, rng)
         if corners is None:
@@ -58,7 +58,7 @@ class Journeys:
         return x, y, float(rng.uniform(-np.pi, np.pi))
 
     def check(self) -> None:
-        """Refuse a world whose map has no room, or none at the places that it names."""
+        """Refuse a world in which the robot does not fit anywhere, or not at a named place."""
         if not len(self.routes.centres):
             raise InputError(
                 f"the floor plan has no place for a robot that needs {self.routes.radius:g} "
@@ -80,13 +80,13 @@ class Journeys:
 
     @cached_property
     def routes(self) -> Routes:
-        """All ways with the clearance asked for."""
+        """All routes with the clearance asked for."""
         world, route = self.world, self._route
         radius = world.body + route.clearance
         return routes_on(world.floor_plan, radius, route.comfort)  # type: ignore[arg-type] # hashable
 
     def between(self, start: Point | None, rng: np.random.Generator) -> Floats:
-        """Return the corners of a way, (k, 2); an end that is not named is drawn."""
+        """Return the corners of a route, (k, 2); an end that is not named is drawn."""
         goal = self._route.goal
         if start is not None and goal is not None:
             return self._routes_to(goal).start_at(start)
@@ -98,7 +98,7 @@ class Journeys:
         raise self._none_found()
 
     def _drawn_to(self, end: Point, rng: np.random.Generator) -> Floats | None:
-        """Return a way to one end from another one that is drawn."""
+        """Return a route to ``end`` from a drawn place; None if none was found."""
         routes, route = self._routes_to(end), self._route
         for _ in range(_OTHERS):
             other = self._place(rng)
@@ -135,8 +135,8 @@ class Journeys:
     def _none_found(self) -> InputError:
         route, unit = self._route, self.world.floor_plan.unit
         return InputError(
-            f"no way of {route.min_length:g} to {route.max_length:g} {unit} was found on the floor "
-            "plan: give another route.min_length, route.max_length, route.goal or start.pose."
+            f"no route of {route.min_length:g} to {route.max_length:g} {unit} was found on the "
+            "floor plan: give another route.min_length, route.max_length, route.goal or start.pose."
         )
 
 
@@ -153,5 +153,5 @@ def _drawn(journeys: Journeys, seed: int, number: int) -> Course:
 
 @lru_cache(maxsize=4)
 def _routes_to(routes: Routes, goal: Point) -> RoutesTo:
-    """Return the routes to a goal; those of the last ones are kept: a driver plans there anew."""
+    """Return the routes to a goal; the last four are cached, for drivers that replan."""
     return routes.to(goal)

@@ -1,4 +1,4 @@
-"""A polygonal path, closed or open: where on it one is, and how far one has come."""
+"""Path: a polygonal path, closed or open, and arc lengths along it."""
 
 import math
 from dataclasses import dataclass
@@ -34,12 +34,12 @@ class Path:
 
     @cached_property
     def length(self) -> float:
-        """Once around, or from end to end."""
+        """Length once around, or from end to end."""
         return float(self._lengths.sum())
 
     @property
     def period(self) -> float:
-        """Way after which the path comes round; ∞ if it is open."""
+        """Length once around; ∞ for an open path."""
         return self.length if self.closed else math.inf
 
     def arc(self, point: Point) -> float:
@@ -48,7 +48,7 @@ class Path:
         return path_kernels.nearest_arc(x, y, self.edges)
 
     def at(self, arc: float) -> Pose:
-        """Pose on the path at an arc length, heading along it; of an open one, at most its end."""
+        """Pose on the path at an arc length, clipped to an open path, heading along it."""
         arc = arc % self.length if self.closed else min(max(arc, 0.0), self.length)
         edge = int(np.searchsorted(self._before, arc, side="right")) - 1
         dx, dy = self._along[edge]
@@ -57,13 +57,13 @@ class Path:
         return float(x), float(y), atan2_64(dy, dx)
 
     def advance(self, before: float, after: float) -> float:
-        """Signed way along the path between two arc lengths, the shorter way round."""
+        """Signed distance along the path between two arc lengths, the shorter way round."""
         return path_kernels.shorter(after - before, self.period)
 
     def follow(self, start: Point, end: Point, before: float) -> tuple[float, float]:
-        """Return the arc length at ``end`` of a drive that began at arc ``before``, and the way.
+        """Return the arc length at the end of a drive that began at arc ``before``, and progress.
 
-        Where the path meets itself, it is followed in its order; see ``path_kernels.follow``.
+        Where the path crosses itself, its order decides; see ``path_kernels.follow``.
         """
         return path_kernels.follow(*start, *end, before, self.edges, self.period)
 
@@ -83,7 +83,7 @@ class Path:
 
     @property
     def outline(self) -> Floats:
-        """Its line from the first corner to where it ends, (n, 2)."""
+        """The line to draw: all corners, closed if the path is, (n, 2)."""
         return np.vstack([self.corners, self.corners[:1]]) if self.closed else self.corners
 
     @cached_property

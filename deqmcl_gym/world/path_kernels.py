@@ -1,6 +1,6 @@
-"""The compiled geometry of a path, and of driving along it. In float64.
+"""The compiled geometry of a path, and of driving along it, in float64.
 
-A path comes as its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
+A path is given by its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
 period: its length if it is closed, else ∞.
 """
 
@@ -29,7 +29,7 @@ def nearest_arc(x: float, y: float, edges: Floats) -> float:
 
 @compiled
 def shorter(way: float, period: float) -> float:
-    """The same way along a path, signed, the shorter way round."""
+    """The same signed distance along a path, the shorter way round."""
     return way if period == np.inf else centred64(way, period)
 
 
@@ -37,13 +37,13 @@ def shorter(way: float, period: float) -> float:
 def follow(
     from_x: float, from_y: float, x: float, y: float, before: float, edges: Floats, period: float
 ) -> tuple[float, float]:
-    """Return the arc length that one comes to by driving from arc ``before`` to (x, y); the way.
+    """Return the arc length after driving from arc ``before`` to (x, y), and the signed progress.
 
-    Of the nearest points of all edges it is the one with the least max(d, e / 8) + b: d is its
-    distance, e how much farther along the path it is than one drove, b how far one drove against
-    that edge. So a robot stays on its own stretch of a path that crosses or retraces itself, goes
-    on to the next one at a hairpin, and takes a shortcut where the path is nearer by far. The way
-    is signed. A robot that has not moved, but for rounding errors, stays where it was on the path.
+    Of the nearest points of all edges, it is the one with the least max(d, e / 8) + b: d is its
+    distance, e the difference between progress along the path and the distance driven, b the
+    distance driven against that edge. So a robot stays on its stretch of a path that crosses or
+    retraces itself, goes on to the next one at a hairpin, and takes a shortcut only where that is
+    much nearer. A robot that has not moved, but for rounding errors, keeps its arc length.
     """
     step_x, step_y = x - from_x, y - from_y
     driven = np.sqrt(step_x * step_x + step_y * step_y)
@@ -77,21 +77,21 @@ def roll_out(
     rules: tuple[float, float, float, float, float, float],
     actions: Actions,
 ) -> int:
-    """Fill in what a driver would do from ``pose`` without noise, until it is done.
+    """Fill in the actions of a driver from ``pose`` without noise, until it is done.
 
     Args:
         pose: of the robot.
         arc: arc length at which it is on the path.
-        way: made along the path so far.
+        way: distance along the path so far.
         edges: of the path.
         period: of the path.
-        rules: way to the look-ahead point; heading error beyond which it turns on the spot; step;
-            largest turn of a step; way at which it is done; distance from the end of the path at
-            which it is done.
+        rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
+            turn of a step; distance along the path at which it is done; distance from the end of
+            the path at which it is done.
         actions: distance, turn, (n, 2).
 
     Returns:
-        How many actions there are, at most n.
+        The number of actions, at most n.
     """
     x, y, heading = pose
     look_ahead, on_the_spot, step, most, end, near = rules
@@ -108,7 +108,7 @@ def roll_out(
         error = centred64(atan2_64(goal_y - y, goal_x - x) - heading, TURN)
         actions[count, 0] = step if abs(error) <= on_the_spot else 0.0
         actions[count, 1] = min(max(error, -most), most)
-        # on with what float32 made of it
+        # continue with the action as rounded to float32
         heading = centred64(heading + np.float64(actions[count, 1]), TURN)
         distance = np.float64(actions[count, 0])
         to_x, to_y = x + distance * cos64(heading), y + distance * sin64(heading)

@@ -1,4 +1,4 @@
-"""Where a disc that drives among walls touches one: polygons by pymunk, cells by their own test."""
+"""Contact of a driving disc with walls: by pymunk for polygons, exact for cells."""
 
 import math
 from typing import Protocol
@@ -13,33 +13,33 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.path import Point
 
-_WALLS = pymunk.ShapeFilter()  # nothing else is in the space
+_WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
 
 class Contacts(Protocol):
-    """The walls of a floor plan as a disc meets them."""
+    """The interface of walls that a disc can touch."""
 
     @property
     def skin(self) -> float:
-        """How far before a contact a disc stops."""
+        """Distance at which a disc stops before a contact."""
         ...
 
     @property
     def reach(self) -> float:
-        """A length that no drive has without contact."""
+        """A length that no drive can have without contact."""
         ...
 
     def gap(self, centre: Point) -> float:
-        """How far the disc's rim is from the nearest wall, negative if they overlap."""
+        """Distance of the disc's rim from the nearest wall, negative if they overlap."""
         ...
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
+        """Share of a drive at which a disc that starts clear of walls touches one; None: never."""
         ...
 
 
 def contacts_of(world: World) -> Contacts:
-    """Return the walls of a world as its robot meets them."""
+    """Return the walls of a world for its robot."""
     if isinstance(world.floor_plan, GridMap):
         return Cells(world.floor_plan, world)
     assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
@@ -47,7 +47,7 @@ def contacts_of(world: World) -> Contacts:
 
 
 class Cells:
-    """The solid cells of a grid as a disc meets them: by the arithmetic of ``GridMap.collides``."""
+    """The solid cells of a grid; the arithmetic is that of ``GridMap.collides``."""
 
     def __init__(self, floor_plan: GridMap, world: World) -> None:
         self._floor_plan, self._radius = floor_plan, world.body
@@ -63,11 +63,11 @@ class Cells:
 
 
 class Walls:
-    """The walls of a floor plan in a pymunk space, as a disc meets them.
+    """The walls of a floor plan in a pymunk space.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
-    disc touches the wall (the configuration space of Lozano-Pérez, 1983). pymunk could also sweep
-    the disc, but looks for walls along the thin line then, and misses those beside it.
+    disc touches the wall (the configuration space of Lozano-Pérez, 1983). pymunk can also sweep a
+    disc, but then searches for walls along its centre line only and misses those beside it.
 
     Attributes:
         space: all walls as static segments; nothing is ever inside an obstacle.
@@ -85,7 +85,7 @@ class Walls:
             shapes += [pymunk.Segment(body, edge[:2], edge[2:], radius) for edge in edges.tolist()]
             # A query that starts beside the end of a segment may miss its rounding.
             shapes += [pymunk.Circle(body, radius, tip) for tip in _corners_into_the_room(edges)]
-        # pymunk's tree of shapes is balanced if neighbours do not come one after the other.
+        # pymunk's tree of shapes is balanced if neighbours are not added one after the other.
         shuffled = np.random.default_rng(0).permutation(len(shapes))
         self.space.add(*(shapes[i] for i in shuffled))
 
@@ -117,19 +117,19 @@ class Physics:
     def place(self, position: Point) -> None:
         """Put the robot somewhere, whatever lies between."""
         self.position = position
-        self._gap = 0.0  # it can drive so far without meeting a wall, at least
+        self._gap = 0.0  # least distance that it can drive without touching a wall
 
     def drive(self, distance: float, heading: float) -> bool:
         """Drive straight ahead; stop just before the first contact. Return whether there was one.
 
-        The contact is asked for only if the nearest wall can be reached, and how far that is only
-        if it may be: a gap of 40 is good for 40 of driving, in whatever direction. A robot
+        A gap of 40 to the nearest wall allows 40 of driving in any direction: the gap is measured
+        only when that is used up, and a contact is computed only if a wall is within reach. A robot
         that overlaps a wall stays there.
         """
         way = abs(distance)
         if way == 0.0:
             return False
-        if way > self.walls.reach:  # beyond every wall: float64 would lose the contact's place
+        if way > self.walls.reach:  # beyond every wall; a longer drive would lose precision
             way, distance = self.walls.reach, math.copysign(self.walls.reach, distance)
         if way >= self._gap - self.walls.skin:
             self._gap = self.walls.gap(self.position)

@@ -1,4 +1,4 @@
-"""The plan as ``info`` shows it: the next actions, in a window of fixed size."""
+"""Plans: the next actions, in a window of fixed size, as ``info`` shows them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ Actions = Singles
 
 
 class Underway(Protocol):
-    """What a plan may ask of an episode."""
+    """The state of an episode that a plan depends on."""
 
     @property
     def step(self) -> int:
@@ -32,12 +32,12 @@ class Underway(Protocol):
 
     @property
     def way(self) -> float:
-        """From the arc length at reset to there, the shorter way round if it was carried."""
+        """Distance along the path since reset; the shorter way round if the robot was carried."""
         ...
 
 
 class Plan(Protocol):
-    """What is to be done next, at any moment of an episode."""
+    """The interface of plans: the next actions at any step of an episode."""
 
     @property
     def horizon(self) -> int:
@@ -51,20 +51,20 @@ class Plan(Protocol):
 
     @property
     def actions(self) -> Actions:
-        """The whole way from the expected start, (T, 2) float32: distance, turn."""
+        """All actions from the expected start, (T, 2) float32: distance, turn."""
         ...
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
-        """Return the next h actions, zero-padded, and how many they are; none ends the episode.
+        """Return the next h actions, zero-padded, and their number; 0 ends the episode.
 
-        The array (h, 2) is a fresh one.
+        The array (h, 2) is fresh.
         """
         ...
 
 
 @dataclass(frozen=True)
 class FixedPlan:
-    """What is to be done at each step as planned beforehand, whatever happens.
+    """A plan made beforehand, which does not depend on what happens.
 
     Attributes:
         actions: (distance, turn), (T, 2) float32; action t is that of step t + 1 after ``begun``.
@@ -88,7 +88,7 @@ class FixedPlan:
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
     def after_each(self, steps: Indices) -> tuple[Actions, Indices]:
-        """Return what :meth:`after` says after each of ``steps`` (n,): (n, h, 2) and (n,)."""
+        """Return the results of :meth:`after` for each of ``steps`` (n,): (n, h, 2) and (n,)."""
         return self._windows[steps], self._counts[steps]
 
     def replaced(self, step: int, actions: Actions) -> "FixedPlan":
@@ -102,11 +102,11 @@ class FixedPlan:
 
     @cached_property
     def _windows(self) -> Actions:
-        """Row t shows what follows step t, (T + 1, h, 2); a view."""
+        """Row t has the actions after step t, (T + 1, h, 2); a view."""
         windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
         return windows.transpose(0, 2, 1)
 
     @cached_property
     def _counts(self) -> Indices:
-        """How many actions row t of the windows shows, (T + 1,)."""
+        """Number of actions in row t of the windows, (T + 1,)."""
         return np.minimum(self.horizon, np.arange(len(self.actions), -1, -1))

@@ -1,4 +1,4 @@
-"""Routes on a map: the shortest way from one place to another that keeps clear of walls."""
+"""Routes on a map: short paths between two places that keep clear of walls."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -14,9 +14,9 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.path import Point
 
 _CELL = 5.0  # px: 0.1 m
-_IN_SIGHT = 100  # cells ahead that are looked at for a straight way
-_NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # the other four are these backwards
-_COST_OF_WALLS = 4.0  # how much longer a way may be that stays where there is room
+_IN_SIGHT = 100  # cells ahead that are tried for a straight line
+_NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # the other four are these reversed
+_COST_OF_WALLS = 4.0  # extra cost per length at a wall
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Routes:
 
     Attributes:
         floor_plan: the map.
-        radius: the least distance to walls, the robot's radius with some room for its noise.
-        comfort: distance to walls that is large enough.
+        radius: least distance to walls: the robot's radius, with a margin for motion noise.
+        comfort: distance to walls from which on there is no extra cost.
     """
 
     floor_plan: Map
@@ -46,7 +46,7 @@ class Routes:
         """Return the corners of the route, start and goal included, (k, 2).
 
         Raises:
-            InputError: start or goal is not in free space, or there is no way.
+            InputError: start or goal is not in free space, or they are not connected.
         """
         return self.to(goal).start_at(start)
 
@@ -65,7 +65,7 @@ class Routes:
         return RoutesTo(self, goal, costs, following)
 
     def check(self, what: str, at: Point) -> None:
-        """Refuse a place without room for the robot."""
+        """Refuse a place where the robot does not fit."""
         if self.cell(at) < 0:
             raise InputError(
                 f"the {what} ({at[0]:g}, {at[1]:g}) is less than {self.radius:g} "
@@ -81,7 +81,7 @@ class Routes:
         return int(self._numbers[row, column]) if inside else -1
 
     def taut(self, points: Floats) -> Floats:
-        """Leave out points that a straight way may pass by without coming nearer to walls."""
+        """Leave out points where a straight line comes no nearer to walls than the route."""
         room = np.minimum(self.floor_plan.distance(points), self.comfort)
         kept = [0]
         while kept[-1] < len(points) - 1:
@@ -93,7 +93,7 @@ class Routes:
         return points[kept]
 
     def _in_sight(self, start: Floats, ends: Floats, room: Floats) -> Bools:
-        """Whether discs of radii ``room``, less a cell, can go straight to ``ends``."""
+        """Whether discs of radius ``room``, less a cell, fit along the lines to ``ends``."""
         shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(ends - start).max() / self._cell)))
         ways = start + shares[:, None, None] * (ends - start)
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
@@ -127,7 +127,7 @@ class Routes:
 
     @cached_property
     def centres(self) -> Floats:
-        """Middles of the free cells, (n, 2)."""
+        """Centres of the free cells, (n, 2)."""
         rows, columns = np.nonzero(self._numbers >= 0)
         x_low, y_low, _, _ = self.floor_plan.bounds
         return np.column_stack(
@@ -136,7 +136,7 @@ class Routes:
 
     @cached_property
     def _graph(self) -> Any:
-        """Lengths of the ways between neighbouring cells, weighted; sparse, one direction each."""
+        """Weighted distances between neighbouring cells, sparse, in one direction each."""
         from scipy.sparse import coo_array
 
         room, numbers = self._room, self._numbers
@@ -159,9 +159,9 @@ class RoutesTo:
 
     Attributes:
         routes: of the map.
-        goal: their end.
-        costs: least weighted length from each free cell to the goal, ∞ if there is no way, (n,).
-        following: the next cell on the way from each one, (n,).
+        goal: where they end.
+        costs: least weighted length from each free cell to the goal, ∞ without a route, (n,).
+        following: the next cell of the route from each cell, (n,).
     """
 
     routes: Routes
@@ -170,7 +170,7 @@ class RoutesTo:
     following: Indices
 
     def cost_from(self, start: Point) -> float:
-        """Length of the way from a place, more near walls; ∞ if there is none."""
+        """Weighted length of the route from a place; ∞ if there is none."""
         cell = self.routes.cell(start)
         return float(self.costs[cell]) if cell >= 0 else np.inf
 
@@ -178,12 +178,12 @@ class RoutesTo:
         """Return the corners of the route from a place, both ends included, (k, 2).
 
         Raises:
-            InputError: it is not in free space, or there is no way.
+            InputError: it is not in free space, or there is no route.
         """
         self.routes.check("start", start)
         if not np.isfinite(self.cost_from(start)):
             raise InputError(
-                f"there is no way from ({start[0]:g}, {start[1]:g}) to ({self.goal[0]:g}, "
+                f"there is no route from ({start[0]:g}, {start[1]:g}) to ({self.goal[0]:g}, "
                 f"{self.goal[1]:g}) for a robot that needs {self.routes.radius:g} "
                 f"{self.routes.floor_plan.unit} of room on either side."
             )
@@ -192,7 +192,8 @@ class RoutesTo:
     def start_near(self, start: Point) -> Floats:
         """Return the corners of the route from any place, (k, 2).
 
-        In a wall, or nearer to one than a route comes, it leads by the nearest cell with a way.
+        From a place without one, such as close to a wall, it leads through the nearest cell that
+        has one.
         """
         if np.isfinite(self.cost_from(start)):
             return self._onwards(start, self.routes.cell(start))
@@ -210,12 +211,12 @@ class RoutesTo:
 
 @lru_cache(maxsize=32)
 def routes_on(floor_plan: Map, radius: float, comfort: float) -> Routes:
-    """Return the routes of a map; those of the last maps are kept, as they take a while."""
+    """Return the routes of a map; the last ones are cached, as they are slow to compute."""
     return Routes(floor_plan, radius, comfort)
 
 
 def _shifted(values: Any, down: int, right: int) -> tuple[Any, Any]:
-    """Each cell, and the cell ``down`` rows and ``right`` columns from it."""
+    """Return the values of cells, and of those ``down`` rows and ``right`` columns from them."""
     rows, columns = values.shape
     left = max(0, -right)
     here = values[: rows - down, left : columns - max(0, right)]

@@ -1,4 +1,4 @@
-"""The world's lidar: exact ranges, plus noise, clipped to what the instrument reports."""
+"""The world's lidar: exact ranges plus noise, clipped to [0, max_range]."""
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class LidarSensors:
     """
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
-        """Mount ``lidar`` in n ``rooms``, for at ``most`` so many scans in an episode."""
+        """Mount ``lidar`` in n ``rooms``, for at most ``most`` scans in an episode."""
         self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
         self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
@@ -48,11 +48,11 @@ class LidarSensors:
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
-        """Let the noise in a room come from another stream from now on."""
+        """Draw the noise of a room from another stream from now on."""
         self._noise.renew(room, rng)
 
     def scan(self, rooms: Indices, poses: Floats) -> None:
-        """Take a scan in each of some ``rooms`` (k,), at ``poses`` (k, 3)."""
+        """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
         origins = (poses - self._datum).T.astype(np.float32, order="C")
         exact = np.empty((self._bearings.size, rooms.size), np.float32)
         self._caster.cast(origins, self._bearings, exact)
@@ -62,7 +62,7 @@ class LidarSensors:
 
 
 def _bearings(lidar: Lidar) -> Singles:
-    """As the caster takes them."""
+    """Bearings in the caster's precision."""
     return lidar.bearings.astype(np.float32)
 
 

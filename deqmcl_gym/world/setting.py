@@ -1,4 +1,4 @@
-"""What all episodes of an environment share, whether it runs one room or many."""
+"""Setting: what all episodes of an environment share, of one room or of many."""
 
 import math
 from dataclasses import dataclass, fields
@@ -23,7 +23,7 @@ from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.streams import Stream, episode_stream
 from deqmcl_gym.world.task_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 
-if TYPE_CHECKING:  # OpenCV is loaded by those only who look
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing
 
 _START_TRIES = 1000
@@ -40,7 +40,7 @@ class Setting:
         world: all parts of the world, as configured.
         horizon: how many planned actions ``info`` shows; None: all.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: what a step shows: "scan", or "dict" for the plan, progress and clock too.
+        observation: "scan", or "dict" for scan, plan, progress and clock.
     """
 
     world: World
@@ -70,7 +70,7 @@ class Setting:
         one_of("observation", observation, ("scan", "dict"))
         setting = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
         if setting.journeys is None:
-            _ = setting.plan  # refuses what cannot be driven
+            _ = setting.plan  # refuses laps that cannot be driven
         else:
             setting.journeys.check()
             if observation == "dict" and rows is None:
@@ -82,7 +82,7 @@ class Setting:
 
     @cached_property
     def journeys(self) -> Journeys | None:
-        """The ways of a world with a route; None if it has a lap."""
+        """The courses of a world with a route; None if it has a lap."""
         return None if self.world.route is None else Journeys(self.world)
 
     @cached_property
@@ -92,14 +92,14 @@ class Setting:
 
     @cached_property
     def plan(self) -> Plan:
-        """What ``info`` shows of the coming actions of the lap."""
+        """The plan of the lap, from which ``info`` shows the coming actions."""
         return self.plan_for(self.course)
 
     def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
-        """Return what is planned for the ``number``-th episode after seeding.
+        """Return course and plan of the ``number``-th episode after seeding.
 
         Raises:
-            InputError: no way was found.
+            InputError: no route was found.
         """
         if self.journeys is None:
             return self.course, self.plan
@@ -115,20 +115,20 @@ class Setting:
 
     @cached_property
     def commands(self) -> Commands:
-        """What the robot can be told."""
+        """The commands that the robot can carry out."""
         return Commands(self.world.robot, self.world.floor_plan.unit)
 
     @cached_property
     def rewards(self) -> tuple[float, float, float]:
-        """The goal, what it pays, and what a contact costs, in progress along the path."""
-        px, goal = self.world.pixel, math.inf  # a route is done at a place
+        """Progress at the goal, bonus there, and penalty for a contact, all as progress."""
+        px, goal = self.world.pixel, math.inf  # a route is done at its goal instead
         if self.ends_at_goal and self.journeys is None:
             goal = once_round(self.course.path.length, self.world.robot.radius)
         return goal, GOAL_BONUS * px, COLLISION_PENALTY * px
 
     @cached_property
     def observation_space(self) -> gym.Space[Any]:
-        """All scans of a room; with the plan, progress and clock if these are shown."""
+        """The space of scans, or of dicts with plan, progress and clock too."""
         scans = scan_space(self.world.lidar)
         if self.observation == "scan":
             return scans
@@ -146,8 +146,8 @@ class Setting:
         Args:
             scan: (B,) or (n, B).
             planned: the actions to come, (h, 2) or (n, h, 2).
-            covered: share of the path since reset, a number or (n,).
-            elapsed: share of the steps of the plan, a number or (n,).
+            covered: progress since reset as a share of the path, a number or (n,).
+            elapsed: steps as a share of the plan's, a number or (n,).
         """
         if self.observation == "scan":
             return scan.copy()
@@ -160,24 +160,24 @@ class Setting:
         }
 
     def first_arc(self, course: Course, start: Point) -> float:
-        """Return the arc length at which an episode begins, that of the course's or near it."""
+        """Return the arc length at which an episode begins, near that of the course."""
         arc, _ = course.path.follow(course.start[:2], start, course.arc)
         return arc
 
     def start(self, course: Course, seed: int, number: int) -> Pose:
-        """Return where the ``number``-th episode after seeding begins, heading in [-π, π).
+        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π).
 
         Raises:
-            InputError: no start drawn is free.
+            InputError: no drawn start is free.
         """
         x, y, heading = self._drawn_start(course, seed, number)
         return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere on a lap, on a route as its start is drawn.
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
 
         Raises:
-            InputError: none was found.
+            InputError: no free pose was found.
         """
         if self.journeys is not None and course.goal is not None:
             return self.journeys.elsewhere(course.goal, rng)
@@ -187,7 +187,7 @@ class Setting:
             if self.world.floor_plan.free([(x, y)], self.world.body)[0]:
                 return x, y, float(rng.uniform(-np.pi, np.pi))
         raise InputError(
-            f"none of {_FREE_TRIES:,} poses drawn for the kidnapping is free: give it a pose."
+            f"none of {_FREE_TRIES:,} poses drawn for the kidnapping is free: give a pose."
         )
 
     def picture(self, course: Course, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
@@ -196,10 +196,10 @@ class Setting:
         return drawing.robot(pose, self.world.robot.radius).number(step).image
 
     def drawing(self, course: Course | None = None) -> "Drawing":
-        """Begin a picture: walls, and the path if there is one.
+        """Return a picture of the walls, and of a course's path.
 
         Raises:
-            InputError: the room is too large for one.
+            InputError: the room is too large for a picture.
         """
         from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
 

@@ -1,8 +1,8 @@
 """Random streams of an episode, one per source of randomness, all derived from the reset seed.
 
-Stream k of episode i after ``reset(seed=s)`` is SeedSequence(s, spawn_key=(i, k)): what one source
-draws never shifts what another one gets. The j-th further source of the same kind, say a second
-wrapper, has the key (i, k, j).
+Stream k of episode i after ``reset(seed=s)`` is SeedSequence(s, spawn_key=(i, k)), so that draws
+from one source do not change those from another. The j-th further source of the same kind, such as
+a second wrapper, has the key (i, k, j).
 """
 
 import enum
@@ -14,7 +14,7 @@ from deqmcl_gym.numerics.entropy import Seeds
 
 
 class Stream(enum.IntEnum):
-    """Sources of randomness. The numbers are part of what a seed means: never change them."""
+    """Sources of randomness. Never change the numbers: results of a seed depend on them."""
 
     MOTION = 0
     SENSOR = 1
@@ -28,21 +28,21 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
     """Return the generator of one source in the ``episode``-th episode (from 0) after seeding.
 
     Args:
-        seed: of the last reset that had one.
-        episode: its number since then.
+        seed: of the last reset with a seed.
+        episode: number of episodes since then.
         stream: the kind of source.
-        twin: how many sources of this kind come before it.
+        twin: number of sources of this kind before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
-    # NumPy takes any ISeedSequence; its annotations do not say so.
+    # NumPy accepts any ISeedSequence, but its annotations do not.
     seeds = cast(np.random.SeedSequence, Seeds(seed, key))
     return np.random.Generator(np.random.PCG64(seeds))
 
 
 class NormalTable:
-    """Normal numbers for each of many rooms, from its own stream: drawn many rows at a time.
+    """Normal numbers for many rooms, each from its own stream, drawn many rows at a time.
 
-    A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``: no copy between.
+    A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``, without copies.
 
     Attributes:
         drawn: N(0, 1), (n, rows, width).
@@ -50,29 +50,29 @@ class NormalTable:
     """
 
     def __init__(self, rooms: int, width: int, lap: int) -> None:
-        """Draw rows (width,) from each room's stream, some ``lap`` of them in an episode.
+        """Prepare rows (width,) for each room, of which an episode uses about ``lap``.
 
-        :meth:`renew` names the stream.
+        :meth:`renew` sets a room's stream.
         """
         self.drawn = np.empty((rooms, self.rows(width, lap), width))
         self.at = np.zeros(rooms, np.intp)
-        self._sure = 0  # calls of fill() before a room may have none left
+        self._sure = 0  # calls of fill() for which every room has rows left
         self._rngs: list[np.random.Generator | None] = [None] * rooms
 
     @staticmethod
     def rows(width: int, lap: int) -> int:
-        """How many rows are drawn at a time: about 32 KB of a room's numbers, or a row."""
-        blocks = -(-lap * width // 4096)  # a call of NumPy for a lap, or few
+        """Number of rows drawn at a time: about 32 KB for each room, at least one row."""
+        blocks = -(-lap * width // 4096)  # calls of NumPy for a lap
         return -(-lap // blocks)
 
     def renew(self, room: int, rng: np.random.Generator) -> None:
-        """Let a room draw from another stream from now on."""
+        """Draw the numbers of a room from another stream from now on."""
         self._rngs[room] = rng
         self.at[room] = self.drawn.shape[1]
         self._sure = 0
 
     def fill(self) -> None:
-        """Draw the next rows of each room that has none left; between two calls it takes one."""
+        """Draw new rows for rooms without any left; a room uses one row between two calls."""
         if self._sure == 0:
             rows = self.drawn.shape[1]
             for room in (self.at == rows).nonzero()[0].tolist():

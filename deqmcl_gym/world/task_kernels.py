@@ -1,4 +1,4 @@
-"""The task: what a step earns, and when it is done. One rule, for one room and for many."""
+"""The task: the reward of a step, and when the task is done; for single and vector envs."""
 
 from deqmcl_gym.numerics.compiling import compiled
 
@@ -7,9 +7,9 @@ COLLISION_PENALTY = 10.0  # px of progress
 
 
 def once_round(length: float, radius: float) -> float:
-    """Return the progress at which a robot that went round touches the line it started from.
+    """Return the progress at which a robot, once round, touches the line that it started from.
 
-    Half the lap at least, for a robot that is large for its lap.
+    At least half the lap, however large the robot is.
 
     Args:
         length: of the lap.
@@ -24,15 +24,15 @@ def judged(
 ) -> tuple[float, bool]:
     """Return the reward of a step, and whether the task is done.
 
-    Progress beyond the goal does not count, so whoever comes there without contact has earned
-    goal + bonus, and whoever does not has earned less.
+    Progress beyond the goal does not count: the return of an episode is goal + bonus if it reaches
+    the goal without contact, and less otherwise.
 
     Args:
         gained: progress of the step.
         progress: since reset, the step included.
         collided: whether a wall stopped the robot.
         goal: progress at which the task is done; inf if it never is.
-        bonus: for that.
+        bonus: reward for being done.
         penalty: for a contact.
     """
     reward = gained - penalty * collided

@@ -63,9 +63,9 @@ def damaged(good):
         return json.dumps(content | {"checksum": _checksum(content)}).encode()
 
     return {
-        "empty": ("is torn", b""),
+        "empty": ("is truncated", b""),
         "not text": ("cannot be read", b"\xff\xfe\x00" + good),
-        "not JSON": ("is torn, or no JSON", b"error,entropy\n1,2\n"),
+        "not JSON": ("is truncated, or not JSON", b"error,entropy\n1,2\n"),
         "nested": ("is nested too deeply", b"[" * 100_000),
         "of another schema": (f"has schema 1, not {SCHEMA}", changed(schema=1)),
         "of another trial": ("of another trial", changed(key="ffff")),

@@ -137,8 +137,8 @@ def test_a_thin_wall_is_still_seen_in_a_small_picture():
 @pytest.mark.parametrize(
     ("floor_plan", "sentence"),
     [
-        ("lost.yaml", "is not there"),
-        ({"file": "lost.yaml"}, "is not there"),
+        ("lost.yaml", "does not exist"),
+        ({"file": "lost.yaml"}, "does not exist"),
         ({"file": "m.yaml", "outer": []}, "unknown key in floor_plan 'outer'"),
         ({"unknown": "free"}, "unknown key in floor_plan 'unknown'"),
         (7, "must be a map, the path"),

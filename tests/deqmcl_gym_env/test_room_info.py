@@ -63,6 +63,7 @@ def test_the_heading_of_truth_is_wrapped_from_the_start(heading):
 def test_what_is_done_to_returned_arrays_matters_to_nobody():
     spoiled, other = (RoomEnv(horizon=20, render_mode="rgb_array") for _ in range(2))
     plan = np.array(spoiled.plan)
+    spoiled.plan[...] = 7
     kept = []  # infos of the other env as they were told, and as they are later
 
     def spoil(scan, info):

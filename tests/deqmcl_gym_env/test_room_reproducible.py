@@ -59,6 +59,16 @@ def test_the_first_reset_may_come_without_a_seed():
     np.testing.assert_array_equal(episode(env, env.np_random_seed), first)
 
 
+def test_a_generator_that_was_set_draws_the_seeds():
+    scans = []
+    for _ in range(2):
+        env = RoomEnv(preset="matched")
+        env.np_random = np.random.default_rng(3)
+        scans.append([episode(env, None), episode(env, None)])
+    np.testing.assert_array_equal(scans[0], scans[1])
+    assert (scans[0][0] != scans[0][1]).any()
+
+
 def test_streams_are_those_of_the_documented_seed_sequence():
     seed, number = 21, 1  # the second episode after seeding
     motion, sensor, start = (

@@ -169,10 +169,10 @@ def test_a_world_that_has_no_routes_is_refused_in_one_sentence(kwargs, said):
 
 
 def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():
-    with pytest.raises(InputError, match="no way of 500 to 600 m was found"):
+    with pytest.raises(InputError, match="no route of 500 to 600 m was found"):
         office(route={"min_length": 500.0, "max_length": 600.0}).reset(seed=0)
     apart = {"start": {"pose": (50, 50, 0)}, "route": {"goal": (300, 50)}}
-    with pytest.raises(InputError, match=r"there is no way from \(50, 50\) to \(300, 50\)"):
+    with pytest.raises(InputError, match=r"there is no route from \(50, 50\) to \(300, 50\)"):
         RoomEnv(floor_plan=PolygonMap(**CLOSED), **apart)
     with pytest.raises(InputError, match="give places farther apart"):
         RoomEnv(start={"pose": (50, 50, 0)}, route={"goal": (60, 50)})

@@ -68,5 +68,5 @@ def test_no_way_is_said_to_be_none():
         outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
         obstacles=[[(150, 5), (160, 5), (160, 295), (150, 295)]],
     )
-    with pytest.raises(InputError, match="there is no way from"):
+    with pytest.raises(InputError, match="there is no route from"):
         Routes(closed, radius=10.0, comfort=20.0).between((50, 50), (300, 50))

@@ -142,7 +142,7 @@ def test_noise_is_refused_in_one_sentence(tmp_path_factory, ending, noise):
 def test_a_gzip_that_breaks_off_says_so(tmp_path):
     packed = gzip.compress("\n".join(carmen_lines(500)).encode())
     (tmp_path / "x.log.gz").write_bytes(packed[: len(packed) // 2])
-    assert "breaks off" in refused(tmp_path / "x.log.gz")
+    assert "truncated" in refused(tmp_path / "x.log.gz")
 
 
 def test_utf_16_and_a_byte_order_mark_are_read(tmp_path):
@@ -197,6 +197,35 @@ def test_a_pipe_is_not_waited_for(tmp_path, ending):
     assert "is a named pipe" in refused(pipe)
 
 
+def test_a_stray_quote_or_a_number_beyond_all_use_costs_one_record(tmp_path):
+    logs.write(episode(), tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    lines[10] = lines[10].replace(",", ',"x', 1)
+    time, _, *rest = lines[20].split(",")
+    lines[20] = ",".join([time, "1e300", *rest])
+    (tmp_path / "x.csv").write_text("\n".join(lines))
+    log, warned = read_and_warned(tmp_path / "x.csv")
+    assert len(log) == len(episode()) - 2
+    assert "1 unreadable" in warned
+    assert "beyond 1e+12" in warned
+
+
+def test_an_array_that_is_no_archive_and_half_a_reference_are_refused(tmp_path):
+    np.save(tmp_path / "x.npy", np.zeros(3))
+    (tmp_path / "x.npy").rename(tmp_path / "x.npz")
+    assert "not a complete npz file" in refused(tmp_path / "x.npz")
+    logs.write(episode(), tmp_path / "x.csv")
+    text = (tmp_path / "x.csv").read_text().replace("ref_heading", "ref_theta")
+    (tmp_path / "x.csv").write_text(text)
+    assert "2 of the columns ref_x, ref_y, ref_heading" in refused(tmp_path / "x.csv")
+
+
+def test_a_scanner_that_measures_nothing_is_refused():
+    for bad in ({"min_range": 6.0}, {"min_range": 1.0, "no_return": 0.5}):
+        with pytest.raises(InputError, match="must be a number"):
+            logs.Scanner(angles=(0.0,), max_range=5.0, **bad)
+
+
 def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path):
     header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
     with (
@@ -204,11 +233,11 @@ def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path):
         archive.open("times.npy", "w") as file,
     ):
         np.lib.format.write_array_header_1_0(file, header)
-    assert "no whole npz file" in refused(tmp_path / "x.npz")
+    assert "not a complete npz file" in refused(tmp_path / "x.npz")
     logs.write(episode(), tmp_path / "x.csv")
     lines = (tmp_path / "x.csv").read_text().splitlines()
     (tmp_path / "x.csv").write_text("\n".join(["# " + "[" * 10**5, *lines[1:]]))
-    assert "is no JSON object" in refused(tmp_path / "x.csv")
+    assert "is not a JSON object" in refused(tmp_path / "x.csv")
 
 
 def test_pickles_are_never_loaded(tmp_path):

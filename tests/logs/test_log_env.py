@@ -6,7 +6,7 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
-from drives import ENDINGS, NAN, SQUARE, episode, real
+from drives import ENDINGS, NAN, SQUARE, episode, real, same
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given
@@ -178,6 +178,7 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
         ({"reading": {"max_range": 3}}, "reading"),
         ({"log": "x.log", "reading": 5}, "reading is 5"),
         ({"reference": 3}, "the reference is 3"),
+        ({"log": "x.log", "reading": {"reference": "x.tum"}}, "key in reading"),
         ({"log": "x.log", "reading": {"topic": "/scan"}}, "key in reading"),
         ({"render_mode": "human"}, "render_mode"),
     ],
@@ -221,6 +222,28 @@ def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():
     np.testing.assert_array_equal(env.log.actions.astype(np.float32)[0], said[1][1]["action"])
     assert len(env.log) == len(said)
     assert RecordLog(RoomEnv(), truth=False).reset(seed=0)
+
+
+def test_a_record_stays_as_it_was_whatever_the_caller_does_to_info():
+    logs_kept = []
+    for spoil in (False, True):
+        env = RecordLog(RoomEnv())
+        _, info = env.reset(seed=0)
+        for _ in range(5):
+            scan, *_, info = env.step(info["planned_actions"][0].copy())
+            if spoil:
+                for array in (scan, info["action"], info["truth"]):
+                    array[...] = 3
+        logs_kept.append(env.log)
+    same(*logs_kept)
+
+
+@pytest.mark.parametrize("env", [gym.make("Pendulum-v1"), RoomEnv(observation="dict")])
+def test_the_recorder_refuses_an_env_without_scans(env):
+    with pytest.raises(InputError, match="scans of deqmcl_gym's envs"):
+        RecordLog(env)
+    with pytest.raises(InputError, match="truth is 'no'"):
+        RecordLog(RoomEnv(), truth="no")
 
 
 PATCHY = real(n=400, seed=1)  # a reference at 7 of 10 records

@@ -80,10 +80,12 @@ def test_beams_are_thinned_evenly_and_keep_the_ends(beams, most):
     ],
 )
 def test_every_is_a_distance_and_an_angle(text, meant):
-    assert spacing("every", text) == pytest.approx(meant)
+    assert spacing("every", text, "m") == pytest.approx(meant)
 
 
-@pytest.mark.parametrize("bad", ["", "0.2", "0.2m,0.3m", "0.2m;5deg", "-1m", "nanm", 3, None, (1,)])
+@pytest.mark.parametrize(
+    "bad", ["", "0.2", "0.2m,0.3m", "0.2m;5deg", "-1m", "nanm", "9px", 3, None, (1,)]
+)
 def test_anything_else_is_refused(bad):
     with pytest.raises(InputError, match="every"):
-        spacing("every", bad)
+        spacing("every", bad, "m")

@@ -66,6 +66,15 @@ def test_a_gap_of_the_reference_has_none():
     assert found.referenced.tolist() == known.tolist()
 
 
+def test_a_gap_in_which_the_robot_comes_back_to_where_it_was_has_none_either():
+    there = np.column_stack([np.r_[0:30, 30:-1:-1] * 0.2, np.zeros((61, 2))])
+    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
+    log = logs.Log(scanner, np.arange(61.0), there, np.ones((61, 1)))
+    ends = logs.Trajectory([0.0, 60.0], there[[0, 60]])
+    with pytest.warns(logs.LogWarning, match="only 2 of 61"):
+        assert logs.referenced(log, ends).referenced.tolist() == [0, 60]
+
+
 def test_a_reference_of_few_records_is_warned_of(tmp_path):
     log, true = drive()
     logs.write(log, tmp_path / "x.npz")

@@ -110,11 +110,42 @@ def test_carmen_lines_of_other_programs_are_read_as_they_stand(
     same(read_carmen(path), log)
 
 
-@pytest.mark.parametrize(("beams", "last"), [(180, 89.0), (360, 89.5), (181, 90.0), (361, 90.0)])
+@pytest.mark.parametrize(
+    ("beams", "last"), [(1, -90.0), (180, 89.0), (360, 89.5), (181, 90.0), (361, 90.0)]
+)
 def test_flaser_has_the_angles_of_a_sick(tmp_path, beams, last):
     line = f"FLASER {beams} {'1 ' * beams}0 0 0 0 0 0 1 host 1\n"
     path = tmp_path / "x.log"
     path.write_bytes(gzip.compress(line.encode()))  # the ending need not say that it is packed
     degrees = np.degrees(logs.read(path).scanner.bearings)
     assert (degrees[0], degrees[-1]) == pytest.approx((-90.0, last))
-    assert np.diff(degrees) == pytest.approx(np.full(beams - 1, 180 / (beams - beams % 2)))
+    assert np.diff(degrees) == pytest.approx(np.full(beams - 1, 180 / max(beams - beams % 2, 1)))
+
+
+@pytest.mark.parametrize("ours", [True, False])
+@pytest.mark.parametrize("turn", [0.0, math.pi])
+def test_a_mounting_between_two_millimetres_costs_no_record(tmp_path, ours, turn):
+    rng = np.random.default_rng(0)
+    scanner = logs.Scanner(
+        angles=tuple(turn + np.linspace(-1, 1, 5)), max_range=8.0, mounting=(0.0625, 0.0)
+    )
+    poses = rng.uniform(-3, 3, (200, 3))
+    log = logs.Log(scanner, np.arange(200.0), poses, rng.uniform(1, 7, (200, 5)))
+    write_carmen(log, tmp_path / "x.log")
+    if not ours:
+        lines = (tmp_path / "x.log").read_text().splitlines()
+        text = "\n".join(line for line in lines if not line.startswith("PARAM"))
+        (tmp_path / "x.log").write_text(text)
+    back = read_carmen(tmp_path / "x.log")
+    assert len(back) == 200
+    assert back.scanner.mounting == pytest.approx((0.0625, 0.0), abs=6e-4)
+
+
+@pytest.mark.parametrize("ending", [".bag", ".mcap"])
+def test_times_that_ros_cannot_hold_are_refused(tmp_path, ending):
+    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
+    for times in ([-1.0, 0.0], [0.0, 2.0**31], [0.0, 1e11]):
+        log = logs.Log(scanner, times, np.zeros((2, 3)), np.ones((2, 1)))
+        with pytest.raises(InputError, match="times in ROS are from 0"):
+            logs.write(log, tmp_path / f"x{ending}")
+    assert not list(tmp_path.iterdir())

@@ -1,5 +1,7 @@
 """What a floor plan may be given as, and that all forms of one building are the same."""
 
+import os
+
 import pytest
 
 from deqmcl_gym import GridMap, Office, PolygonMap
@@ -39,7 +41,7 @@ def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
         ({"office": {}, "form": "x"}, "allowed values: grid, polygons"),
         ({"offic": {}}, "did you mean 'office'"),
         ({"file": "a.json", "unknown": "free"}, "unknown key in floor_plan 'unknown'"),
-        ("nowhere.json", "cannot be read"),
+        ("nowhere.json", "does not exist"),
         (3, "floor_plan is 3, but must be a map"),
     ],
 )
@@ -51,12 +53,13 @@ def test_what_is_no_floor_plan_is_refused(given, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "is no JSON"),
-        ("[]", "it is a list, but must be a mapping"),
+        ("{", "is truncated, or not JSON"),
+        ("[]", "is not a JSON object"),
         ('{"unit": "m"}', "the outer wall is None"),
-        ('{"outer": [[0, 0]], "walls": 3}', "unknown key in floor_plan 'walls'"),
+        ('{"outer": [[0, 0]], "walls": 3}', "unknown key 'walls'"),
         ('{"outer": [[0, 0], [1, 0]], "unit": "m"}', "has 2 corners"),
-        ("\xff", "is no JSON"),
+        ('{"outer": [], "file": "a.json"}', "unknown key 'file'"),
+        ("\xff", "is not UTF-8"),
     ],
 )
 def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
@@ -65,3 +68,9 @@ def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as refusal:
         floor_plan(path)
     assert "broken.json" in str(refusal.value)
+
+
+def test_a_pipe_is_no_map_and_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "map.json")
+    with pytest.raises(InputError, match="is a named pipe"):
+        floor_plan(tmp_path / "map.json")

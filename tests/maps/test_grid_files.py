@@ -144,7 +144,7 @@ BROKEN = {
     "negate is 'no', but must be 0 or 1": {"negate": "'no'"},
     "free_thresh must be the smaller": {"free": 0.7},
     "occupied_thresh is 65, but must be a number above 0 to 1": {"occupied": 65},
-    "is no YAML": {"more": "mode: [trinary"},
+    "is not YAML": {"more": "mode: [trinary"},
     "has the key 'resolution' twice": {"more": "resolution: 0.5"},
     "has an alias, which no map needs": {"more": "a: &a [1]\nb: [*a, *a]"},
     "month must be in 1..12": {"resolution": "2001-13-01"},
@@ -240,6 +240,27 @@ def test_a_map_file_is_a_yaml_file(path):
 def test_a_map_that_cannot_be_written_is_refused(tmp_path):
     grid = GridMap(occupancy=np.zeros((2, 2), int), resolution=0.05)
     with pytest.raises(InputError, match="cannot be written"):
-        grid.save(tmp_path / "no" / "map.yaml")
+        grid.save(written(tmp_path) / "map.yaml")  # a file, no folder
     with pytest.raises(InputError, match="unknown mode"):
         grid.save(tmp_path / "map.yaml", "grey")
+
+
+@pytest.mark.parametrize("thresholds", [(0.196, 1.0), (0.0, 0.65), (0.003, 0.65)])
+def test_a_map_that_an_image_cannot_hold_is_refused_and_nothing_is_written(tmp_path, thresholds):
+    free, occupied = thresholds
+    cells = np.array([[0, 100, 0], [0, 0, 50]])
+    grid = GridMap(occupancy=cells, resolution=0.1, free_thresh=free, occupied_thresh=occupied)
+    with pytest.raises(InputError, match="would change"):
+        grid.save(tmp_path / "map.yaml")
+    assert not list(tmp_path.iterdir())
+    grid.save(tmp_path / "map.yaml", "raw")
+    assert GridMap.load(tmp_path / "map.yaml").digest == grid.digest
+
+
+@pytest.mark.parametrize("percent", range(2, 100, 7))
+def test_a_cell_at_the_threshold_is_solid_where_it_is_asked_saved_or_drawn(tmp_path, percent):
+    cells = np.array([[0, percent], [percent - 1, 0]])
+    grid = GridMap(occupancy=cells, resolution=0.1, free_thresh=0.01, occupied_thresh=percent / 100)
+    grid.save(tmp_path / "map.yaml")
+    again = GridMap.load(tmp_path / "map.yaml", unknown="free")
+    assert grid.solid.tolist() == again.solid.tolist() == [[False, True], [False, False]]

@@ -86,3 +86,15 @@ def test_what_is_given_is_not_kept_by_reference():
     outer[1][0], obstacle[0][0] = 10_000, 99
     assert plan.bounds == (0.0, 0.0, 100.0, 100.0)
     assert plan.obstacles == (((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)),)
+
+
+@pytest.mark.parametrize("name", ["room", "hall", "forest"])  # a box, few walls, many
+@pytest.mark.parametrize("poses", [1, 20])  # lanes over beams, over poses
+def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
+    plan = PLANS[name]
+    point = anywhere(plan, 2_000, np.random.default_rng(2), margin=0)
+    point = point[plan.free(point, 1.0)][0]
+    for heading in (np.nan, np.inf, -np.inf):
+        found = plan.ranges([(*point, heading)] * poses, [0.0, 1.0])
+        assert np.isnan(found).all()
+    assert np.isfinite(plan.ranges([(*point, 0.0)] * poses, [0.0, 1.0])).all()

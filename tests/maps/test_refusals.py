@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps import GridMap, Office, PolygonMap, driven
 from deqmcl_gym.validation import InputError
 
 NAN = float("nan")
@@ -52,3 +52,28 @@ def test_a_plan_without_obstacles_and_one_with_overlapping_obstacles_are_allowed
 def test_a_map_of_cells_shows_what_it_is_and_not_its_cells():
     grid = GridMap(occupancy=np.zeros((20, 30), np.int8), resolution=0.05)
     assert repr(grid) == "GridMap(30 x 20 cells of 0.05 m, origin (0.0, 0.0, 0.0))"
+
+
+@pytest.mark.parametrize("floor_plan", [PolygonMap(SQUARE), Office().grid])
+def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_end(floor_plan):
+    poses, points = np.zeros((3, 4), np.float32), np.full((5, 2), 5.0)
+    moves, path = np.zeros((2, 2, 4), np.float32), np.zeros((3, 2), np.float32)
+    calls = [
+        lambda: floor_plan.ranges(points, [0.0]),  # no heading
+        lambda: floor_plan.ranges([5.0, 5.0, 0.0], [0.0]),
+        lambda: floor_plan.free([5.0, 5.0]),
+        lambda: floor_plan.distance(points[:, :1]),
+        lambda: floor_plan.collides(points[:1], points, 0.1),
+        lambda: floor_plan.collides(points, points[:1], 0.1),
+        lambda: floor_plan.rolled_out(poses, moves[:, :, :3], 0.1, kept=1),
+        lambda: floor_plan.rolled_out(poses[:2], moves, 0.1, kept=1),
+        lambda: floor_plan.rolled_out(poses, moves[:0], 0.1, kept=1),
+        lambda: floor_plan.rolled_out(poses, np.zeros((3, 2, 4), np.float32), 0.1, kept=2),
+        lambda: floor_plan.collisions_along(poses, path[:0], 0.1),
+        lambda: floor_plan.collisions_along(poses, path.T.copy(), 0.1),
+        lambda: driven(poses, moves[0, 0], moves[0, 0, :3]),
+        lambda: driven(poses[:2], moves[0, 0], moves[0, 0]),
+    ]
+    for call in calls:
+        with pytest.raises(InputError, match=r"shape|as many"):
+            call()

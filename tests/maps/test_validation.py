@@ -1,7 +1,9 @@
 """The checks behind every refusal: what they let through, and that they answer in one sentence."""
 
 import dataclasses
+import fractions
 import math
+import numbers
 import re
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from deqmcl_gym import Driver, GridMap, Lap, Lidar, MotionNoise, Office, Robot, Route, Start
 from deqmcl_gym.validation import (
     LARGEST,
     InputError,
@@ -129,3 +132,23 @@ def test_numbers_beside_a_bound_are_told_with_the_digits_that_differ():
     ]
     with pytest.raises(InputError, match=r"it is 10\.0000001, but must be .* from 0 to 10\."):
         number("it", 10.0000001, low=0, high=10)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16, fractions.Fraction])
+def test_the_numbers_of_a_part_are_pythons_own(kind):
+    parts = [
+        MotionNoise(drive=kind(0.5)),
+        Robot(radius=kind(0.5)),
+        Start(sd_heading=kind(0.5)),
+        Lap(step=kind(0.5)),
+        Driver(look_ahead=kind(0.5)),
+        Route(clearance=kind(0.5)),
+        Lidar(sigma=kind(0.5), beams=np.int16(3)),
+        Office(seed=np.int64(3)),
+        GridMap(occupancy=np.zeros((2, 2), int), resolution=kind(0.5)),
+    ]
+    for given_part in parts:
+        for field in dataclasses.fields(given_part):
+            value = getattr(given_part, field.name)
+            if isinstance(value, numbers.Real):
+                assert type(value) in (int, float, bool)

@@ -68,5 +68,5 @@ def test_a_map_that_is_not_there_ends_with_2_and_one_sentence(hall, capsys):
     (hall / "hall.toml").write_text("[env]\nfloor_plan = 'lost.yaml'\n" + ROUTE)
     run = ("run", "--scenario", "../hall.toml", "--localizer", "mcl", "--out", "lap")
     assert exit_code(*run) == 2
-    assert "lost.yaml is not there" in capsys.readouterr().err
+    assert "lost.yaml does not exist" in capsys.readouterr().err
     assert not Path("lap").exists()

@@ -94,8 +94,8 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     ("content", "why"),
     [
         (None, ""),
-        ("{", "is torn, or no JSON"),
-        ("[]", "is no JSON object"),
+        ("{", "is truncated, or not JSON"),
+        ("[]", "is not a JSON object"),
         ("[" * 100_000, "is nested too deeply"),
         ('{"configuration": {"scenario": "paper"}}', "has no schema"),
         ('{"schema": 3}', "an older version"),

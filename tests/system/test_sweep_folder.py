@@ -84,8 +84,8 @@ def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("", "manifest.json is torn, or no JSON"),
-        ("[]", "manifest.json is no JSON object"),
+        ("", "manifest.json is truncated, or not JSON"),
+        ("[]", "manifest.json is not a JSON object"),
         ('{"command": ["deqmcl", "speed"]}', "it is not of a sweep"),
         (None, "holds no manifest.json of a sweep"),
     ],
