@@ -46,7 +46,7 @@ def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> N
     registry.register(
         id=name,
         entry_point="deqmcl_gym.envs.room:RoomEnv",
-        # None: rooms with drivers run one by one, in Gymnasium's own vector env
+        # many rooms with drivers run one by one, which is Gymnasium's own way
         vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv" if together else None,
         max_episode_steps=MAX_EPISODE_STEPS,
         kwargs=kwargs,

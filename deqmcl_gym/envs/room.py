@@ -52,9 +52,9 @@ class RoomEnv(gym.Env[Any, Singles]):
     **Starting State**: the bottom centre of the lap, heading along it; drawn around that pose if
     `start.sd_position` or `start.sd_heading` is not 0.
 
-    **Episode End**: terminated when the robot, once round, touches the line it started from, at
-    any point of it; never with `ends_at_goal=False`. Truncated when the plan is used up before, or
-    after `max_episode_steps` (408).
+    **Episode End**: terminated when the robot, once round, touches the line it started from,
+    wherever it crosses it; not with `ends_at_goal=False`. Truncated when it has not and the plan is
+    used up, or after `max_episode_steps` (408).
 
     **Version History**: v0, as of 0.2.0 with this reward and end.
 

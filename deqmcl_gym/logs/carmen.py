@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found, usable
+from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner
@@ -31,7 +31,7 @@ SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where not
 SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS measures in cm
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
-# Other messages of such logs, which are not needed here
+# What else stands in such logs and is not needed here
 _OTHERS = re.compile(
     r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
     r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
@@ -113,7 +113,7 @@ class _Messages:
         """Median offset of the laser from the robot, to 0.001: x, y, turn."""
         mounts = np.array(self.mounts)
         offsets = relative(mounts[:, 3:], mounts[:, :3])
-        offsets = offsets[usable(offsets)]
+        offsets = offsets[np.isfinite(offsets).all(axis=1)]
         if not len(offsets):
             return [math.nan] * 3
         off = offsets - offsets[0]
