@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
+from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner
@@ -128,7 +128,7 @@ class _Messages:
         """Median offset of the laser from the robot, to 0.001: x, y, turn."""
         mounts = np.array(self.mounts)
         offsets = relative(mounts[:, 3:], mounts[:, :3])
-        offsets = offsets[usable(offsets)]
+        offsets = offsets[np.isfinite(offsets).all(axis=1)]
         if not len(offsets):
             return [math.nan] * 3
         off = offsets - offsets[0]

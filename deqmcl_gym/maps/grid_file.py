@@ -219,7 +219,8 @@ def _check_kept(
     A white pixel is 254 of 255, so free cells need a ``free`` above 0.004, solid ones an
     ``occupied`` below 1.
     """
-    back = _occupancy(pixels.reshape(*cells.shape, -1) / 255, mode, False, free, occupied)
+    grey_as_rgb = pixels[..., [0, 0, 0, 1]] if pixels.ndim == 3 else pixels[..., None]
+    back = _occupancy(grey_as_rgb / 255, mode, False, free, occupied)
     was_solid, is_solid = (values / OCCUPIED >= occupied for values in (cells, back))
     was_free = (cells >= FREE) & (cells / OCCUPIED <= free)
     if (was_solid & ~is_solid).any() or (was_free & (is_solid | (back < FREE))).any():
