@@ -47,7 +47,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
     is spawned from the env's ``np_random`` at each reset: same seed, same beliefs.
 
     Args:
-        env: Room-v0 or Log-v0, or wrappers around one that leave scans or dicts with a ``scan``.
+        env: Room-v0 or Log-v0, or one in wrappers that keep scans, or dicts with a ``scan``.
         localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; each
             env needs one of its own.
         prior: p(x_0), given to the localizer at each reset.

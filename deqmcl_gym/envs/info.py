@@ -17,9 +17,9 @@ class RoomInfo(TypedDict):
         action: the command carried out in this step, before motion noise and contact, (2,)
             float32; zeros at reset.
         collided: whether the step was stopped by a wall.
-        truth: the true pose (x, y, θ), (3,) float64. For scoring: an estimator that
-            reads it has been told the answer.
-        goal: of a world with a route: where it ends (x, y), (2,) float64.
+        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
+            it.
+        goal: the end of the route (x, y), (2,) float64; only in a world with a route.
         route: of a world with a route: its corners as planned, from where the robot was expected to
             the goal, (k, 2) float64. For whoever drives: its beginning is the answer at reset.
     """

@@ -101,7 +101,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self,
         *,
         log: str | PathLike[str] | logs.Log,
-        map: Any = None,  # noqa: A002  # the word of everybody
+        map: Any = None,  # noqa: A002  # everybody calls it that
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
         plan: str = "odometry",

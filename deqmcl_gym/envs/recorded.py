@@ -117,7 +117,7 @@ def _unknown(log: logs.Log) -> Indices:
     return np.concatenate([[0], np.cumsum(unknown)])
 
 
-def spacing(what: str, given: object, unit: str = "m") -> tuple[float, float]:
+def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair.
 
     Raises:

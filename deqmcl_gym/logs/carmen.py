@@ -128,7 +128,7 @@ class _Messages:
         """Median offset of the laser from the robot, to 0.001: x, y, turn."""
         mounts = np.array(self.mounts)
         offsets = relative(mounts[:, 3:], mounts[:, :3])
-        offsets = offsets[np.isfinite(offsets).all(axis=1)]
+        offsets = offsets[usable(offsets)]
         if not len(offsets):
             return [math.nan] * 3
         off = offsets - offsets[0]

@@ -174,7 +174,6 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
         ({"length": 31}, "length"),
         ({"length": 1}, "needs 2 or more"),
         ({"every": (1e3, 1e3)}, "needs 2 or more"),
-        ({"every": "9px"}, "the log is in m"),
         ({"max_beams": 0}, "max_beams"),
         ({"reading": {"max_range": 3}}, "reading"),
         ({"log": "x.log", "reading": 5}, "reading is 5"),
