@@ -45,9 +45,11 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     sector = np.floor(turned).astype(np.int64) % SECTORS
     column -= column.min()
     row -= row.min()
-    number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector  # in their order
-    if number.max() > _COUNTED:  # far apart, as plug-ins may answer
-        number = np.unique(number, return_inverse=True)[1]
+    if (column.max() + 1) * (row.max() + 1) * SECTORS <= _COUNTED:
+        number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
+    else:  # far apart, as plug-ins may answer
+        cells = np.stack([column, row, sector])
+        number = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
     heaviest = (number == np.bincount(number, weights).argmax()).argmax()
     apart = (sector - sector[heaviest] + 1) % SECTORS
     near = (abs(column - column[heaviest]) <= 1) & (abs(row - row[heaviest]) <= 1) & (apart <= 2)

@@ -58,9 +58,9 @@ class PlanEvidence:
         if last is not None and last.shown is plan:  # the start was chosen by it
             return belief
         seen = plan[: self.steps]
-        first = self.known(None if last is None else last.seen, seen)
-        if first >= len(seen):
-            return belief._replace(plan_reading=PlanReading(plan, seen))
+        first = self.known(None if last is None else last.seen, plan)
+        if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
+            return belief._replace(plan_reading=PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
         tempering, feasible, log_evidence = kernels.tempering(
             belief.weights, collisions, self.sensor.beta, self.keep

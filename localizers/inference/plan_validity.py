@@ -57,8 +57,8 @@ class DoubtedPlans:
         read = belief.reweighted(np.where(told, arrays.log(some), -np.inf))
         if feasible == 0.0:
             read = read._replace(events=read.events.plus(infeasible_plans=1))
-        evidence = float(arrays.log(np.array([prior @ factor]))[0]) if told.any() else -np.inf
-        share = float(read.weights @ valid)
+        evidence = float(arrays.log((prior * factor).sum())) if told.any() else -np.inf
+        share = float((read.weights * valid).sum())  # no BLAS: the same bits everywhere
         reading = PlanReading(plan, seen, 1.0, feasible, evidence, share)
         return read._replace(valid=valid, plan_reading=reading)
 

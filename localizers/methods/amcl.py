@@ -19,13 +19,13 @@ from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import Scan, States
+from localizers.inference.parts import States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
 from localizers.models.beams import BeamModel
 from localizers.models.free_space import random_poses
 from localizers.models.likelihood_field import LikelihoodField
-from localizers.models.scan import LidarScan, usable_beams
+from localizers.models.scan import LidarScan
 
 LASER_MODELS = ("likelihood_field", "beam", "robot")
 _NO_ACTIONS = np.empty((0, 2))
@@ -64,7 +64,7 @@ class AdaptiveLocalizer:
         self,
         robot: RobotModel,
         *,
-        scan: Scan,
+        scan: LidarScan | LikelihoodField,
         kld: KldSampling,
         recovery: Recovery,
         resampling: ResamplingTime,
@@ -97,7 +97,7 @@ class AdaptiveLocalizer:
         belief = belief._replace(queue=Queue((moved,)))
         after = belief.scanned(used, self._scan.log_likelihood(moved, used), most=moved.shape[1])
         after = after._replace(events=after.events.of_scan(scan.size, usable))
-        beams = int(usable_beams(used, self.robot.lidar.max_range).sum())
+        beams = int(np.count_nonzero(self._scan.informative(used)))
         recovery = now.recovery.after(after.scan_log_evidence, beams)
         self._running = _Running(after, recovery, now.updates + 1, now.rng)
         return after
@@ -174,7 +174,7 @@ def amcl(
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
     plan, lidar = robot.floor_plan, robot.lidar
     px, power = pixel(plan.unit), getattr(robot.scan, "power", 1.0)
-    scan: Scan
+    scan: LidarScan | LikelihoodField
     if laser_model_type == "robot":
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":

@@ -68,6 +68,7 @@ class Shared:
         integer("particles", self.particles, low=1)
         integer("lag", self.lag)
         number("beta", self.beta, low=0, finite=False)
+        number("plan_beta", self.plan_beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
         if self.start_jitter > 0 and self.start_draws == 1:

@@ -164,7 +164,7 @@ class CensoredGaussianUniform(_HitOrAnything):
             + self.sigma * (expected * slope - max_range * normal_pdf(high))
             + max_range**2 * at_max
         )
-        return mean, (square - mean**2) / self.power
+        return mean, np.maximum(square - mean**2, 0.0) / self.power
 
 
 @final

@@ -8,7 +8,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, number
 from localizers.models import field_kernels, scan_kernels
 from localizers.models.scan import outside
@@ -56,10 +56,14 @@ class LikelihoodField:
                 "give larger cells."
             )
 
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,)."""
+        informative: Bools = (ranges >= 0.0) & (ranges < self.lidar.max_range)  # false for NaN
+        return informative
+
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
-        max_range = self.lidar.max_range
-        usable = (ranges >= 0.0) & (ranges < max_range)  # both are false for NaN
+        usable = self.informative(ranges)
         out = np.zeros(states.shape[1])
         if not usable.any():
             return out

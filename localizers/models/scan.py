@@ -40,6 +40,10 @@ class LidarScan:
                 "max_range) and least_density(max_range)."
             )
 
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,)."""
+        return usable_beams(ranges, self.lidar.max_range)
+
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
         n = states.shape[1]
