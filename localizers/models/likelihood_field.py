@@ -1,4 +1,4 @@
-"""p(o_t | x_t, m) by how far the ends of the beams lie from the nearest wall, without ray casts."""
+"""p(o_t | x_t, m) from the distance of each beam's end to the nearest wall, without ray casts."""
 
 import math
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ class LikelihoodField:
     outer wall see ``outside``.
 
     Attributes:
-        sigma: σ > 0.
+        sigma: σ > 0, in the map's unit.
         hit: h, share of the beams that end at a wall.
-        farthest: largest distance told apart.
-        cell: edge of the table's cells; d is right to one cell.
+        farthest: d is cut to this, in the map's unit.
+        cell: edge of the table's cells, in the map's unit; d is accurate to one cell.
         power: exponent of the likelihood, in (0, 1], for beams that depend on each other.
     """
 
