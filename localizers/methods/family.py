@@ -73,8 +73,8 @@ class Shared:
         number("start_jitter", self.start_jitter, low=0)
         if self.start_jitter > 0 and self.start_draws == 1:
             raise InputError(
-                f"start_jitter is {self.start_jitter:g}, but start_draws is 1, so no draw is "
-                "chosen: give start_draws of 2 or more, or leave start_jitter out."
+                f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "
+                "2 or more: give start_draws, or leave start_jitter out."
             )
 
     @property
