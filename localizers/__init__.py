@@ -1,8 +1,8 @@
-"""Pluggable estimators of where a robot is: ``make("deq-mcl", RobotModel(...))``.
+"""Pluggable estimators of a robot's pose: ``make("deq-mcl", RobotModel(...))``.
 
-A localizer is given arrays (ranges, action, plan) and answers with a ``Belief``. It never sees the
-world. Plug-ins inherit nothing: see ``Localizer``; ``resolve`` says by which names they are found,
-``localizers.checks`` whether they keep the laws.
+A localizer receives arrays (ranges, action, plan) and returns a ``Belief``; it never sees the
+world. Plug-ins need no base class: see ``Localizer``. ``resolve`` documents how they are named;
+``localizers.checks`` tests whether they keep the laws.
 """
 
 from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of

@@ -1,4 +1,4 @@
-"""What a localizer is, what it is given, and what it answers. Plug-ins inherit nothing.
+"""The interface of a localizer: its inputs, its belief, and the checks of both.
 
 Lengths are in the map's unit (px or m), angles in rad; a pose is (x, y, heading).
 """
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
-_COARSEST = 0.1  # px between poses
+_COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 
 
 class Prior(Protocol):
@@ -31,7 +31,7 @@ class Prior(Protocol):
 
     @property
     def mean(self) -> tuple[float, float, float] | None:
-        """Expected pose (x, y, θ rad); None if none would mean anything."""
+        """Expected pose (x, y, θ rad); None if no single pose is representative."""
         ...
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
@@ -44,30 +44,30 @@ class Prior(Protocol):
 
 
 class Belief(Protocol):
-    """What a localizer holds true: weighted poses of the present, and of other steps if kept.
+    """What a localizer believes: weighted poses of the present, and of other steps if kept.
 
-    It may have an attribute ``quality``, P(not lost) in [0, 1]: see ``quality_of``.
+    An optional attribute ``quality`` is P(not lost), in [0, 1]; see ``quality_of``.
     """
 
     def points(self, offset: int = 0) -> Points | None:
         """Return poses (n, 3) and weights (n,) of x_{t+offset}, as fresh arrays.
 
-        One point if the localizer only gives a pose; cell centres if it keeps a grid. None for an
-        offset it does not hold.
+        One point if the localizer estimates a single pose; cell centres if it keeps a grid. None
+        for an offset it does not hold.
         """
         ...
 
 
 @runtime_checkable
 class Localizer(Protocol):
-    """Follows a robot by its commands, its scans and its plan."""
+    """Estimates a robot's pose from commands, scans and plans. Plug-ins need not inherit it."""
 
     def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Belief:
         """Start anew and return the belief at t = 0.
 
         Args:
             prior: p(x_0).
-            plan: the planned actions (distance, turn), (h, 2); may be empty.
+            plan: the planned actions (distance, turn rad), (h, 2); may be empty.
             rng: the localizer's only source of randomness.
         """
         ...
@@ -81,8 +81,8 @@ class Localizer(Protocol):
         """Return the belief after one step.
 
         Args:
-            ranges: the scan taken after the step, (B,).
-            action: the command carried out, (distance, turn).
+            ranges: the scan taken after the step, (B,), in the map's unit.
+            action: the command carried out, (distance, turn rad), (2,).
             plan: the actions planned after it, (h, 2); shrinks to (0, 2) at the end.
         """
         ...
@@ -90,12 +90,12 @@ class Localizer(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotModel:
-    """What a localizer is made for: the map, the sensor and the noise it assumes.
+    """The robot as a localizer knows it: its map, its sensor and the assumed noise.
 
     Attributes:
         floor_plan: the map m.
         lidar: geometry of the sensor.
-        radius: of the robot's disc; None is 8 px, or as much in the map's unit.
+        radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
         motion: p(x_t | x_{t-1}, a_t).
         scan: p(o | ô) of one beam.
     """
@@ -121,20 +121,20 @@ class RobotModel:
 
 
 def quality_of(belief: Belief) -> float | None:
-    """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if its localizer gives none."""
+    """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if it has none."""
     quality = getattr(belief, "quality", None)
     return None if quality is None else number("the belief's quality", quality, low=0, high=1)
 
 
 def require_reset(running: T | None) -> T:
-    """Return what a localizer holds since reset; refuse an update before."""
+    """Return the state that reset created; refuse an update before the first reset."""
     if running is None:
         raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
     return running
 
 
 def checked_rng(rng: np.random.Generator) -> np.random.Generator:
-    """Return a generator of random numbers, else refuse it."""
+    """Return ``rng`` if it is a NumPy generator, else refuse it."""
     if not isinstance(rng, np.random.Generator):
         raise InputError(
             f"rng is {rng!r}, but must be a numpy.random.Generator: give "
@@ -144,7 +144,7 @@ def checked_rng(rng: np.random.Generator) -> np.random.Generator:
 
 
 def checked_plan(plan: ArrayLike) -> Floats:
-    """Return a plan as (h, 2) actions, (0, 2) for an empty one in any shape; else refuse."""
+    """Return a plan as actions (h, 2), an empty one of any shape as (0, 2); else refuse it."""
     try:
         empty = np.asarray(plan).size == 0
     except ValueError:  # a ragged list; ``array`` names it
@@ -169,7 +169,7 @@ def _of_actions(what: str, given: ArrayLike, shape: tuple[int | None, ...]) -> F
 
 
 def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
-    """Return a scan as (B,) fresh numbers, whatever they are; refuse one of another lidar."""
+    """Return a copy of a scan, (B,); refuse a wrong number of beams. Values are not checked."""
     try:
         scan = np.array(ranges, dtype=np.float64)
     except (TypeError, ValueError):
@@ -186,9 +186,9 @@ def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
 def checked_step(
     ranges: ArrayLike, action: ArrayLike, plan: ArrayLike, lidar: Lidar
 ) -> tuple[Floats, Floats, Floats, int]:
-    """Return a scan, an action and a plan, each as checked above, and how many beams are usable.
+    """Return copies of a scan, an action and a plan, checked, and the number of usable beams.
 
-    Quicker than those where nothing is wrong: this is done at every step.
+    Faster than the checks above if nothing is wrong, because this runs at every step.
     """
     if (
         type(ranges) is type(action) is type(plan) is np.ndarray
@@ -205,9 +205,9 @@ def checked_step(
 
 
 def _as_float64(values: NDArray[Any]) -> Floats:
-    """Return a copy, row by row."""
+    """Return a copy in C order."""
     if values.dtype is _FLOAT64:
-        return values.copy()  # takes half the time
+        return values.copy()  # twice as fast as astype
     return values.astype(_FLOAT64, "C")
 
 

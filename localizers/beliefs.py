@@ -1,4 +1,4 @@
-"""Ready-made beliefs, so that a plug-in need not write its own."""
+"""Ready-made beliefs for plug-ins."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,11 @@ class PointsBelief:
         """Copy the poses and weights.
 
         Args:
-            poses: (n, 3); any heading.
-            weights: (n,), not negative, of any positive sum; None if all are equal.
+            poses: (x, y, θ rad), (n, 3); headings need not be wrapped.
+            weights: (n,), 0 or more, with any sum above 0; None: all equal.
 
         Raises:
-            InputError: another shape, no pose, NaN, a negative weight, or weights that are all 0.
+            InputError: a wrong shape, no pose, NaN, a negative weight, or only zero weights.
         """
         self._poses = array("the belief's poses", poses, (None, 3))
         n = len(self._poses)
@@ -32,17 +32,17 @@ class PointsBelief:
         if shares.min() < 0 or not 0 < total < np.inf:
             raise InputError(
                 f"the belief's weights go from {digits(shares.min())} to {digits(shares.max())}, "
-                "but must be 0 or more, not all 0, and of finite sum."
+                "but must be 0 or more, not all 0, with a finite sum."
             )
         self._weights = shares / total
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return poses (n, 3) and weights (n,) with sum 1, fresh; None but for the present."""
+        """Return poses (n, 3) and weights (n,) with sum 1, fresh; None for other offsets."""
         return (self._poses.copy(), self._weights.copy()) if offset == 0 else None
 
 
 class PoseBelief(PointsBelief):
-    """A single pose of the present: all that an estimator without a distribution believes."""
+    """A single pose of the present, for an estimator without a distribution."""
 
     def __init__(self, pose: ArrayLike) -> None:
         """Copy the pose (x, y, heading)."""

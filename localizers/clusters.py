@@ -1,4 +1,4 @@
-"""The best cluster of a belief: what it would answer if it had to name one place."""
+"""The best cluster of a belief: its most likely single place."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,11 @@ _COUNTED = 2**20  # cells whose weights are counted in one table
 
 @dataclass(frozen=True)
 class Cluster:
-    """Some points of a belief.
+    """Neighbouring points of a belief.
 
     Attributes:
-        mean: their pose (x, y, θ).
-        share: of the belief's weight.
+        mean: their mean pose (x, y, θ rad).
+        share: their share of the belief's weight.
     """
 
     mean: tuple[float, float, float]
@@ -30,13 +30,13 @@ class Cluster:
 def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     """Return the points in the heaviest cell, 1 m × 1 m × 30°, and in the 26 around it.
 
-    The same rule for every method, as a mean of two places is neither. Of cells of one weight the
-    first by x, y, heading counts.
+    The mean of two distant places is neither, so every method is scored by this rule as well. Of
+    equally heavy cells the first in the order of x, y, heading is taken.
 
     Args:
         poses: (n, 3).
-        weights: (n,), of sum 1.
-        unit: of lengths; a metre is 50 px.
+        weights: (n,), with sum 1.
+        unit: of the map, "px" or "m"; 1 m is 50 px.
     """
     at = np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
     metre = CELL * pixel(unit)
@@ -45,9 +45,11 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     sector = np.floor(turned).astype(np.int64) % SECTORS
     column -= column.min()
     row -= row.min()
-    number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector  # in their order
-    if number.max() > _COUNTED:  # far apart, as plug-ins may answer
-        number = np.unique(number, return_inverse=True)[1]
+    if (column.max() + 1) * (row.max() + 1) * SECTORS <= _COUNTED:
+        number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
+    else:  # too far apart for a table, as points of a plug-in may be
+        cells = np.stack([column, row, sector])
+        number = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
     heaviest = (number == np.bincount(number, weights).argmax()).argmax()
     apart = (sector - sector[heaviest] + 1) % SECTORS
     near = (abs(column - column[heaviest]) <= 1) & (abs(row - row[heaviest]) <= 1) & (apart <= 2)

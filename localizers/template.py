@@ -1,4 +1,4 @@
-"""Monte-Carlo localization in NumPy: a start for a localizer of your own."""
+"""Monte-Carlo localization in NumPy: a starting point for your own localizer."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from localizers import Belief, PointsBelief, Prior, RobotModel
 
 
 class MyLocalizer:
-    """Moves a cloud of poses by the commands, weighs it by the scans, resamples it."""
+    """Moves a cloud of poses by the commands, weights it by the scans, resamples it."""
 
     def __init__(self, robot: RobotModel, *, particles: int = 500) -> None:
         self.robot, self.particles = robot, particles
@@ -18,7 +18,7 @@ class MyLocalizer:
         return PointsBelief(self.cloud.T)
 
     def update(self, ranges: np.ndarray, action: np.ndarray, plan: np.ndarray) -> Belief:
-        """Go one step on: ``action`` was carried out, then ``ranges`` were measured."""
+        """Advance one step: ``action`` was carried out, then ``ranges`` were measured."""
         self.cloud = self.robot.motion.sample(self.cloud, action, self.rng)
         log_likelihood = self._log_likelihood(ranges)
         weights = np.exp(log_likelihood - log_likelihood.max())

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning
+from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner

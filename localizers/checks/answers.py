@@ -1,4 +1,4 @@
-"""Laws on what a localizer is and on what it answers."""
+"""Laws on the localizer itself and on its beliefs."""
 
 import math
 from dataclasses import dataclass, replace
@@ -60,7 +60,7 @@ def half_turn(subject: Subject) -> None:
     """In a world turned by π about the origin the belief is turned by π too (see ``_alike``).
 
     Where headings in one world are about 0, they are about ±π in the other: a mean of headings
-    that is no mean of directions shows.
+    that is not a mean of directions shows.
     """
     plan = subject.robot.floor_plan
     if not isinstance(plan, PolygonMap):
@@ -102,7 +102,7 @@ def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot],
 
     Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or 0.1
     rad: rounding may send a particle another way, which moves a mean by far less than that;
-    headings that are not taken as angles move it by far more.
+    headings that are not treated as angles move it by far more.
     """
     slack = size_of(subject.robot.floor_plan) / 100
     for t, (one, two) in enumerate(zip(run, other, strict=True)):

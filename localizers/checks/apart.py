@@ -1,4 +1,4 @@
-"""Laws tried in a process of their own: what a localizer does there ends there."""
+"""Laws tried in a separate process, which contains whatever a localizer does."""
 
 import os
 import traceback
@@ -16,7 +16,7 @@ from localizers.naming.isolation import enter
 
 
 class Apart:
-    """Tries laws on a plug-in in a process that loads it: in a new one if one ends or hangs."""
+    """Tries laws on a plug-in in a process that loads it; a new one if that ends or hangs."""
 
     def __init__(
         self, name: str, robot: RobotModel | None, timeout: float, params: Mapping[str, Any]
@@ -87,7 +87,7 @@ class Apart:
 def _try_laws(
     line: Connection, name: str, robot: RobotModel | None, timeout: float, params: dict[str, Any]
 ) -> None:
-    """Answer questions without end: the number of a law, or None for the time of a step."""
+    """Answer questions until killed: the number of a law, or None for the time of a step."""
     enter()
     try:
         here = Here(subject_of(name, robot, timeout=timeout, **params))

@@ -31,10 +31,10 @@ def inputs_not_changed(subject: Subject) -> None:
 
 
 def robot_and_prior_not_changed(subject: Subject) -> None:
-    """No number and no array of the robot, its map and the prior is another one after a run."""
+    """No number and no array of the robot, its map and the prior changes during a run."""
     floor_plan, drive = subject.robot.floor_plan, subject.drive
     ends = np.array([drive.prior.mean, drive.prior.mean])
-    floor_plan.ranges(ends, subject.robot.lidar.bearings)  # what it computes once is there now
+    floor_plan.ranges(ends, subject.robot.lidar.bearings)  # fills caches
     floor_plan.collides(ends[:1], ends[1:], subject.robot.radius)
     given: dict[str, Any] = deepcopy({"robot": subject.robot, "prior": drive.prior})
     before = {name: np.copy(value) for name, value in _values(given)}

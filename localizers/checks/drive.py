@@ -19,7 +19,7 @@ _TRIES = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """What a localizer is fed with, for T steps.
+    """The input of a localizer for T steps.
 
     Attributes:
         prior: p(x_0).
@@ -50,8 +50,8 @@ def default_robot() -> RobotModel:
 def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
 
-    The noise is small and no part of what the robot assumes: a check asks whether a localizer
-    keeps the laws, not whether it is good.
+    The noise is small and not that which the robot assumes: a check tests whether a localizer
+    keeps the laws, not how accurate it is.
     """
     stride = size_of(robot.floor_plan) / 30
     poses = [_free_pose(robot, rng)]

@@ -1,4 +1,4 @@
-"""Laws on hard cases: odd priors, scans and plans. Beliefs must stay finite, of sum 1."""
+"""Laws on hard cases: odd priors, scans and plans. Weights must stay finite, with sum 1."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from localizers.naming.registry import parameters_of
 
 
 def prior_without_mean(subject: Subject) -> str | None:
-    """A prior without a mean, uniform over free space, is followed or refused as an InputError."""
+    """A prior without a mean, uniform over free space, is accepted or refused by an InputError."""
     prior = UniformPrior(floor_plan=subject.robot.floor_plan)
     try:
         require_valid(history(subject.made(), subject.drive, prior=prior))
@@ -22,7 +22,7 @@ def prior_without_mean(subject: Subject) -> str | None:
 
 
 def zero_likelihood(subject: Subject) -> None:
-    """Scans that no pose explains (all beams 0; σ = 0.001 px, no uniform share) are survived."""
+    """Scans that no pose explains (all beams 0; σ = 0.001, no uniform share) are survived."""
     robot = replace(subject.robot, scan=GaussianUniform(sigma=1e-3, uniform=0.0))
     scans = subject.drive.scans.copy()
     scans[: len(scans) // 2] = 0.0
@@ -49,7 +49,7 @@ def bad_beams(subject: Subject) -> None:
 
 
 def huge_actions(subject: Subject) -> str | None:
-    """A planned distance or turn of 1e30 is survived, or refused as an InputError."""
+    """A planned distance or turn of 1e30 is survived, or refused by an InputError."""
     refused, drive, step = 0, subject.drive, len(subject.drive.actions) // 2
     for huge in ((1e30, 0.0), (0.0, 1e30)):
         actions, plans = drive.actions.copy(), [plan.copy() for plan in drive.plans]
@@ -57,7 +57,7 @@ def huge_actions(subject: Subject) -> str | None:
         for t, plan in enumerate(plans[: step + 1]):
             plan[step - t] = huge
         try:
-            with np.errstate(all="ignore"):  # it overflows, and says so by what it returns
+            with np.errstate(all="ignore"):  # an overflow shows in what it returns
                 require_valid(history(subject.made(), replace(drive, actions=actions, plans=plans)))
         except InputError:
             refused += 1

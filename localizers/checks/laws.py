@@ -15,8 +15,8 @@ class Law:
     """A named law.
 
     Attributes:
-        holds: looks at a localizer; returns what it noticed, if anything worth telling.
-        needs: the law without which this one cannot be tried.
+        holds: tests a localizer; returns a remark, if there is any.
+        needs: the law that must hold before this one can be tried.
     """
 
     holds: Callable[[Subject], str | None]
@@ -29,15 +29,15 @@ class Law:
 
     @property
     def text(self) -> str:
-        """What it demands."""
+        """What it requires."""
         return cleandoc(self.holds.__doc__ or "")
 
     def __call__(self, subject: Subject) -> str | None:
-        """Return what was noticed, if anything.
+        """Return a remark, if there is any.
 
         Raises:
             LawBrokenError: the law is broken; whatever the localizer itself raises breaks it too.
-            LawSkippedError: the law has nothing to say about this localizer.
+            LawSkippedError: the law does not apply to this localizer.
         """
         try:
             return self.holds(subject)

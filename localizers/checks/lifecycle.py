@@ -27,8 +27,8 @@ _HALF = 6
 
 
 def answers_in_time(subject: Subject) -> None:
-    """In a process of its own it comes to the end of the drive, in time and without a crash."""
-    if multiprocessing.parent_process() is not None:  # this is one, and somebody waits for it
+    """In a separate process it reaches the end of the drive, in time and without a crash."""
+    if multiprocessing.parent_process() is not None:  # this is one, and its parent waits
         subject.history()
         return
     try:
@@ -39,7 +39,7 @@ def answers_in_time(subject: Subject) -> None:
 
 
 def reset_starts_anew(subject: Subject) -> None:
-    """After reset, a localizer that was used before answers as a new one does."""
+    """After reset, a used localizer answers as a new one does."""
     used = subject.made()
     for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
         pass
@@ -51,7 +51,7 @@ def reset_starts_anew(subject: Subject) -> None:
 
 
 def picklable(subject: Subject) -> None:
-    """A copy made by pickle goes on as the original, whether it is new or half way."""
+    """A copy made by pickle continues as the original does, whether new or halfway."""
     expected = subject.history()
     require_same(subject.history(_copy(subject.made())), expected, "a pickled copy differs")
     localizer = subject.made()
@@ -91,7 +91,7 @@ def _task(subject: Subject) -> bytes:
 
 
 def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
-    """Let a spawned process run the localizer; what it computed, or what it raised."""
+    """Let a spawned process run the localizer; return what it computed, or what it raised."""
     process = Spawned(_answer, task)
     try:
         answer: list[Snapshot] | str = process.answer(timeout)

@@ -13,7 +13,7 @@ from localizers.naming.registry import Factory, is_plug_in
 
 @dataclass(frozen=True)
 class Report:
-    """What came of all laws.
+    """The verdicts on all laws.
 
     Attributes:
         name: of the localizer.
@@ -44,11 +44,11 @@ def check_localizer(
     timeout: float = 60.0,
     **params: Any,
 ) -> Report:
-    """Try a localizer against all ``LAWS``; nothing it does is raised.
+    """Try a localizer against all ``LAWS``; its own exceptions become verdicts.
 
     Args:
         localizer: a name (see ``localizers.resolve``), or a factory itself.
-        robot: what it is made for; a small room and eight beams if not given.
+        robot: to make it for; by default eight beams in a small room.
         timeout: s that a law may take, imports included.
         params: given to the factory.
 
@@ -84,7 +84,7 @@ class Tries(Protocol):
 
 
 class Examination:
-    """Tries laws on a localizer, each at most once, those that it needs before."""
+    """Tries laws on a localizer, each at most once and after those it needs."""
 
     def __init__(self, place: Tries) -> None:
         self._place = place
@@ -120,8 +120,8 @@ def examined(
 ) -> Examination:
     """Return the examination of a localizer; arguments as of ``check_localizer``.
 
-    A plug-in is loaded and tried in a process of its own. A factory is tried here, where it is
-    loaded already, and where a debugger sees it.
+    A plug-in is loaded and tried in a separate process. A factory is tried in this one, where it is
+    already loaded and a debugger can see it.
     """
     if isinstance(localizer, str) and is_plug_in(localizer):
         return Examination(Apart(localizer, robot, timeout, params))

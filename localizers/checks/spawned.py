@@ -1,4 +1,4 @@
-"""A process of its own for a localizer under check."""
+"""A separate process for a localizer under check."""
 
 import atexit
 import multiprocessing
@@ -10,7 +10,7 @@ from localizers.naming.isolation import end
 
 
 class Spawned:
-    """A process that answers; whatever it does instead breaks a law."""
+    """A process that answers questions; if it does anything else, it breaks a law."""
 
     def __init__(self, target: Callable[..., None], *arguments: Any) -> None:
         """Start ``target(line, *arguments)``."""

@@ -1,4 +1,4 @@
-"""What is checked, and how a law looks at it: run it along a drive, read its beliefs, compare."""
+"""The localizer under check, and what laws do with it: run it, read its beliefs, compare them."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,7 @@ class LawBrokenError(Exception):
 
 
 class LawSkippedError(Exception):
-    """A law has nothing to say about a localizer; the text is the reason."""
+    """A law does not apply to a localizer; the text is the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +37,8 @@ class Subject:
         params: given to the factory.
         robot: what it is made for.
         drive: along which it is run.
-        sent: what another process finds it by: a name it can resolve, or the factory itself.
-        timeout: after which a worker has not answered, s.
+        sent: how another process finds it: a name to resolve, or the factory itself.
+        timeout: how long a worker may take to answer, s.
         before: the state of this process before the localizer was loaded.
     """
 
@@ -70,7 +70,7 @@ class Subject:
 def history(
     localizer: Localizer, drive: Drive, *, seed: Seed = 0, prior: Prior | None = None
 ) -> list[Snapshot]:
-    """Run a localizer along a drive; what it believed at t = 0 … T."""
+    """Run a localizer along a drive; return its beliefs at t = 0 … T."""
     return [snapshot(belief, t) for t, belief in enumerate(beliefs(localizer, drive, seed, prior))]
 
 

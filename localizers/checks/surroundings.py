@@ -1,4 +1,4 @@
-"""Laws on what surrounds a localizer: the state of its process, and what it has started there."""
+"""Laws on side effects: the state of the process, and what a localizer starts there."""
 
 import contextlib
 import decimal
@@ -27,7 +27,7 @@ _STREAMS = "sys.stdin, sys.stdout or sys.stderr"
 
 @dataclass(frozen=True)
 class _State:
-    """A part of a process's state that all its code shares: how it is read and set."""
+    """How to read and set one part of a process's global state."""
 
     read: Callable[[], Any]
     set: Callable[[Any], object]
@@ -81,14 +81,14 @@ _STATES = {
 
 
 def state_of_process() -> dict[str, Any]:
-    """Return the state that all code of this process shares, by what it is called."""
+    """Return this process's global state, by name."""
     return {name: state.read() for name, state in _STATES.items()}
 
 
 def process_state_untouched(subject: Subject) -> None:
     """Working folder, streams, signal handlers, np.seterr, warnings and the like stay as they are.
 
-    Looked at from the factory's call on: what imports do is their own.
+    From the call of the factory on: what imports do is not counted.
     """
     held = state_of_process()
     quiet = [io.StringIO() for _ in range(3)]  # a stream replaced before would not be noticed
@@ -130,7 +130,7 @@ def set_state(states: Mapping[str, Any]) -> None:
 
 
 def _children() -> set[int]:
-    """Numbers of the processes that this one started, as far as /proc tells."""
+    """Ids of the processes that this one started, as far as /proc shows them."""
     found = set()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):  # it is gone

@@ -21,12 +21,12 @@ Status = Literal["ok", "FAILED", "skipped"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of one law.
+    """The verdict on one law.
 
     Attributes:
         law: its name.
         status: "ok", "FAILED" or "skipped".
-        note: the reason, or what was noticed; may be empty.
+        note: the reason, or a remark; may be empty.
         error: what was raised, if it failed.
     """
 
@@ -46,7 +46,7 @@ def subject_of(
     timeout: float = 60.0,
     **params: Any,
 ) -> Subject:
-    """Return what is to be checked; arguments as of ``check_localizer``."""
+    """Return the localizer under check; arguments as of ``check_localizer``."""
     before = state_of_process()
     found = absolute_name(localizer) if isinstance(localizer, str) else localizer
     factory = resolve(localizer) if isinstance(localizer, str) else localizer

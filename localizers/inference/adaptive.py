@@ -1,4 +1,4 @@
-"""How many particles to draw, and how many of them anywhere: KLD-sampling and augmented MCL."""
+"""How many particles to draw, and how many at random poses: KLD-sampling and augmented MCL."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,14 +18,14 @@ class KldSampling:
     """Draw until n ≥ (k - 1) / (2 ε) · (1 - 2 / (9 (k - 1)) + z √(2 / (9 (k - 1))))³ (Fox 2003).
 
     k is the number of bins that the draws have fallen into. The Kullback-Leibler divergence between
-    the draws and what they are drawn from, over the bins, is then below ε with the probability of
-    which z is the quantile of the standard normal distribution.
+    the draws and what they are drawn from, over the bins, is then below ε with
+    probability Φ(z).
 
     Attributes:
-        least, most: particles.
+        least, most: bounds of n.
         error: ε > 0.
         quantile: z.
-        bin_size: of x, y and θ.
+        bin_size: of x and y, in the map's unit, and of θ, rad.
     """
 
     least: int
@@ -45,23 +45,23 @@ class KldSampling:
         number("pf_z", self.quantile)
 
     def enough(self, states: Singles) -> int:
-        """How many of these draws (3, ``most``), taken in their order, are enough."""
+        """Return how many of these draws (3, ``most``), taken in order, are enough."""
         sizes = np.array(self.bin_size)
         return adaptive_kernels.enough(states, sizes, self.least, self.error, self.quantile)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery:
-    """max(0, 1 - w_fast / w_slow) of the draws come from anywhere (Thrun et al. 2005, table 8.3).
+    """max(0, 1 - w_fast / w_slow) of the draws are random poses (Thrun et al. 2005, table 8.3).
 
-    w_slow and w_fast are exponential averages of how likely the scans were; of the first 1 / α
-    scans they are plain means, so that the first scan, which a robot that is to be found hardly
-    explains, is soon outweighed. Both rates 0: never.
+    w_slow and w_fast are exponential averages of how likely the scans were; over the first
+    1 / α scans they are plain means, so that the first scan, which the particles of a lost robot
+    hardly explain, is soon outweighed. With both rates 0 there are no random poses.
 
     Attributes:
         alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
         slow, fast: w_slow and w_fast; 0 before the first scan.
-        scans: how many there were.
+        scans: how many were averaged.
     """
 
     alpha_slow: float = 0.0
@@ -81,14 +81,18 @@ class Recovery:
 
     @property
     def share(self) -> float:
-        """Probability that a draw comes from anywhere."""
+        """Probability that a draw is a random pose."""
         return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
 
     def after(self, log_evidence: float, beams: int) -> "Recovery":
-        """Return the averages after a scan of log p(o | belief) from so many usable beams.
+        """Return the averages after a scan.
 
-        The likelihood averaged is that of one beam (the geometric mean over the scan's), so that
-        scans with lost beams compare.
+        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
+        with lost beams are comparable.
+
+        Args:
+            log_evidence: log p(o | belief); NaN changes nothing.
+            beams: how many beams it is made of; 0 changes nothing.
         """
         if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self

@@ -10,7 +10,7 @@ from deqmcl_gym.numerics.types import Floats, Indices, Singles
 def drawn(cumulative: Floats, pointers: Floats, out: Indices) -> None:
     """Fill in the first particle whose cumulative weight is above each pointer, in any order.
 
-    By an index table (Chen & Asau 1974): a search starts at the first particle that can be meant.
+    By an index table (Chen & Asau 1974): each search starts at the first possible particle.
 
     Args:
         cumulative: ascending, (n,).
@@ -22,7 +22,7 @@ def drawn(cumulative: Floats, pointers: Floats, out: Indices) -> None:
     table = np.full(n + 2, n - 1)
     filled = 0
     for i in range(n):
-        slot = int(cumulative[i] * per_weight)  # as of pointers: what is larger has no lower one
+        slot = int(cumulative[i] * per_weight)  # computed as for pointers: monotone
         while filled <= slot:
             table[filled] = i
             filled += 1

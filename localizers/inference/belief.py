@@ -1,4 +1,4 @@
-"""The weighted cloud of queues that a particle filter believes in."""
+"""The belief of a particle filter: a weighted cloud of queues."""
 
 import math
 from collections.abc import Sequence
@@ -21,16 +21,16 @@ _EVIDENCE_PARTICLES = 256
 
 @dataclass(frozen=True)
 class Events:
-    """What happened since reset that a reader of the estimate should know.
+    """Counts of irregular events since reset.
 
     Attributes:
-        weight_collapses: evidence that every particle denied; it was dropped, the weights of
-            before were kept.
+        weight_collapses: evidence to which every particle gave zero likelihood; it was dropped and
+            the previous weights were kept.
         replanned_steps: updates at which the queued future was redrawn under a changed plan.
         skipped_beams: beams that were NaN, infinite or outside [0, max range].
         blind_scans: scans without a usable beam; they changed no weight.
-        infeasible_plans: plans taken as evidence that are feasible from no particle.
-        random_poses: particles drawn anywhere in free space, to recover.
+        infeasible_plans: plans used as evidence that collide from every particle.
+        random_poses: particles replaced by random poses in free space, to recover.
     """
 
     weight_collapses: int = 0
@@ -41,26 +41,26 @@ class Events:
     random_poses: int = 0
 
     def plus(self, **counts: int) -> Self:
-        """Return these events and some more."""
+        """Return these counts, increased by ``counts``."""
         return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
 
     def of_scan(self, beams: int, usable: int) -> Self:
-        """Return these events and those of a scan: beams that say nothing."""
+        """Return these counts with the unusable beams of a scan added."""
         if usable == beams:
             return self
         return self.plus(skipped_beams=beams - usable, blind_scans=int(usable == 0))
 
 
 class PlanReading(NamedTuple):
-    """What the latest plan said of the present.
+    """What the latest plan said about the present.
 
     Attributes:
         shown: the plan, (h, k).
-        seen: as much of it as was looked at, (L, k).
-        tempering: λ in [0, 1], the power at which it was taken as evidence; NaN if it said nothing.
-        feasible: P(the plan is feasible from x_t), over the belief before it; NaN likewise.
-        log_evidence: log E[p(π_t | x_t, m)^λ], over the belief before it.
-        valid: P(plans are about this robot), where that is in doubt; NaN where it is not.
+        seen: its first steps that have been charged, now or before, (L, k).
+        tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
+        feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
+        log_evidence: log E[p(π_t | x_t, m)^λ] under the belief before it.
+        valid: P(plans are about this robot) if that is estimated, else NaN.
     """
 
     shown: Actions
@@ -77,19 +77,20 @@ class _Cloud(NamedTuple):
     Attributes:
         queue: the states x_{t-L} … x_{t+F} of n particles.
         log_weights: not normalised, (n,).
-        drawn: the actions by which the states after the present were drawn, (F_t, k).
+        drawn: the actions with which the states after the present were drawn, (F_t, k).
         log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
-        events: counted trouble since reset.
+        events: counts since reset.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
-        trust: evidence for and against this belief, if it is kept.
+        trust: evidence for and against this belief; None: none is kept.
         log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
-            computed instead of queued, (n,). It multiplies the weights that are reported, not
-            those the filter goes on with; None: nothing is looked ahead for.
-        plan_reading: what the latest plan said, where plans are evidence of the present.
-        valid: P(plans are about this robot) given the path of each particle, (n,), where that is
-            in doubt; see ``plan_validity``.
-        scan_power: λ_t, at which the latest scan was taken in.
-        watch: how likely scans have been, where poses are mixed in by it; see ``injection``.
+            computed instead of queued, (n,). It multiplies the reported weights, not those
+            that are carried on; None: no look-ahead.
+        plan_reading: what the latest plan said, if plans are used as evidence.
+        valid: P(plans are about this robot) given the path of each particle, (n,), if that is
+            estimated; see ``plan_validity``.
+        scan_power: λ_t, the exponent of the latest scan's likelihood.
+        watch: averages of scan likelihoods, if they control the injection of poses; see
+            ``injection``.
     """
 
     queue: Queue
@@ -109,22 +110,22 @@ class _Cloud(NamedTuple):
 class ParticleBelief(_Cloud):
     """An immutable weighted cloud of queues, with the evidence it has absorbed; see ``_Cloud``.
 
-    A named tuple, because several are made at every step, at a third of a frozen dataclass' cost.
+    A named tuple: several are made at every step, and a frozen dataclass takes three times as long.
     """
 
     @property
     def quality(self) -> float | None:
-        """P(not lost | o_{1:t}), in [0, 1]; None if nobody keeps the evidence."""
+        """P(not lost | o_{1:t}), in [0, 1]; None if no evidence is kept."""
         return None if self.trust is None else self.trust.quality
 
     @property
     def present(self) -> States:
-        """States x_t, (d, n); to be read only."""
+        """States x_t, (d, n); read-only."""
         return self.queue.held(self.queue.present)
 
     @property
     def head(self) -> States:
-        """The newest states x_{t+F_t}, (d, n); to be read only."""
+        """The newest states x_{t+F_t}, (d, n); read-only."""
         return self.queue.held(len(self.queue.slots) - 1)
 
     @property
@@ -134,7 +135,7 @@ class ParticleBelief(_Cloud):
 
     @cached_property
     def weights(self) -> Floats:
-        """Reported weights with sum 1, (n,); to be read only."""
+        """Reported weights with sum 1, (n,); read-only."""
         return normalized(self.reported_log_weights)
 
     @property
@@ -154,9 +155,9 @@ class ParticleBelief(_Cloud):
         return None if states is None else (states.T, self.weights.copy())
 
     def resampled(self, ancestors: Indices, by: LogWeights, log_sum: float) -> "ParticleBelief":
-        """Go on with these particles, drawn in proportion to exp(by), (n,).
+        """Keep the ``ancestors``, which were drawn in proportion to exp(by), (n,).
 
-        Each keeps the weight that ``by`` leaves: none, if they were drawn by their own weights.
+        Each keeps the log-weight log w - by: 0 if they were drawn by their own weights.
         ``log_sum`` is log Σ exp(by).
         """
         if by is self.log_weights:
@@ -172,7 +173,7 @@ class ParticleBelief(_Cloud):
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
-        """Add newest states (d, n), drawn by the last of the actions ``drawn``, (F_t + 1, k)."""
+        """Add newest states (d, n), drawn with the last of the actions ``drawn``, (F_t + 1, k)."""
         return self._replace(queue=self.queue.appended(states), drawn=drawn)
 
     def stepped(self, past: int) -> "ParticleBelief":
@@ -184,11 +185,11 @@ class ParticleBelief(_Cloud):
         return self._replace(queue=self.queue.cut(keep), drawn=self.drawn[:keep])
 
     def followed(self, future: Sequence[States]) -> "ParticleBelief":
-        """Exchange the states after the present, (d, n) each, for others drawn by ``drawn``."""
+        """Replace the states after the present, (d, n) each, by others drawn with ``drawn``."""
         return self._replace(queue=self.queue.followed(future))
 
     def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
-        """Report with h_t(x_t), (n,), dropped and counted where ``reweighted`` does."""
+        """Multiply the reported weights by h_t(x_t), (n,); dropped as in ``reweighted``."""
         if math.isfinite((self.log_weights + log_h).max()):
             return self._replace(log_h=log_h)
         return self._collapsed()
@@ -197,8 +198,8 @@ class ParticleBelief(_Cloud):
         """Multiply each weight by exp(log_factor), (n,).
 
         If that leaves no particle any weight, or one an infinite weight, the factor is dropped (the
-        weights of before stay) and a weight collapse is counted: the cloud then goes on by motion
-        alone until evidence comes that some particle can explain.
+        previous weights stay) and a weight collapse is counted: the cloud then follows the motion
+        model alone until some particle explains the evidence.
         """
         total = np.empty(self.log_weights.size)
         if math.isfinite(kernels.shifted(self.log_weights, log_factor, total)):
@@ -206,9 +207,9 @@ class ParticleBelief(_Cloud):
         return self._collapsed()
 
     def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Exchange the present states of some particles (n,), the newest ones, for k others.
+        """Replace the present states, which must be the newest, of k ``chosen`` particles (n,).
 
-        Those get the mean weight of all, so that in expectation the belief is mixed.
+        The new ones get the mean weight of all, so that in expectation the belief is the mixture.
         """
         states, log_weights = self.present.copy(), self.log_weights.copy()
         states[:, chosen] = others.present
@@ -226,10 +227,11 @@ class ParticleBelief(_Cloud):
         most: int = _EVIDENCE_PARTICLES,
         power: float = 1.0,
     ) -> "ParticleBelief":
-        """Take in a scan (B,) of log-likelihoods (n,), and how well this belief predicted it.
+        """Weight by a scan (B,) of log-likelihoods (n,); record how well this belief predicted it.
 
-        The latter from at most ``most`` evenly spaced particles, whatever the ``power`` at which
-        the scan is taken in. It is kept, not copied. Weights as in ``reweighted``.
+        The record is taken from at most ``most`` evenly spaced particles and does not depend on
+        ``power``, the exponent of the likelihood. The scan is kept, not copied. The weights change
+        as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
         top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, power, total)

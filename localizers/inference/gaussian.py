@@ -1,4 +1,4 @@
-"""A Gaussian belief over poses, and the points that stand for it."""
+"""Points that represent a Gaussian belief over poses."""
 
 import math
 from functools import lru_cache
@@ -19,8 +19,8 @@ def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
     """Return ``POINTS`` equally weighted poses with exactly this mean and covariance, (n, 3).
 
     Fixed points that look standard normal, in pairs ±z and with unit covariance, through the
-    Cholesky factor. Six sigma points have these moments too, but they all lie on one ellipsoid:
-    shares of points inside an ellipsoid, as coverage counts them, would then mean nothing.
+    Cholesky factor. Six sigma points have these moments too, but they all lie on one ellipsoid: the
+    share of points inside an ellipsoid, which coverage counts, would be meaningless.
     """
     root = np.zeros((3, 3))
     kernels.cholesky(covariance, root)

@@ -51,12 +51,14 @@ def correct(
     """Take in independent measurements one after another, in place; return how many were gated.
 
     Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised
-    at the mean before the first. P in Joseph's form, which stays symmetric and positive.
+    at the mean before the first. P in Joseph's form, which stays symmetric and positive. A beam
+    with S = 0, sure to read max_range because every wall is far beyond it, changes nothing.
 
     Args:
         innovations: o - h at the mean before the first, (B,).
         slopes: H, (B, 3).
-        variances: R > 0, (B,).
+        variances: R ≥ 0, (B,).
+        gate: largest ν² / S of a beam that is used; inf: all are.
     """
     moved = np.zeros(3)  # of the mean since the linearisation
     projected, gain = np.empty(3), np.empty(3)
@@ -76,7 +78,7 @@ def correct(
             gated += 1
             continue
         for i in range(3):
-            gain[i] = projected[i] / spread
+            gain[i] = projected[i] / spread if spread > 0.0 else 0.0
             moved[i] += gain[i] * innovation
         for i in range(3):  # (I - K H) P
             for j in range(3):

@@ -9,7 +9,7 @@ from deqmcl_gym.numerics.types import Floats, Indices, Ints
 
 @compiled
 def largest(values: Floats) -> float:
-    """Return the maximum, -inf of none: in four strands, as each step waits for the one before."""
+    """Return the maximum, -inf of none, in four strands: one alone would wait at every step."""
     first, second, third, fourth = -np.inf, -np.inf, -np.inf, -np.inf
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
@@ -70,8 +70,8 @@ def two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> f
 
     Args:
         start: its probability before them.
-        stay, enter: probabilities to stay in it, and to come to it, before each observation.
-        log_ratios: log p(o | second) - log p(o | first); NaN tells nothing.
+        stay, enter: probabilities of staying in it and of entering it, before each observation.
+        log_ratios: log p(o | second) - log p(o | first); NaN is no information.
     """
     first = start
     for i in range(log_ratios.size):
@@ -204,8 +204,8 @@ def absorbed(
 def systematic(weights: Floats, offset: float, out: Indices) -> None:
     """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
 
-    Each particle is written at the first pointer that it can have, over those that have none; the
-    other pointers take the last one written. A search would wait on a guess at every pointer.
+    Each particle is written at its first pointer, over those before it that get none; the other
+    pointers repeat the last one written. A search would mispredict a branch at every pointer.
     """
     n = weights.size
     before = np.empty(n)  # the weight of the particles before each

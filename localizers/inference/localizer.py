@@ -1,4 +1,4 @@
-"""The stateful shell around a filter: what users hold in their hands."""
+"""The stateful wrapper that turns a filter into a localizer."""
 
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -11,11 +11,11 @@ from localizers.inference.belief import Events
 
 
 class Counted(Protocol):
-    """A belief that counts trouble: a named tuple with a field ``events``."""
+    """A named tuple with a field ``events``."""
 
     @property
     def events(self) -> Events:
-        """What happened since reset."""
+        """Counts of irregular events since reset."""
         ...
 
     def _replace(self, *, events: Any) -> Any: ...
@@ -25,7 +25,7 @@ B = TypeVar("B", bound=Counted)
 
 
 class Filter(Protocol[B]):
-    """The two steps of a recursive Bayes filter. It has no state: that is the belief."""
+    """The two steps of a recursive Bayes filter. It is stateless: the belief is the state."""
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> B:
         """Return the belief at t = 0."""
@@ -39,22 +39,22 @@ class Filter(Protocol[B]):
 
 
 class FilterLocalizer(Generic[B]):
-    """A ``Localizer`` that runs a filter; checks what it is given, counts bad beams."""
+    """A ``Localizer`` that runs a filter, checks its input and counts bad beams."""
 
     def __init__(self, robot: RobotModel, bayes_filter: Filter[B]) -> None:
-        """Make a localizer for ``robot``, for which the filter is made."""
+        """Make a localizer for ``robot`` from a filter made for it."""
         self.robot = robot
         self.filter = bayes_filter
         self._running: tuple[B, np.random.Generator] | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
-        """Start anew; see ``Localizer.reset``."""
+        """Start a new run; see ``Localizer.reset``."""
         belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> B:
-        """Go one step on; see ``Localizer.update``."""
+        """Advance one step; see ``Localizer.update``."""
         belief, rng = require_reset(self._running)
         scan, command, ahead, usable = checked_step(ranges, action, plan, self.robot.lidar)
         belief = self.filter.step(belief, scan, command, ahead, rng)

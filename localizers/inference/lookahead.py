@@ -31,8 +31,11 @@ class Myopic:
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return the belief."""
-        return belief
+        """Return the belief, without a reading of an earlier plan."""
+        reading = belief.plan_reading
+        if reading is None or reading.shown is plan:  # the start was chosen by it
+            return belief
+        return belief._replace(plan_reading=None)
 
 
 class Table(Protocol):

@@ -1,4 +1,4 @@
-"""Moving the queued future: fresh noise for states that were drawn long ago."""
+"""Moves of the queued future: fresh noise for states drawn many steps ago."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,7 +17,7 @@ class Move(Protocol):
     def __call__(
         self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return the belief, moved; ``ancestors`` is None if it was not resampled just now."""
+        """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
         ...
 
 
@@ -63,10 +63,10 @@ class RenewedFuture:
 
 @dataclass(frozen=True)
 class WhenResampled:
-    """Another move, at the steps that resample only.
+    """Another move, only at the steps that resample.
 
-    Whether a step does depends on the weights, and they on the future that is moved: γ_t is
-    reached as n grows, not at every n. ``Sometimes`` costs as little and keeps it.
+    Whether a step resamples depends on the weights, and these on the future that is moved, so γ_t
+    is approached as n grows but is not exact at every n. ``Sometimes`` is as cheap and exact.
     """
 
     move: Move
@@ -80,7 +80,7 @@ class WhenResampled:
 
 @dataclass(frozen=True)
 class Sometimes:
-    """Another move, at each step with a probability that depends on nothing: still invariant."""
+    """Another move, at each step with a fixed probability: still invariant."""
 
     move: Move
     probability: float

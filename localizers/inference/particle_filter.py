@@ -1,4 +1,4 @@
-"""One particle filter for the whole family; its members differ by one part each."""
+"""The particle filter of the whole family; its methods differ only in its parts."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -42,16 +42,16 @@ class ParticleFilter:
 
     Attributes:
         particles: n.
-        feasibility: g; None is 1, nothing is charged.
-        past: L, how many states before the present are kept (and so smoothed).
+        feasibility: g; None: g = 1, no step is charged.
+        past: L, how many states before the present are kept, and thereby smoothed.
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
         move: renews queued states after resampling, leaving γ_t invariant.
-        lookahead: what the plan says of the present, where the future is not queued.
+        lookahead: what the plan says about the present, where the future is not queued.
         selection: the weights to resample by.
         start: how the first particles are chosen among draws from the prior.
-        tempering: the power at which a scan is taken in.
-        injection: mixes poses from anywhere into the belief; needs ``future`` = 0.
+        tempering: sets the exponent of a scan's likelihood.
+        injection: mixes random poses into the belief; needs ``future`` = 0.
         trust: evidence for and against its beliefs at t = 0; None: none is kept.
         dtype: of the states.
     """
@@ -84,13 +84,13 @@ class ParticleFilter:
         if self.particles * self.start.draws > MAX_PARTICLES:
             raise InputError(
                 f"start_draws is {self.start.draws:,} for each of {self.particles:,} particles, "
-                f"but at most {MAX_PARTICLES:,} draws are allowed in all: give fewer."
+                f"but at most {MAX_PARTICLES:,} draws are allowed in total: give fewer."
             )
 
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
 
-        x_0 has no scan and no charge. The prior's draws come from a stream of their own, so every
+        x_0 has no scan and no charge. The prior is sampled from a separate random stream, so every
         filter given the same ``rng`` starts from the same cloud.
         """
         stream = rng.spawn(1)[0]
@@ -134,7 +134,7 @@ class ParticleFilter:
         return self.lookahead(self.injection.noted(belief, plan, ranges), plan, rng)
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
-        """Go on with whole queues, drawn by weight if it is time to; move them."""
+        """Resample whole queues if it is time to, then move them."""
         log_weights = self.selection(belief)
         weights, log_sum = normalized_with_log_sum(log_weights)
         ancestors = self.resampling.ancestors(weights, rng)

@@ -1,7 +1,7 @@
-"""The parts a particle filter is put together from, as protocols over any state space.
+"""The parts of a particle filter, as protocols over any state space.
 
-States stand in columns, (d, n): row i holds component i of all n particles. A room's states are
-poses, d = 3 (x, y, heading); the tests of exactness put five-state rings here.
+States are columns, (d, n): row i holds component i of all n particles. On a map they are poses,
+d = 3 (x, y, heading); the tests of exactness use a ring of five states.
 """
 
 from typing import Any, Protocol
@@ -43,7 +43,7 @@ class Scan(Protocol):
 
 
 class Feasibility(Protocol):
-    """g(x', x), how likely the step x' → x is to be feasible on the map."""
+    """g(x', x), how feasible the step x' → x is on the map."""
 
     def log_g(self, before: States, after: States) -> LogWeights:
         """Log g of each step, (n,)."""
@@ -51,7 +51,7 @@ class Feasibility(Protocol):
 
 
 class PlanModel(Protocol):
-    """p(π_t | x_t, m) ∝ exp(-β C(x_t, π_t)): which plans are shown to whom."""
+    """p(π_t | x_t, m) ∝ exp(-β C(x_t, π_t)): how likely a plan is to be shown at a state."""
 
     @property
     def beta(self) -> float:
@@ -72,7 +72,7 @@ class Walk(Protocol):
         """Draw one path from each state, (d, n).
 
         Returns:
-            The states after each step, (d, n) each, or none if they are not to be kept, and
+            The states after each step, (d, n) each (none unless ``keep``), and
             log Π g of each path, (n,). Same draws, and same bits, as ``StepByStep``.
         """
         ...
@@ -82,7 +82,7 @@ class Resampling(Protocol):
     """When to resample, and how; draws one uniform number or row whether or not it triggers."""
 
     def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to go on with, (n,), or None to keep all with their weights.
+        """Return the particles to keep, (n,), or None to keep all with their weights.
 
         The weights have sum 1, (n,).
         """

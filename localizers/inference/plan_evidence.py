@@ -15,12 +15,12 @@ Known = Callable[[Actions | None, Actions], int]
 
 
 def nothing_known(last: Actions | None, plan: Actions) -> int:
-    """Charge every plan: whoever shows it has looked again."""
+    """Charge all steps of every plan: its author has looked at the robot again."""
     return 0
 
 
 def steps_known(last: Actions | None, plan: Actions) -> int:
-    """Charge each planned step once: a plan that only goes on says what the last one said."""
+    """Charge each planned step once: a plan that merely continues the last one adds nothing."""
     return 0 if last is None else kernels.agreeing(last[1:], plan)
 
 
@@ -28,18 +28,18 @@ def steps_known(last: Actions | None, plan: Actions) -> int:
 class PlanEvidence:
     """w ← w p(π_t | x_t, m)^λ, at every step and at the start: the ``Lookahead`` of ``mcl-plan``.
 
-    γ_t gets the factors Π_{0 ≤ s ≤ t} p(π_s | x_s, m). They stay in the filter's own weights, as
-    they are about its present and never about a future that is still to come.
+    γ_t gets the factors Π_{0 ≤ s ≤ t} p(π_s | x_s, m). They stay in the filter's own weights,
+    because they are about the present, not about a future that is still to come.
 
-    A long plan wants a heading that a coarse cloud may not have: then few particles are left. So it
-    is tempered, λ the largest in [0, 1] that leaves ``keep`` of the effective sample size. γ_t is
-    the target at ``keep`` = 0 only.
+    A long plan is feasible only from a precise heading, so in a coarse cloud it would leave few
+    particles. λ is therefore the largest in [0, 1] that leaves ``keep`` of the effective sample
+    size. γ_t is the target only at ``keep`` = 0.
 
     Attributes:
         sensor: p(π_t | x_t, m).
-        steps: L, how many planned steps are looked at; None: all.
+        steps: L, how many planned steps are read; None: all.
         keep: κ in [0, 1].
-        known: how many of the first steps of a plan are not charged, given the last one.
+        known: how many first steps of a plan are already charged, given those of the last one.
     """
 
     sensor: PlanModel
@@ -53,14 +53,14 @@ class PlanEvidence:
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return the belief, knowing the plan (h, k); draws nothing."""
+        """Return the belief given the plan (h, k); draws no random numbers."""
         last = belief.plan_reading
         if last is not None and last.shown is plan:  # the start was chosen by it
             return belief
         seen = plan[: self.steps]
-        first = self.known(None if last is None else last.seen, seen)
-        if first >= len(seen):
-            return belief._replace(plan_reading=PlanReading(plan, seen))
+        first = self.known(None if last is None else last.seen, plan)
+        if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
+            return belief._replace(plan_reading=PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
         tempering, feasible, log_evidence = kernels.tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
@@ -74,7 +74,7 @@ class PlanEvidence:
 
 
 def _charges(tempering: float, beta: float, collisions: Ints) -> Floats:
-    """-λ β C of each state, (n,); without λ nothing is charged, however large β is."""
+    """-λ β C of each state, (n,); 0 at λ = 0, even if β is infinite."""
     per_count = np.zeros(int(collisions.max()) + 1)
     if tempering > 0.0:
         per_count[1:] = -(tempering * beta) * np.arange(1.0, per_count.size)

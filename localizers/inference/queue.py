@@ -2,11 +2,11 @@
 
 Resampling a queue does not copy its L + 1 + F states: each slot keeps the states as they were drawn
 and a link, the index map from the order of the next slot's particles to its own. A state in
-today's order is its slot's states taken at the composition of the links after it. The present and
-the oldest state are asked for at every step, so two sliding windows keep those compositions.
+the current order is its slot's states taken at the composition of the links after it. The present
+and the oldest state are read at every step, so two sliding windows keep those compositions.
 
-Named tuples, because several of each are made at every step, at a third of a frozen dataclass'
-cost.
+Named tuples: several of each are made at every step, and frozen dataclasses take three times as
+long.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ class Queue(NamedTuple):
     Attributes:
         slots: the states as they were drawn, (d, n) each, oldest first.
         links: links[i] maps the order of slot i + 1 to that of slot i.
-        pending: from today's order to that of the newest slot.
+        pending: from the current order to that of the newest slot.
         present: the index of x_t among the slots.
         past, future: the compositions of the links before and after the present.
     """
@@ -84,7 +84,7 @@ class Queue(NamedTuple):
         return len(self.slots) - 1 - self.present
 
     def resampled(self, ancestors: Indices) -> "Queue":
-        """Go on with these particles: whole queues, (n,)."""
+        """Keep the whole queues of these particles, (n,)."""
         pending = compose(self.pending, ancestors)
         return Queue(self.slots, self.links, pending, self.present, self.past, self.future)
 
@@ -95,7 +95,7 @@ class Queue(NamedTuple):
         return Queue(slots, links, None, self.present, self.past, future)
 
     def renewed(self, states: States) -> "Queue":
-        """Exchange the newest states for others, (d, n), before anything is resampled."""
+        """Replace the newest states by others, (d, n); only valid before the next resampling."""
         assert self.pending is None
         return self._replace(slots=(*self.slots[:-1], states))
 
@@ -110,7 +110,7 @@ class Queue(NamedTuple):
         return Queue(self.slots[1:], self.links[1:], self.pending, past, before.pop(), future)
 
     def cut(self, keep: int) -> "Queue":
-        """Forget the states more than ``keep`` after the present, today's order unchanged."""
+        """Forget the states more than ``keep`` after the present, the current order unchanged."""
         last = self.present + keep
         links, future = self.links[:last], _NOTHING
         for link in links[self.present :]:
@@ -119,9 +119,9 @@ class Queue(NamedTuple):
         return Queue(slots, links, pending, self.present, self.past, future)
 
     def followed(self, future: Sequence[States]) -> "Queue":
-        """Exchange the states after the present for others, (d, n) each, in today's order.
+        """Replace the states after the present by others, (d, n) each, in the current order.
 
-        They are stored as if drawn today, so that nothing links them to the order of the past.
+        They are stored as if just drawn, so no link to an earlier order is needed.
         """
         queue = self.cut(0)
         for states in future:
@@ -140,7 +140,7 @@ class Queue(NamedTuple):
         return states.copy() if states is self.slots[index] else states
 
     def held(self, index: int) -> States:
-        """Return the states of slot ``index``, (d, n); to be read only, they may be the queue's."""
+        """Return the states of slot ``index``, (d, n); read-only, as they may be the queue's."""
         order, states = self._order(index), self.slots[index]
         return states if order is None else states.take(order, axis=1)
 
@@ -157,7 +157,7 @@ class Queue(NamedTuple):
         return found[::-1]
 
     def _order(self, index: int) -> Link:
-        """Return the map from today's order to that of slot ``index``."""
+        """Return the map from the current order to that of slot ``index``."""
         if index == len(self.slots) - 1:
             return self.pending
         if index > self.present:

@@ -1,4 +1,4 @@
-"""What to do with a queued future whose actions turn out not to be the ones carried out."""
+"""Redrawing the queued future when the actions it was drawn with have changed."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from localizers.inference.rollout import Rollout, log_mean
 
 @dataclass(frozen=True)
 class Redraw:
-    """log w += log ĥ_new - log ĥ_old: exchange the future drawn by an old plan for a new one's.
+    """log w += log ĥ_new - log ĥ_old: replace the future drawn with an old plan.
 
     The weights already hold the g of the old future, most of it absorbed by past resampling, so it
     can be neither divided out nor left in. Per particle, from the last state x the plans share:
@@ -32,9 +32,9 @@ class Redraw:
     def __call__(
         self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return a belief whose future is drawn by ``actions``, (steps, k).
+        """Return a belief whose future is drawn with ``actions``, (steps, k).
 
-        A future that merely ends earlier than ``actions`` is left alone: it grows by itself.
+        A future that merely ends earlier than ``actions`` is left alone; it is extended later.
         """
         held = belief.queue.ahead
         shared = kernels.agreeing(belief.drawn, actions) if held else 0
@@ -47,7 +47,7 @@ class Redraw:
         paths, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
         log_old = log_mean(old)
         # Where β = inf and every old future collides, the weight is zero already, or the charge
-        # was dropped by a weight collapse: either way there is nothing to take back.
+        # was dropped by a weight collapse: either way there is nothing to undo.
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)

@@ -52,7 +52,7 @@ class Always:
     scheme: Scheme = systematic
 
     def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to go on with, (n,)."""
+        """Return the particles to keep, (n,)."""
         return self.scheme(weights, rng)
 
 
@@ -67,21 +67,21 @@ class WhenDegenerate:
     scheme: Scheme = systematic
 
     def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to go on with, (n,), or None to keep all with their weights."""
+        """Return the particles to keep, (n,), or None to keep all with their weights."""
         chosen = self.scheme(weights, rng)
         degenerate = effective_sample_size(weights) < self.threshold * weights.size
         return chosen if degenerate else None
 
 
 def by_own_weight(belief: ParticleBelief) -> LogWeights:
-    """Resample by w: what is looked ahead stays out of the filter."""
+    """Resample by w: the look-ahead stays out of the filter."""
     return belief.log_weights
 
 
 def by_reported_weight(belief: ParticleBelief) -> LogWeights:
-    """Resample by w h_t(x_t); w = 1 / h_t(x_t) is left to the particles that go on.
+    """Resample by w h_t(x_t); the particles kept carry on with w = 1 / h_t(x_t).
 
-    So what resampling sees next is log h_{t+1}(x_{t+1}) - log h_t(x_t) beside the new evidence: a
+    Beside the new evidence, the next resampling thus sees log h_{t+1}(x_{t+1}) - log h_t(x_t): a
     twisted particle filter (Whiteley & Lee 2014).
     """
     return belief.reported_log_weights

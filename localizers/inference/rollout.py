@@ -16,7 +16,7 @@ from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion,
 
 @dataclass(frozen=True)
 class Unconstrained:
-    """g = 1: the map says nothing about where the robot can go."""
+    """g = 1: the map does not restrict where the robot can go."""
 
     def log_g(self, before: States, after: States) -> LogWeights:
         """Zero for each step, (n,)."""
@@ -27,8 +27,8 @@ class Unconstrained:
 class Rollout:
     """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
 
-    A feasibility that can take all steps of a motion in one pass says so by a method
-    ``walk(motion)``, which returns a ``Walk``, or None for a motion that it does not know.
+    A feasibility that can process all steps of a motion in one pass has a method ``walk(motion)``,
+    which returns a ``Walk``, or None for a motion it does not support.
     """
 
     motion: Motion

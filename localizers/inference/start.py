@@ -1,4 +1,4 @@
-"""Where the particles of t = 0 come from: the prior, or the prior and the first plan."""
+"""The particles at t = 0: drawn from the prior, or chosen among its draws by the first plan."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -14,7 +14,7 @@ from localizers.inference.weights import normalized_with_log_sum
 
 
 class Start(Protocol):
-    """Chooses the particles to begin with among draws from the prior."""
+    """Chooses the first particles among draws from the prior."""
 
     @property
     def draws(self) -> int:
@@ -31,14 +31,14 @@ class Start(Protocol):
 def drawn(
     prior: Initial, count: int, dtype: Any, plan: Actions, rng: np.random.Generator
 ) -> ParticleBelief:
-    """Return draws from a prior, as a belief that no action of the plan (h, k) has moved."""
+    """Return draws from a prior as a belief without a queued future."""
     states = np.ascontiguousarray(prior.sample(count, rng).T, dtype=dtype)
     return ParticleBelief(Queue((states,)), np.zeros(count), drawn=plan[:0])
 
 
 @dataclass(frozen=True)
 class FromPrior:
-    """The draws as they are."""
+    """All draws from the prior."""
 
     draws: int = 1
 
@@ -51,18 +51,18 @@ class FromPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class InformedStart:
-    """Of K n draws from the prior, n by the feasibility of the plan shown at reset (systematic).
+    """Of K n draws from the prior, n chosen systematically by the feasibility of the first plan.
 
-    Where the prior is broad this is the cheapest place for a long plan: it is followed once, from
-    many poses. Importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; with a jitter,
-    which tells apart draws that were taken twice, it is not. The plan is charged by this, so the
-    filter's own evidence leaves it out.
+    If the prior is broad, a long plan is cheapest to use here: it is laid out once, from many
+    poses. This is importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; a jitter
+    separates draws that were chosen more than once. The choice charges π_0, so the evidence of
+    the filter itself leaves it out.
 
     Attributes:
-        evidence: p(π_0 | x_0, m), of as much of the plan as is to be followed.
+        evidence: p(π_0 | x_0, m), of as much of the plan as it reads.
         draws: K.
-        jitter: standard deviation in x and y of poses; in θ as much as moves the end of the plan
-            by it.
+        jitter: standard deviation in x and y, in the map's unit; that of θ (rad) moves the end of
+            the plan by as much.
     """
 
     evidence: PlanEvidence
@@ -72,7 +72,7 @@ class InformedStart:
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return the particles to begin with, all of one weight."""
+        """Return the chosen particles, equally weighted."""
         read = self.evidence(belief, plan, rng)
         by, n = read.log_weights, read.log_weights.size // self.draws
         weights, log_sum = normalized_with_log_sum(by)

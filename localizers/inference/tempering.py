@@ -1,4 +1,4 @@
-"""At which power a scan is taken in, so that a coarse cloud outlives a sharp sensor."""
+"""The exponent of a scan's likelihood, so that a coarse cloud survives a sharp sensor."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +9,7 @@ from localizers.inference.parts import LogWeights
 
 
 class Tempering(Protocol):
-    """The power λ of p(o_t | x_t, m)."""
+    """The exponent λ of p(o_t | x_t, m)."""
 
     def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
         """Return λ in [0, 1], given the weights before the scan, (n,), and its likelihoods."""
@@ -29,9 +29,9 @@ class Untempered:
 class KeepsSampleSize:
     """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
 
-    Where a cloud is spread over a building, no particle is near enough to explain many sharp beams,
-    and the one that is least wrong would take all of the weight. As the cloud contracts λ grows. As
-    it depends on the cloud the filter is exact at ``keep`` = 0 only.
+    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
+    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
+    the cloud, so the filter is exact only at ``keep`` = 0.
 
     Attributes:
         keep: κ in [0, 1].

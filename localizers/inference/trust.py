@@ -2,7 +2,7 @@
 
 A hidden Markov model of two states. While the belief is right, a scan has the density that the
 belief predicts; while the robot is lost, that of a robot somewhere in free space. Both come from
-the localizer's own scan model, so what is wrong with that model cancels to first order.
+the localizer's own scan model, so errors of that model cancel to first order.
 """
 
 import math
@@ -21,8 +21,8 @@ from localizers.models.free_space import even_poses
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND = 0.01  # probability of being found again, per step
-MEMORY = 50  # scans looked back at: 1 / (LOST + FOUND)
-POSES = 128  # that stand for "somewhere in free space"
+MEMORY = 50  # scans kept: 1 / (LOST + FOUND)
+POSES = 128  # that represent "somewhere in free space"
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,12 @@ class Evidence:
 
     @cached_property
     def log_ratio(self) -> float:
-        """Log p(o | lost) - log p(o | belief); NaN if nothing is known or both deny the scan."""
+        """Log p(o | lost) - log p(o | belief); NaN if either is unknown or both are 0."""
         return self.anywhere.log_density(self.ranges) - self.log_right
 
 
 class Trust(NamedTuple):
-    """The evidence for and against a belief; weighed only when somebody asks.
+    """The evidence for and against a belief; evaluated only when ``quality`` is read.
 
     Attributes:
         anywhere: p(o | lost).
@@ -78,14 +78,14 @@ class Trust(NamedTuple):
 
     @classmethod
     def of(cls, scan: Scan, floor_plan: Map) -> "Trust":
-        """Return the trust before the first scan, of a localizer that weighs scans by ``scan``."""
+        """Return the trust before the first scan, for a localizer whose scan model is ``scan``."""
         return cls(Anywhere(scan, even_poses(floor_plan, POSES)))
 
     def after(self, ranges: Floats, log_right: float) -> "Trust":
-        """Return the trust after one more step; of a scan that is forgotten, only time remains.
+        """Return the trust after one more step; of scans no longer kept only the time counts.
 
         Args:
-            ranges: its scan, (B,); it is kept, not copied.
+            ranges: the scan of the step, (B,); kept, not copied.
             log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         """
         anywhere, scans, start = self

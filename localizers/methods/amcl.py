@@ -19,13 +19,13 @@ from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling, Recovery
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import Scan, States
+from localizers.inference.parts import States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
 from localizers.models.beams import BeamModel
 from localizers.models.free_space import random_poses
 from localizers.models.likelihood_field import LikelihoodField
-from localizers.models.scan import LidarScan, usable_beams
+from localizers.models.scan import LidarScan
 
 LASER_MODELS = ("likelihood_field", "beam", "robot")
 _NO_ACTIONS = np.empty((0, 2))
@@ -58,19 +58,19 @@ class _Running:
 
 
 class AdaptiveLocalizer:
-    """A ``Localizer`` that draws as many particles as the spread of its belief asks for."""
+    """A ``Localizer`` that draws as many particles as the spread of its belief requires."""
 
     def __init__(
         self,
         robot: RobotModel,
         *,
-        scan: Scan,
+        scan: LidarScan | LikelihoodField,
         kld: KldSampling,
         recovery: Recovery,
         resampling: ResamplingTime,
         max_beams: int,
     ) -> None:
-        """Make a localizer for ``robot`` out of its parts; of a scan, ``max_beams`` are used."""
+        """Make a localizer for ``robot`` from its parts; of a scan it uses ``max_beams``."""
         self.robot = robot
         self._scan, self._kld, self._recovery = scan, kld, recovery
         self._resampling = resampling
@@ -79,7 +79,7 @@ class AdaptiveLocalizer:
         self._running: _Running | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
-        """Start anew with the largest cloud; see ``Localizer.reset``. The plan is not used."""
+        """Start a new run with the largest cloud; see ``Localizer.reset``. The plan is not used."""
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
@@ -88,7 +88,7 @@ class AdaptiveLocalizer:
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
-        """Go one step on; see ``Localizer.update``."""
+        """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
         scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
         used = np.where(self._unused, np.nan, scan)
@@ -97,13 +97,13 @@ class AdaptiveLocalizer:
         belief = belief._replace(queue=Queue((moved,)))
         after = belief.scanned(used, self._scan.log_likelihood(moved, used), most=moved.shape[1])
         after = after._replace(events=after.events.of_scan(scan.size, usable))
-        beams = int(usable_beams(used, self.robot.lidar.max_range).sum())
+        beams = int(np.count_nonzero(self._scan.informative(used)))
         recovery = now.recovery.after(after.scan_log_evidence, beams)
         self._running = _Running(after, recovery, now.updates + 1, now.rng)
         return after
 
     def _resampled(self, now: _Running) -> ParticleBelief:
-        """Draw independently by weight, or anywhere, until KLD-sampling is satisfied."""
+        """Draw independently, by weight or at random poses, until KLD-sampling is satisfied."""
         belief = now.belief
         if now.updates == 0 or not self._resampling.has_come(now.updates, belief):
             return belief
@@ -147,10 +147,10 @@ def amcl(
     """Return adaptive Monte-Carlo localization.
 
     Args:
-        robot: what the localizer is made for; its motion model is used as it is.
+        robot: its motion model is used as it is.
         max_particles, min_particles: bounds of N.
-        pf_err, pf_z: ε and z of KLD-sampling, in bins of 20 px x 20 px x 10°; in a map in metres,
-            0.4 m x 0.4 m x 10°.
+        pf_err, pf_z: ε and z of KLD-sampling, with bins of 20 px x 20 px x 10° (0.4 m x 0.4 m x
+            10° on a map in metres).
         recovery_alpha_slow, recovery_alpha_fast: 0 and 0 never draw random poses; Nav2 recommends
             0.001 and 0.1.
         resample_interval: updates between two resamplings.
@@ -159,11 +159,11 @@ def amcl(
         max_beams: beams used of a scan, evenly spread.
         z_hit, z_short, z_max, z_rand: weights of the parts of a beam, relative to their sum. The
             likelihood field has z_hit and z_rand only.
-        sigma_hit: a length; None takes the robot's scan model's sigma.
-        lambda_short: per length; None is 1 / max_range.
-        laser_likelihood_max_dist: a length; None is 10 sigma_hit.
-        field_cell: edge of a cell of the table of distances; None is the map's own cell, or where
-            it has none 1 px, or 0.02 m.
+        sigma_hit: in the map's unit; None: the sigma of the robot's scan model.
+        lambda_short: per unit of length; None: 1 / max_range.
+        laser_likelihood_max_dist: in the map's unit; None: 10 sigma_hit.
+        field_cell: edge of a cell of the distance table, in the map's unit; None: the map's own
+            cell, or 1 px (0.02 m) if it has none.
     """
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)
@@ -174,7 +174,7 @@ def amcl(
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
     plan, lidar = robot.floor_plan, robot.lidar
     px, power = pixel(plan.unit), getattr(robot.scan, "power", 1.0)
-    scan: Scan
+    scan: LidarScan | LikelihoodField
     if laser_model_type == "robot":
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":
@@ -238,6 +238,6 @@ def _unused_beams(lidar: Lidar, most: int) -> Bools:
 
 
 def _cloud(states: States, events: Events, trust: Trust | None) -> ParticleBelief:
-    """Equally weighted particles (3, n), with what is known since reset."""
+    """Equally weighted particles (3, n), with the events and the trust since reset."""
     even = np.zeros(states.shape[1])
     return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, trust=trust)

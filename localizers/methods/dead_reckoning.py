@@ -1,4 +1,4 @@
-"""x_t = x_{t-1} ⊕ a_t from the prior's mean: no scan, no map, no noise. The baseline to beat."""
+"""x_t = x_{t-1} ⊕ a_t from the prior's mean: no scan, no map, no noise."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ Pose = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class _Track:
-    """The poses driven, to which later steps only add, and the plan from the present on."""
+    """The poses so far, a list that later steps append to, and the plan from the present on."""
 
     driven: list[Pose]
     present: int
@@ -39,7 +39,7 @@ class _Track:
 
 
 class DeadReckoning:
-    """Integrates the commands from the prior's mean, and the plan as far as somebody asks."""
+    """Integrates the commands from the prior's mean, and the plan up to the offset asked for."""
 
     def __init__(self) -> None:
         self._driven: list[Pose] | None = None
@@ -50,7 +50,7 @@ class DeadReckoning:
         if prior.mean is None:
             raise InputError(
                 f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
-                "one to start from: give a GaussianPrior, or take another localizer."
+                "one to start from: give a GaussianPrior, or use another localizer."
             )
         track = _Track([prior.mean], 0, checked_plan(plan))
         self._driven = track.driven
@@ -65,7 +65,7 @@ class DeadReckoning:
 
 
 def dead_reckoning(robot: RobotModel) -> DeadReckoning:
-    """Return dead reckoning; it needs nothing of the robot."""
+    """Return dead reckoning; it does not use the robot model."""
     del robot
     return DeadReckoning()
 

@@ -19,8 +19,8 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
 
     Args:
         robot, shared: see ``Shared``.
-        pilots: M, rollouts per particle when the executed action or the plan differs from what the
-            queue was drawn by.
+        pilots: M, rollouts per particle when the executed action or the plan differs from the
+            actions that the queue was drawn with.
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))

@@ -1,7 +1,7 @@
 """N(μ_t, P_t) ≈ p(x_t | a_{1:t}, o_{1:t}, m): the extended Kalman filter on ray-cast ranges.
 
 Leonard & Durrant-Whyte 1991; Thrun et al. 2005, sections 3.3 and 7.4, with gated beams instead of
-landmarks. One Gaussian: it can follow a robot, not find one.
+landmarks. A single Gaussian can track a robot, but not find a lost one.
 """
 
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ from localizers.models.motion import OdometryMotion, odometry
 from localizers.models.scan import LidarScan, usable_beams
 
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
-# Half-widths of the central differences: pixels, pixels, rad. Beyond the ray cast's resolution
-# (float32), below the size of what it sees.
+# Half-widths of the central differences: px (scaled to the map's unit), px, rad. Above the float32
+# resolution of the ray cast, below the size of walls.
 STEPS = np.array([1.0, 1.0, 0.01])
 
 
 @runtime_checkable
 class HitMoments(Protocol):
-    """A beam model that knows mean and variance of a beam that hits what it should."""
+    """A beam model with the mean and the variance of a beam that hits the expected wall."""
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance, (n, B) each."""
@@ -41,11 +41,12 @@ class HitMoments(Protocol):
 
 @dataclass(frozen=True)
 class GaussianEvents(Events):
-    """Counts of trouble of a Kalman filter.
+    """Counts of irregular events of a Kalman filter.
 
     Attributes:
-        gated_beams: too far from what was expected to be believed.
-        unpredicted_beams: the mean, or a pose next to it, lay outside the outer wall.
+        gated_beams: beams left out because their innovation was too large.
+        unpredicted_beams: beams left out because the mean, or a pose beside it, was outside the
+            outer wall.
     """
 
     gated_beams: int = 0
@@ -56,10 +57,10 @@ class GaussianBelief(NamedTuple):
     """One Gaussian over (x, y, θ).
 
     Attributes:
-        mean: x, y, θ, (3,).
+        mean: x, y, θ rad, (3,).
         covariance: (3, 3).
         trust: evidence for and against this belief.
-        events: counted trouble since reset.
+        events: counts since reset.
     """
 
     mean: Floats
@@ -89,9 +90,9 @@ class KalmanFilter:
 
     Attributes:
         motion: p(x_t | x_{t-1}, a_t).
-        scan: p(o_t | x_t, m), by which the belief is rated.
+        scan: p(o_t | x_t, m), from which the quality is computed.
         beam: mean and variance of a beam.
-        gate: largest ν² / S of a beam that is believed.
+        gate: largest ν² / S of a beam that is used.
         trust: evidence for and against its beliefs at t = 0.
     """
 
@@ -128,7 +129,7 @@ class KalmanFilter:
         return GaussianBelief(mean, covariance, trust, events)
 
     def _corrected(self, mean: Floats, covariance: Floats, ranges: Floats) -> tuple[int, int]:
-        """Take in a scan, in place; return how many beams were gated, and how many unpredicted."""
+        """Correct by a scan, in place; return the numbers of gated and of unpredicted beams."""
         floor_plan, lidar = self.scan.floor_plan, self.scan.lidar
         usable = usable_beams(ranges, lidar.max_range)
         steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
@@ -153,10 +154,10 @@ class KalmanFilter:
 def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBelief]:
     """Return the extended Kalman filter.
 
-    A beam is a measurement of mean and variance as the robot's scan model has them for a beam that
-    hits what it should; its Jacobian is taken by central differences of the ray cast. The share of
-    beams that measure anything at all is left to the gate. Of a prior it takes mean and covariance,
-    whatever its form; one Gaussian over a building finds nothing in it.
+    A beam is a measurement with the mean and the variance that the robot's scan model gives to a
+    beam that hits the expected wall; its Jacobian is computed by central differences of the ray
+    cast. Random readings are left to the gate. A prior is reduced to its mean and covariance, so a
+    uniform prior over a building becomes one Gaussian, which will hardly find the robot.
 
     Args:
         robot: its motion must be an ``OdometryMotion``, its scan model have ``hit_moments``.
@@ -182,7 +183,7 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
 
 def _moments(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior (of its draws, if it has none) and covariance about it.
+    """Mean of a prior (that of its draws, if it has none) and covariance about it.
 
     The headings are taken as differences in [-π, π].
     """

@@ -1,4 +1,4 @@
-"""What the particle filters of the family share: their parameters, and how one is made by name."""
+"""What the particle filters of the family share: their parameters and how one is built."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -27,29 +27,29 @@ FOR_THE_LOST = (
     "scan_keep",
     "recovery_alpha_slow",
     "recovery_alpha_fast",
-)  # parameters of methods that are to find a robot
+)  # parameters of the methods that can find a lost robot
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
-    """Parameters that several methods take, each those that it has a use for.
+    """Parameters of several methods; each method takes those it needs.
 
     Attributes:
         particles: N.
-        lag: L, steps of the past that are smoothed, and of the plan that are looked ahead.
+        lag: L, how many past steps are smoothed, and how many planned steps are read.
         beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright.
         resampler: "systematic", "stratified" or "multinomial".
         ess_threshold: resample only when the effective sample size is below this share of N;
             None resamples at every step, as the paper does.
-        plan_beta: β ≥ 0 of a plan that is taken as evidence, per step of it that collides.
-        start_draws: K, draws from the prior of which one is kept by how feasible the plan shown at
-            reset is from it; 1 keeps them all. As many for each pose that is injected after a new
-            route.
-        start_jitter: a length that kept draws are spread by; 0 is exact importance sampling.
-        scan_keep: κ, the share of the effective sample size that a scan leaves at least; 0 is
-            exact.
-        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, by which poses from
-            anywhere are injected; 0 and 0 inject none.
+        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence.
+        start_draws: K, draws from the prior per particle, chosen by how feasible the plan shown at
+            reset is from them; 1 ignores the plan. Poses injected after a new route are chosen in
+            the same way.
+        start_jitter: standard deviation added to the chosen draws, in the map's unit; 0 is exact
+            importance sampling.
+        scan_keep: κ, the least share of the effective sample size that a scan leaves; 0 is exact.
+        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, which injects random poses;
+            0 and 0 inject none.
     """
 
     particles: int = 1000
@@ -68,12 +68,13 @@ class Shared:
         integer("particles", self.particles, low=1)
         integer("lag", self.lag)
         number("beta", self.beta, low=0, finite=False)
+        number("plan_beta", self.plan_beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
         if self.start_jitter > 0 and self.start_draws == 1:
             raise InputError(
-                f"start_jitter is {self.start_jitter:g}, but start_draws is 1, so nothing is drawn "
-                "anew: give start_draws of 2 or more, or no start_jitter."
+                f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "
+                "2 or more: give start_draws, or leave start_jitter out."
             )
 
     @property
@@ -82,11 +83,11 @@ class Shared:
         return resampling(self.resampler, self.ess_threshold)
 
     def sensor(self, robot: RobotModel) -> PlanSensor:
-        """How plans are read."""
+        """The sensor model of plans."""
         return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=self.plan_beta)
 
     def start(self, robot: RobotModel) -> Start:
-        """Where the first particles come from."""
+        """How the first particles are chosen."""
         if self.start_draws == 1:
             return FromPrior()
         evidence = PlanEvidence(sensor=self.sensor(robot))
@@ -94,12 +95,12 @@ class Shared:
 
     @property
     def tempering(self) -> Tempering:
-        """At which power scans are taken in."""
+        """The exponent of scan likelihoods."""
         kept = KeepsSampleSize(self.scan_keep)
         return kept if self.scan_keep > 0 else Untempered()
 
     def injection(self, robot: RobotModel) -> Injection:
-        """Which poses are mixed in, and when."""
+        """Which random poses are mixed in, and when."""
         recovery = Recovery(
             alpha_slow=self.recovery_alpha_slow, alpha_fast=self.recovery_alpha_fast
         )
@@ -121,8 +122,8 @@ class Method:
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
     Attributes:
-        build: ``build(robot, shared, **own)`` puts its filter together.
-        takes: names of the shared parameters that it takes.
+        build: ``build(robot, shared, **own)`` returns its filter.
+        takes: names of the shared parameters it accepts.
     """
 
     build: Build
@@ -136,7 +137,7 @@ class Method:
 
     @property
     def __signature__(self) -> Signature:
-        """The robot, the shared parameters that it takes, its own; for ``inspect``."""
+        """The robot, the accepted shared parameters, its own parameters; for ``inspect``."""
         robot, _, *own = signature(self.build).parameters.values()
         shared = [
             Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
@@ -147,5 +148,5 @@ class Method:
 
 
 def method(*takes: str) -> Callable[[Build], Method]:
-    """Make a function a method that takes these of the ``Shared`` parameters beside its own."""
+    """Decorate a build function as a method that accepts these ``Shared`` parameters."""
     return lambda build: Method(build, takes)

@@ -1,7 +1,7 @@
 """p(x_t | a_{1:t}, o_{1:t}, m): Markov localization on a grid over (x, y, θ).
 
 Burgard et al. 1996; Fox, Burgard & Thrun 1999; Thrun et al. 2005, tables 8.1 and 8.2. The target is
-MCL's, without particles but with cells: no randomness, but what happens inside a cell is not seen.
+that of MCL, on cells instead of particles: nothing is random, but a cell hides what is inside it.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from localizers.models.scan import LidarScan, ScanTable
 
 LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
-_UNSEEN = -20.0  # log of the prior's mass on the grid, below which nothing of it was seen
+_UNSEEN = -20.0  # log of the prior's mass on the grid: below, the points missed it
 _WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is integrated with
 
 
@@ -37,7 +37,7 @@ class GridBelief(NamedTuple):
     Attributes:
         mass: with sum 1, (H, Y, X).
         trust: evidence for and against this belief.
-        events: counted trouble since reset.
+        events: counts since reset.
     """
 
     grid: PoseGrid
@@ -46,11 +46,11 @@ class GridBelief(NamedTuple):
     events: Events = Events()
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return the centres (n, 3) of the cells that count and their weights; at offset 0 only.
+        """Return the centres (n, 3) of the heavier cells and their weights; at offset 0 only.
 
         Cells of less than ``LEAST`` of the heaviest one's weight are left out. If more than
-        ``MOST_POINTS`` are left, the cells at that many equidistant quantiles of the mass stand
-        for all (systematic selection, without randomness), so n is at most ``MOST_POINTS``.
+        ``MOST_POINTS`` are left, the cells at that many equidistant quantiles of the mass represent
+        them (systematic selection without randomness), so n is at most ``MOST_POINTS``.
         """
         if offset != 0:
             return None
@@ -122,9 +122,9 @@ def grid(
     """Return Markov localization on a grid over the floor plan's bounds.
 
     Args:
-        robot: what the localizer is made for; its motion must be an ``OdometryMotion``.
-        cell: edge of a cell in x and y; None is 5 px, or as much in the map's unit.
-        headings: cells in θ.
+        robot: its motion must be an ``OdometryMotion``.
+        cell: edge of a cell in x and y, in the map's unit; None is 5 px, or 0.1 m.
+        headings: number of cells in θ.
     """
     cells = PoseGrid(
         bounds=robot.floor_plan.bounds,
@@ -141,8 +141,8 @@ def grid(
 def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     """Return the prior's probability of each cell, by 2 x 2 x 2 points per cell, (H, Y, X).
 
-    A prior of which the points see next to nothing, because it is far narrower than a cell or a
-    single pose, goes into the cell of its mean, if it has one.
+    If those points see next to none of it, because it is far narrower than a cell, all of it goes
+    into the cell of its mean, if it has one.
     """
     centres = grid.centres().T.astype(np.float64)
     half = np.array([grid.cell, grid.cell, grid.heading_step]) / 4

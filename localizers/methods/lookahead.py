@@ -1,9 +1,9 @@
 """p(x_t) ∝ α_t(x_t) h_t(x_t): map-based MCL, weighted by how feasible the plan is from x_t.
 
-α_t is what the filter knows of scans and steps so far, h_t(x) = E[Π g of the next L planned steps |
-x_t = x]. The target is DEQ-MCL's, but the future is not queued, so nothing degenerates by waiting.
-h_t from a table or from rollouts: Lin, Chen & Liu 2013 (lookahead, pilots); as a twist of the
-filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
+α_t covers the scans and steps so far, h_t(x) = E[Π g of the next L planned steps |
+x_t = x]. The target is DEQ-MCL's, but the future is not queued, so nothing degenerates
+while it waits. h_t comes from a table or from rollouts: Lin, Chen & Liu 2013 (lookahead, pilots);
+as a twist of the filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
 """
 
 from dataclasses import replace
@@ -35,10 +35,10 @@ def mcl_h(
 
     Args:
         robot, shared: see ``Shared``.
-        form: "estimate": h weights what is reported, the cloud is that of ``mcl_map``;
-            "twisted": queues are resampled by it, too.
-        cell: between the nodes of the table; None is 5 px, or as much in the map's unit.
-        headings: of the table, round the circle.
+        form: "estimate": h weights the report only, the cloud is that of ``mcl_map``;
+            "twisted": h also enters resampling.
+        cell: distance between nodes of the table, in the map's unit; None is 5 px, or 0.1 m.
+        headings: how many the table has, evenly spaced.
 
     Raises:
         InputError: the robot's motion is not an ``OdometryMotion``.

@@ -17,7 +17,7 @@ from localizers.models.feasibility import FreeSpace
 def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL whose steps are charged exp(-``beta``) if they collide.
 
-    Of plans it knows those by which poses are chosen, with ``start_draws`` of 2 or more.
+    It reads plans only to choose poses, with ``start_draws`` of 2 or more.
     """
     return replace(
         mcl.build(robot, shared),

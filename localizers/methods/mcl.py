@@ -1,4 +1,4 @@
-"""p(x_t | a_{1:t}, o_{1:t}, m): Monte-Carlo localization, knowing neither the plan nor walls.
+"""p(x_t | a_{1:t}, o_{1:t}, m): Monte-Carlo localization, without the plan and without collisions.
 
 Dellaert et al. 1999; Thrun et al. 2005, table 8.2. The map serves the sensor model only.
 """

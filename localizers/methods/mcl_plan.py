@@ -1,9 +1,9 @@
 """p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m): map-based MCL, each plan shown an observation of x_t.
 
-Ours. Authors do not plan through walls, so a plan is evidence of where its author holds the robot
-to be: p(π_t | x_t, m) ∝ exp(-β C), C planned steps that collide without noise. Nothing is queued
-after the present. It is worth what the author knows: a plan made from the filter's own estimate
-confirms it, and a stale one misleads.
+Ours. Authors do not plan through walls, so a plan is evidence of where its author believes the
+robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without noise. Nothing is
+queued after the present. A plan is only as good as its author's knowledge: one made from the
+filter's own estimate merely confirms it, and a stale one misleads.
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.free_space import even_poses
 
-_ANYWHERE = 512  # poses that stand for free space
+_ANYWHERE = 512  # poses that represent free space
 
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
@@ -32,17 +32,17 @@ def mcl_plan(
     charge: str = "always",
     validity: float | None = None,
 ) -> ParticleFilter:
-    """Return map-based MCL that takes ``lag`` = L steps of every plan as evidence.
+    """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
 
     Args:
         robot, shared: see ``Shared``.
-        keep: κ, the share of the effective sample size that a plan leaves at least; 0 is exact.
-        charge: "always"; or "new", each planned step once, when it comes into view.
-        validity: probability per step that plans become, or cease to be, about this robot; a
-            number takes the place of ``keep``, which must then be 0. None: they always are.
+        keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
+        charge: "always", or "new": each planned step once, when it comes into view.
+        validity: probability per step that plans become, or cease to be, about this robot; it
+            replaces ``keep``, which must then be 0. None: plans always are.
 
     Raises:
-        InputError: ``validity`` is given beside a ``keep`` or a ``charge`` that it cannot have.
+        InputError: ``validity`` is given together with ``keep`` > 0 or ``charge`` = "new".
     """
     sensor = shared.sensor(robot)
     known = CHARGES[one_of("charge", charge, CHARGES)]
@@ -50,9 +50,9 @@ def mcl_plan(
     if validity is not None:
         if keep != 0 or charge != "always":
             raise InputError(
-                f"validity is {validity!r}, keep {keep:g} and charge {charge!r}, but a plan that "
-                "is doubted is neither tempered nor charged in part: give keep = 0 and charge = "
-                "'always', or no validity."
+                f"validity is {validity!r}, keep {keep:g} and charge {charge!r}, but a plan of "
+                "doubtful validity is neither tempered nor charged in part: give keep = 0 and "
+                "charge = 'always', or leave validity out."
             )
         anywhere = even_poses(robot.floor_plan, _ANYWHERE)
         evidence = DoubtedPlans(

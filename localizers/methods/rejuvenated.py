@@ -1,8 +1,8 @@
-"""Q(t) of DEQ-MCL, its future redrawn at every step: the present is no longer twenty steps old.
+"""Q(t) of DEQ-MCL, with the queued future renewed at every step.
 
-The published filter draws x_t L steps before it becomes the present and resamples it L times since.
-Here a resample-move step (Gilks & Berzuini 2001) proposes a fresh future for every particle and
-accepts it by its feasibility. The target stays the same.
+The published filter draws x_t L steps before it becomes the present and resamples it L times in
+between, without fresh noise. Here a resample-move step (Gilks & Berzuini 2001) proposes a
+fresh future for every particle and accepts it by its feasibility. The target stays the same.
 """
 
 from collections.abc import Callable
@@ -26,13 +26,13 @@ MOVES: dict[str, Callable[[Move], Move]] = {
 def deq_mcl_rejuvenated(
     robot: RobotModel, shared: Shared, *, pilots: int = 16, moves: str = "always"
 ) -> ParticleFilter:
-    """Return DEQ-MCL whose future is moved.
+    """Return DEQ-MCL with a renewed future.
 
     Args:
-        robot, shared, pilots: as of ``deq_mcl``.
-        moves: "always"; "third", at each step with probability 1/3; or "resampled", at the steps
-            that resample only (meant for ``ess_threshold`` = 0.5). The first two are exactly
-            invariant, the last one as ``particles`` grows.
+        robot, shared, pilots: as for ``deq_mcl``.
+        moves: "always"; "third", at each step with probability 1/3; or "resampled", only at the
+            steps that resample (meant for ``ess_threshold`` = 0.5). The first two are exactly
+            invariant, the last one in the limit of many particles.
     """
     when = MOVES[one_of("moves", moves, MOVES)]
     base = deq_mcl.build(robot, shared, pilots=pilots)

@@ -15,16 +15,16 @@ from deqmcl_gym.validation import InputError, digits, number, one_of, part
 from localizers.models import beam_kernels
 from localizers.models.normal import normal_cdf, normal_pdf
 
-_STEPS = 400  # of which a range counts as one where the uniform share is a mass: 1 px of 400 px
-_NEAREST = 1e-6  # steps: what is nearer is taken to be this far, so that nothing is divided by 0
-_WIDEST = 1e4  # ranges: a normal as wide is flat; wider, its share in [0, range] has no digits
+_STEPS = 400  # the uniform share's mass at an end of the range is that of 1 step: 1 px of 400 px
+_NEAREST = 1e-6  # steps: least expected range, to avoid a division by 0
+_WIDEST = 1e4  # ranges: largest σ; it is flat, and the share of a wider one would lose its digits
 
 
 class BeamDensity(Protocol):
     """p(o | ô) of single beams, and its product over the beams of a scan."""
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-        """Σ_b log p(o_b | ô_b) for each pose, (n,), NaN where a range is; else as ``density``."""
+        """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
         ...
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
@@ -47,7 +47,7 @@ class BeamDensity(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class _Tempered:
-    """p(o | ô)^power: beams that depend on each other tell less than as many independent ones.
+    """p(o | ô)^power: dependent beams carry less information than independent ones.
 
     Attributes:
         power: in (0, 1]; 1 is Bayes' rule for independent beams.
@@ -61,7 +61,7 @@ class _Tempered:
 
 @dataclass(frozen=True, kw_only=True)
 class _HitOrAnything(_Tempered):
-    """A beam hits what it should, with normal noise σ, or, a share u of all, measures anything."""
+    """A beam hits the expected wall with normal noise σ or, with probability u, reads anything."""
 
     sigma: float = field(default=100.0, metadata=LENGTH)
     uniform: float = 0.05
@@ -79,7 +79,7 @@ class GaussianUniform(_HitOrAnything):
 
     Attributes:
         sigma: σ > 0, in the map's unit.
-        uniform: u, share of beams that measure anything at all.
+        uniform: u, share of beams that read any range.
     """
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
@@ -89,7 +89,7 @@ class GaussianUniform(_HitOrAnything):
         return density**self.power
 
     def least_density(self, max_range: float) -> float:
-        """Return that of a beam far from what it should be."""
+        """Return the density of a beam far from its expected range."""
         return float((self.uniform / max_range) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
@@ -102,7 +102,7 @@ class GaussianUniform(_HitOrAnything):
         return self.power * out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits what it should, (n, B) each."""
+        """Mean and variance of a beam that hits the expected wall, (n, B) each."""
         return expected, np.full_like(expected, self.sigma**2 / self.power)
 
 
@@ -118,7 +118,7 @@ class CensoredGaussianUniform(_HitOrAnything):
 
     Attributes:
         sigma: σ > 0, in the map's unit.
-        uniform: u, share of beams that measure anything at all.
+        uniform: u, share of beams that read any range.
     """
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
@@ -132,7 +132,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         return density**self.power
 
     def least_density(self, max_range: float) -> float:
-        """Return that of a beam far from what it should be, inside or at an end."""
+        """Return the least density or mass of a beam far from its expected range."""
         return float(min(self._anything(max_range)) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
@@ -151,7 +151,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         return floor, step * floor
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits what it should, (n, B) each.
+        """Mean and variance of a beam that hits the expected wall, (n, B) each.
 
         Of a normal variable clipped to [0, max_range].
         """
@@ -164,7 +164,7 @@ class CensoredGaussianUniform(_HitOrAnything):
             + self.sigma * (expected * slope - max_range * normal_pdf(high))
             + max_range**2 * at_max
         )
-        return mean, (square - mean**2) / self.power
+        return mean, np.maximum(square - mean**2, 0.0) / self.power
 
 
 @final
@@ -215,7 +215,7 @@ class BeamModel(_Tempered):
         return density**self.power
 
     def least_density(self, max_range: float) -> float:
-        """Return that of a beam far from what it should be, below max_range or at it."""
+        """Return the least density or mass of a beam far from its expected range."""
         return float(min(self.rand / max_range, self.max) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
@@ -231,7 +231,7 @@ class BeamModel(_Tempered):
         return min(self.sigma, _WIDEST * max_range)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits what it should, (n, B) each.
+        """Mean and variance of a beam that hits the expected wall, (n, B) each.
 
         Of a normal variable cut to [0, max_range].
         """

@@ -8,12 +8,12 @@ from deqmcl_gym.maps import RollOuts
 from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.models.motion import OdometryMotion
 
-_DRAWS = 2**16  # normal numbers drawn at once: more would not stay in the processor's cache
+_DRAWS = 2**16  # normal numbers drawn at once: more would not fit the processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChargedDrives:
-    """Several steps of p and g in one compiled pass: the draws and bits of one after the other.
+    """Several steps of p and g in one compiled pass, with the same draws and bits as step by step.
 
     Attributes:
         motion: p(x_t | x_{t-1}, a_t).
@@ -45,6 +45,6 @@ class ChargedDrives:
             collisions += hits
             states = poses[-1]
             path.extend(poses if keep else ())
-        # Added up one by one, as the steps are: c · β is rounded otherwise.
+        # Summed one by one, as step by step: c · β would round differently.
         charges = np.cumsum(np.append(0.0, np.full(len(actions), -self.beta)))
         return path, charges[collisions]

@@ -33,7 +33,7 @@ def field_log_likelihood(
         ranges, bearings: of the usable beams, (B,).
         field: distances at the cells' centres, (Y, X).
         grid: centre (x, y) of the first cell, and a cell's edge.
-        density: σ, peak, floor, and the largest d told apart.
+        density: σ, peak, floor, and the value that d is cut to.
         out: (n,).
     """
     low_x, low_y, cell = grid

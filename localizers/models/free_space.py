@@ -6,7 +6,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _BLOCK = 1024
-_COUNTED = 16 * _BLOCK  # points by which free space is measured
+_COUNTED = 16 * _BLOCK  # points at which free space is measured
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
 # discrepancy in three dimensions (Roberts 2018).
 _STEPS = np.array(

@@ -1,4 +1,4 @@
-"""p(o_t | x_t, m) by how far the ends of the beams lie from the nearest wall, without ray casts."""
+"""p(o_t | x_t, m) from the distance of each beam's end to the nearest wall, without ray casts."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, number
 from localizers.models import field_kernels, scan_kernels
 from localizers.models.scan import outside
@@ -27,10 +27,10 @@ class LikelihoodField:
     outer wall see ``outside``.
 
     Attributes:
-        sigma: σ > 0.
+        sigma: σ > 0, in the map's unit.
         hit: h, share of the beams that end at a wall.
-        farthest: largest distance told apart.
-        cell: edge of the table's cells; d is right to one cell.
+        farthest: d is cut to this, in the map's unit.
+        cell: edge of the table's cells, in the map's unit; d is accurate to one cell.
         power: exponent of the likelihood, in (0, 1], for beams that depend on each other.
     """
 
@@ -56,10 +56,14 @@ class LikelihoodField:
                 "give larger cells."
             )
 
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,)."""
+        informative: Bools = (ranges >= 0.0) & (ranges < self.lidar.max_range)  # false for NaN
+        return informative
+
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
-        max_range = self.lidar.max_range
-        usable = (ranges >= 0.0) & (ranges < max_range)  # both are false for NaN
+        usable = self.informative(ranges)
         out = np.zeros(states.shape[1])
         if not usable.any():
             return out

@@ -33,9 +33,9 @@ class LookaheadGrid:
     for ``headings`` directions. A step is a turn, then a drive, so backwards it is a drive, then a
     turn. The drive is a sum over three distances, h interpolated linearly between nodes; the turn
     a sum over headings, its weights those of linear interpolation averaged over the noise. A pose
-    off the grid counts as the nearest on it.
+    off the grid counts as the nearest one on it.
 
-    h is at least ``LEAST``: where no future is feasible, it says nothing. Tables are kept for all
+    h is at least ``LEAST``, also where no future is feasible. Tables are kept for all
     localizers of a process with an equal grid.
 
     Attributes:
@@ -159,7 +159,7 @@ class Nodes(NamedTuple):
     headings: Bools
 
     def led_to(self, far: float, first: int, weights: Singles, shape: tuple[int, int]) -> "Nodes":
-        """Return where a step leads to from here: so many cells ahead, by turns as weighted."""
+        """Return the nodes a step leads to from here: ``far`` cells ahead, turned as weighted."""
         (ny, nx), reach = shape, math.ceil(min(far, max(shape) + 1.0))
         turned = np.zeros_like(self.headings)
         ahead = np.flatnonzero(self.headings)[:, None] + (first + np.arange(weights.size))
@@ -175,7 +175,7 @@ class Nodes(NamedTuple):
 
 
 class Table(NamedTuple):
-    """h at some nodes, (H, rows, columns); of no meaning at headings that were not asked for."""
+    """h at some nodes, (H, rows, columns); meaningless at headings that were not asked for."""
 
     h: Singles
     nodes: Nodes
@@ -187,7 +187,7 @@ class Table(NamedTuple):
 
 
 class _Tables:
-    """The latest tables of a grid; of a window that is asked for again, the whole one is made."""
+    """The latest tables of a grid; a second request for a window computes its whole table."""
 
     def __init__(self, grid: LookaheadGrid) -> None:
         size = math.prod(grid.shape) * np.float32().itemsize

@@ -1,4 +1,4 @@
-"""p(π_t | x_t, m): how likely a plan is to be shown at a pose, as nobody plans through walls."""
+"""p(π_t | x_t, m): how likely a plan is to be shown at a pose; nobody plans through walls."""
 
 from dataclasses import dataclass
 from typing import final
@@ -17,15 +17,15 @@ _BLOCK = 2**18  # points laid at one time
 @final
 @dataclass(frozen=True, kw_only=True)
 class PlanSensor:
-    """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant: C planned steps collide.
+    """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant; C planned steps collide.
 
     C = Σ_k C(y_{k-1}, y_k), y_0 = x_t and y_k = y_{k-1} moved by the k-th planned action without
-    noise: the author corrects for noise on the way, so a plan is feasible as it is written. It
-    draws nothing. All the poses follow one path, turned and shifted.
+    noise: the author corrects for noise on the way, so a plan is feasible as written. All
+    poses follow one path, rotated and shifted; nothing is drawn.
 
     Attributes:
         floor_plan: the map m.
-        radius: of the robot's disc.
+        radius: of the robot's disc, in the map's unit.
         beta: β ≥ 0; inf rules out poses from which a planned step collides.
     """
 
@@ -48,7 +48,7 @@ class PlanSensor:
         Args:
             states: rows x, y, θ, (3, n).
             plan: actions (distance, turn rad), (h, 2).
-            first: step to begin to count with, from 0.
+            first: index of the first step counted.
 
         Returns:
             C, (n,).
@@ -63,7 +63,7 @@ class PlanSensor:
         return np.concatenate([self._asked(poses[:, s : s + block].copy(), path) for s in starts])
 
     def _asked(self, poses: Singles, path: Singles) -> Ints:
-        """Count by what any map can tell, all steps at once."""
+        """Count with ``Map.collides``, all steps at once."""
         points = np.empty((len(path), 2, poses.shape[1]), np.float32)
         laid(poses, path, points)
         starts, ends = (p.transpose(1, 0, 2).reshape(2, -1) for p in (points[:-1], points[1:]))

@@ -17,10 +17,10 @@ class PoseGrid:
     """Cells of ``cell`` x ``cell`` and 2π / ``headings`` rad, in the order (θ, y, x).
 
     Attributes:
-        bounds: what it covers at least: (x_min, y_min, x_max, y_max); centred on it.
+        bounds: the region to cover, (x_min, y_min, x_max, y_max); the grid is centred on it.
         cell: edge of a cell, in the map's unit.
         headings: number of headings; the first centre is -π.
-        bytes_per_cell: what its user will need; more than ``MAX_BYTES`` in all is refused.
+        bytes_per_cell: memory per cell; more than ``MAX_BYTES`` in total is refused.
     """
 
     bounds: tuple[float, float, float, float]

@@ -1,4 +1,4 @@
-"""p(x_0): where the robot may have been put down."""
+"""p(x_0): where the robot may start."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,8 +20,8 @@ class GaussianPrior:
 
     Attributes:
         mean: (x, y, θ rad).
-        sd_position: in x and in y.
-        sd_heading: rad.
+        sd_position: in x and in y, in the map's unit.
+        sd_heading: in rad.
     """
 
     mean: tuple[float, float, float] = field(metadata=POSE)
@@ -54,11 +54,11 @@ class GaussianPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class UniformPrior:
-    """x_0 is anywhere in free space, with any heading: the robot is to be found.
+    """x_0 is anywhere in free space, with any heading: the robot must be found.
 
     Attributes:
         floor_plan: the map m.
-        radius: of a disc that must fit where the robot is.
+        radius: of a disc that must fit at x_0, in the map's unit.
     """
 
     floor_plan: Map
@@ -74,7 +74,7 @@ class UniformPrior:
 
     @property
     def mean(self) -> None:
-        """None: no pose stands for all of them."""
+        """None: no single pose is representative."""
         return None
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:

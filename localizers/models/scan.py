@@ -14,7 +14,7 @@ from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity
 
 OUTSIDE = -30.0  # see outside
-_BLOCK = 8192  # poses whose exact ranges are kept at one time, in the processor's cache
+_BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 _VERBS = ("log_likelihood", "least_density")
 
 
@@ -24,7 +24,7 @@ class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
 
     A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
-    says nothing. For a pose outside the outer wall see ``outside``.
+    has log-likelihood 0. For a pose outside the outer wall see ``outside``.
     """
 
     floor_plan: Map
@@ -39,6 +39,10 @@ class LidarScan:
                 f"{' and '.join(lacking)}: a beam model has log_likelihood(ranges, expected, "
                 "max_range) and least_density(max_range)."
             )
+
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,)."""
+        return usable_beams(ranges, self.lidar.max_range)
 
     def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
@@ -73,7 +77,7 @@ class LidarScan:
 
 
 class ScanTable:
-    """``LidarScan`` at fixed poses, its ray casts made once."""
+    """``LidarScan`` at fixed poses, with the rays cast once."""
 
     def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
@@ -93,7 +97,7 @@ def outside(least: float) -> float:
     """Log-likelihood of each usable beam at a pose outside the outer wall: -30, or log ``least``.
 
     The smaller of the two: a scan is never likelier outside than at any pose inside, whatever the
-    number of its beams. ``least`` is what the scan model's density of a beam is never below.
+    number of its beams. ``least`` is the lower bound of the model's density of one beam.
     """
     return min(OUTSIDE, float(arrays.log(least)))
 

@@ -1,4 +1,4 @@
-"""The compiled checks of scans: which beams are usable, and whether a step is one."""
+"""The compiled checks of scans: which beams are usable, and whether a step is valid."""
 
 import numpy as np
 
@@ -22,10 +22,10 @@ def count_usable(ranges: Floats, max_range: float) -> int:
 def usable_if_sound(
     ranges: Floats, action: Floats, plan: Floats, beams: int, max_range: float
 ) -> int:
-    """``count_usable`` of a step; -1 if it is not one.
+    """``count_usable`` of a valid step, else -1.
 
-    That is, unless there are as many ranges as ``beams``, and the action (2,) and those of the plan
-    (h, 2) are pairs of numbers of at most ``LARGEST_ACTION``.
+    A step is valid if it has ``beams`` ranges, and if the action (2,) and the plan (h, 2) are pairs
+    of numbers of size ``LARGEST_ACTION`` at most.
     """
     if ranges.size != beams or action.size != 2 or plan.shape[1] != 2:
         return -1

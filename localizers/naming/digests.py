@@ -1,9 +1,9 @@
-"""Digests of the source of plug-ins, and of the files that they ship: read, never run.
+"""Digests of the source of plug-ins and of the files they ship; they are read, never run.
 
 What is covered: of a package, all its files; of ``file.py``, that file, the files beside it that
 have its name and another ending, and those beside or below whose names stand in its text
-(``"weights.npz"``, ``f"layer-{n}.npy"``, ``"*.npz"``), unless it writes them. A name that is only
-made up while it runs is not seen, nor is what it imports or downloads.
+(``"weights.npz"``, ``f"layer-{n}.npy"``, ``"*.npz"``), unless it writes them. Names made up at run
+time are not seen, nor is what it imports or downloads.
 """
 
 import ast
@@ -90,7 +90,7 @@ def _siblings(path: Path, *, folders: bool = False) -> list[Path]:
 
 
 def _files(root: Path) -> list[Path]:
-    """Return all files of a package, but for those that Python makes by itself."""
+    """Return all files of a package except those that Python generates."""
     return sorted(
         path
         for path in root.rglob("*")
@@ -122,7 +122,7 @@ def _patterns(source: bytes) -> set[str]:
 
 
 def _expressions(statement: ast.stmt) -> list[ast.AST]:
-    """Return the parts of a statement that are no statements."""
+    """Return the parts of a statement that are not statements."""
     inner = (ast.stmt, ast.ExceptHandler, ast.match_case)
     return [child for child in ast.iter_child_nodes(statement) if not isinstance(child, inner)]
 

@@ -1,7 +1,7 @@
-"""A process for other people's code: it is ended with all that it started.
+"""A process for other people's code, which is killed with everything it started.
 
 Whatever such code does to its process (working folder, streams, signals, threads, random state,
-``os._exit``) ends with the process; whoever waits for it kills it, and waits for nothing of it.
+``os._exit``) ends with the process. The parent kills it and waits for none of its cleanup.
 """
 
 import contextlib
@@ -20,10 +20,9 @@ _OOM_SCORE = "500"  # who is killed first when memory runs out: this process, no
 
 
 def enter() -> None:
-    """Make this process one that can be ended whole; the first thing that it does.
+    """Prepare this process to be killed as a whole; call it first.
 
-    It leads a session of its own, what is printed goes to stderr, and it does not outlive its
-    parent.
+    It leads its own session, prints to stderr, and does not outlive its parent.
     """
     with contextlib.suppress(AttributeError, OSError):  # not on Windows; it leads one already
         os.setsid()
@@ -36,12 +35,12 @@ def enter() -> None:
 
 
 def is_ctrl_c(error: BaseException) -> bool:
-    """Whether an error is somebody's Ctrl-C: worker processes get none, a plug-in raised theirs."""
+    """Whether an error is the user's Ctrl-C; in a worker it can only come from a plug-in."""
     return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
 
 
 def end(process: BaseProcess) -> None:
-    """Kill a process that has entered, and what it started: also in sessions of their own."""
+    """Kill a process that called ``enter``, and all it started, in other sessions too."""
     if process.pid is not None:
         _kill_session(process.pid)
         process.kill()
@@ -65,7 +64,7 @@ def _kill_marked(leader: int) -> None:
 
 
 def _leave_with_parent() -> None:
-    """End at once when the parent is gone, whatever else is going on."""
+    """Exit at once when the parent is gone, whatever else is running."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

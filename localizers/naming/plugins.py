@@ -1,7 +1,7 @@
-"""Localizers out of other people's code: ``package.module:NAME``, ``file.py:NAME``.
+"""Localizers from other people's code: ``package.module:NAME``, ``file.py:NAME``.
 
-Loading runs that code, so it happens only when a plug-in is used. Whatever goes wrong with it is
-said in one sentence as an ``InputError``.
+Loading runs that code, so it happens only when a plug-in is used. Any failure is
+reported in one sentence, as an ``InputError``.
 """
 
 import contextlib
@@ -46,8 +46,8 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
 
     Args:
         reference: ``package.module:NAME`` or ``path/to/file.py:NAME``.
-        name: what the user asked for, for the error.
-        kind: what it is, for the error.
+        name: as the user gave it, for the error message.
+        kind: of what it names, for the error message.
 
     Raises:
         InputError: there is no such module, file or attribute, or its code fails while importing.
@@ -92,7 +92,7 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
 
 
 def reference_digest(reference: str) -> str | None:
-    """SHA-256 of what a reference leads to, see ``digests``; it is read, not run."""
+    """SHA-256 of the code behind a reference; see ``digests``. It is read, not run."""
     place = absolute_name(reference).rpartition(":")[0]
     return file_digest(place) if _is_path(place) else module_digest(place)
 

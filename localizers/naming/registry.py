@@ -1,4 +1,4 @@
-"""Localizers by name: built-in, registered, installed, or said by where their code is."""
+"""Localizers by name: built-in, registered, installed, or given by the place of their code."""
 
 import inspect
 import sys
@@ -45,7 +45,7 @@ _BUILT_IN = frozenset(_FACTORIES)
 
 
 def names() -> tuple[str, ...]:
-    """Names that ``make`` knows: the built-in ones, the registered, the installed (not loaded)."""
+    """Names that ``make`` knows: built-in, registered and installed ones; none is loaded."""
     return tuple(dict.fromkeys((*_FACTORIES, *installed())))
 
 
@@ -73,13 +73,13 @@ def is_plug_in(name: str) -> bool:
 
 
 def resolve(name: str) -> Factory:
-    """Return the factory that a name leads to; the first of these that has it.
+    """Return the factory that a name leads to, from the first of these that has it.
 
     A built-in name; a registered one; an entry point of group ``deqmcl.localizers``;
-    ``package.module:NAME``; ``path/to/file.py:NAME``. The code of a plug-in is run by this.
+    ``package.module:NAME``; ``path/to/file.py:NAME``. This runs the code of a plug-in.
 
     Raises:
-        InputError: nothing has that name, or its code cannot be imported, or is no factory.
+        InputError: there is no such name, its code cannot be imported, or it is not a factory.
     """
     if name in _FACTORIES:
         return _FACTORIES[name]
@@ -103,7 +103,7 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
 
     Args:
         name: see ``resolve``.
-        robot: the map, the sensor and the noise it is made for.
+        robot: its map, its sensor and the assumed noise.
         params: parameters of the method, see ``parameters(name)``.
 
     Raises:
@@ -119,7 +119,7 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
 
 
 def made_by(factory: Factory, name: str, robot: RobotModel, **params: Any) -> Localizer:
-    """Return what a factory makes, if it is a localizer; ``name`` is for the error."""
+    """Return what a factory makes if it is a localizer, else raise; ``name`` is for the error."""
     made = factory(robot, **params)
     lacking = [verb for verb in ("reset", "update") if not callable(getattr(made, verb, None))]
     if lacking:
@@ -136,7 +136,7 @@ def parameters(name: str) -> tuple[str, ...] | None:
 
 
 def parameters_of(factory: Factory) -> tuple[str, ...] | None:
-    """Names of what a factory takes beside the robot; None if it takes any."""
+    """Names of a factory's parameters beside the robot; None if it takes any."""
     try:
         given = list(inspect.signature(factory).parameters.values())
     except ValueError:  # some compiled callables have none to show
@@ -148,14 +148,14 @@ def parameters_of(factory: Factory) -> tuple[str, ...] | None:
 
 
 def source_digest(name: str) -> str | None:
-    """Digest of a plug-in: another one whenever its file, its package or its weights are edited.
+    """Digest of a plug-in: it changes whenever its file, its package or its weights are edited.
 
-    ``localizers.naming.digests`` says what it covers. Files are read, not run, so a plug-in that
-    cannot be imported has one too. None for a built-in localizer, whose source is this package's,
-    and where there is nothing to read. Whoever keeps results keeps it with them.
+    ``localizers.naming.digests`` documents what it covers. Files are read, not run, so a plug-in
+    that cannot be imported has one too. None for a built-in localizer, whose source is this
+    package's, and if there is nothing to read. It is stored with results.
 
     Raises:
-        InputError: a plain name that nobody has.
+        InputError: a plain name that does not exist.
     """
     if name in _BUILT_IN:
         return None
@@ -190,7 +190,7 @@ def complete(name: str) -> str:
 
 
 def _reference(name: str) -> str:
-    """Where the code of a name is that is neither built in nor registered."""
+    """Return the reference of a name that is neither built in nor registered."""
     if isinstance(name, str) and plugins.is_reference(name):
         return plugins.absolute_name(name)
     if isinstance(name, str) and is_file(name):

@@ -1,4 +1,4 @@
-"""The localizers that a Python file holds, read from its text: no code of it is run."""
+"""The localizers in a Python file, found by parsing it: its code is not run."""
 
 import ast
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ def localizers_in(file: str) -> list[str]:
     """Return the names of the public classes in a file that have ``reset`` and ``update``.
 
     Raises:
-        InputError: the file cannot be read, or is no Python.
+        InputError: the file cannot be read, or is not Python.
     """
     try:
         tree = ast.parse(content_of(Path(file).expanduser()), file)

@@ -1,6 +1,7 @@
 """``amcl``: the KLD bound, augmented recovery, the likelihood field, and a kidnapped robot."""
 
 import math
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -184,6 +185,18 @@ def test_it_resamples_when_it_should(robot, prior, drive, interval, selective):
         only_the_latest = np.array_equal(latest, after.log_weights)
         assert only_the_latest == (due or t == 0)
         before = after
+
+
+def test_a_beam_that_the_field_skips_makes_no_scan_likelier(robot, prior):
+    # a beam at max_range says nothing in it, as one that is lost
+    two = replace(robot, lidar=Lidar(beams=2, field_of_view=1.0, max_range=400.0))
+    averages = []
+    for silent in (400.0, math.nan):
+        localizer = localizers.make("amcl", two, recovery_alpha_slow=0.1, recovery_alpha_fast=0.5)
+        localizer.reset(prior, [], np.random.default_rng(0))
+        localizer.update([50.0, silent], [0.0, 0.0], [])
+        averages.append(localizer._running.recovery.fast)
+    assert averages[0] == averages[1] > 0
 
 
 def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:

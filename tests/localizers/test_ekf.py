@@ -118,6 +118,23 @@ def test_a_beam_beyond_the_gate_is_left_out_and_counted(corridor):
     assert ungated.events.gated_beams == 0
 
 
+@pytest.mark.parametrize("gate", [0.99, 1])
+def test_beams_that_cannot_read_anything_but_max_range_tell_nothing(gate):
+    # every wall is 60 standard deviations or more beyond what the lidar reports
+    hall = localizers.RobotModel(
+        floor_plan=PolygonMap(outer=[(0, 0), (2000, 0), (2000, 2000), (0, 2000)]),
+        lidar=Lidar(beams=4, field_of_view=6.0, max_range=400.0),
+        scan=localizers.CensoredGaussianUniform(sigma=10.0),
+    )
+    prior = localizers.GaussianPrior(mean=(1000, 1000, 0.0), sd_position=5.0)
+    seen, blind = (
+        updated("ekf", hall, prior, [o] * 4, gate=gate, action=[20, 0]) for o in (400.0, math.nan)
+    )
+    assert seen.events.gated_beams == 0
+    assert seen.mean.tolist() == blind.mean.tolist()
+    assert seen.covariance.tolist() == blind.covariance.tolist()
+
+
 def test_outside_the_walls_it_goes_on_by_its_commands(corridor):
     prior = localizers.GaussianPrior(mean=(290, 50, 0.0), sd_position=2.0, sd_heading=0.01)
     belief = updated("ekf", corridor, prior, [50.0, 20.0, 50.0], action=[30.0, 0.0])

@@ -32,6 +32,7 @@ def sentence(caught) -> str:
         ("mcl", {"ess_threshold": 1.1}, "ess_threshold is 1.1, but must be a number from 0 to 1"),
         ("mcl-smoother", {"lag": -1}, "lag is -1"),
         ("mcl-map", {"beta": NAN}, "beta is nan"),
+        ("mcl-map", {"plan_beta": -1}, "plan_beta is -1"),
         ("deq-mcl", {"pilots": 0}, "pilots is 0"),
         ("mcl", {"particels": 10}, "did you mean 'particles'"),
         ("mcl", {"lag": 3}, "ess_threshold, particles, resampler"),

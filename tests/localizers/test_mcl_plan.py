@@ -40,11 +40,24 @@ def test_it_looks_at_what_the_plan_still_holds(make, prior, drive):
     assert same(near, far)
 
 
-def test_a_plan_that_only_goes_on_is_charged_once_a_step(robot, prior, drive):
+@pytest.mark.parametrize(
+    ("start_draws", "turned_from", "charged"),
+    [
+        # the window of t = 3 ends before the turn; at 4 its last step is the first that is turned
+        (1, 8, [(5, 0)] + [(5, 4)] * 7),
+        (1, 13, [(5, 0)] + [(5, 4)] * 7),
+        # the start was chosen by the whole plan, so only what differs from it is left to charge
+        (2, 8, [(5, 4)] * 4),
+        (2, 13, []),
+    ],
+)
+def test_a_plan_that_only_goes_on_is_charged_once_a_step(
+    robot, prior, drive, start_draws, turned_from, charged
+):
     # L steps at the start, then one more at each step; a changed one from where it differs
     actions, _ = drive
     turned = actions.copy()
-    turned[8:] += 0.1
+    turned[turned_from:] += 0.1
     plans = [actions, actions[1:], turned[2:], *(turned[t:] for t in range(3, 13))]
     asked = []
 
@@ -55,11 +68,19 @@ def test_a_plan_that_only_goes_on_is_charged_once_a_step(robot, prior, drive):
             asked.append((len(plan), first))
             return np.zeros(states.shape[1], np.int32)
 
-    made = localizers.make("mcl-plan", robot, particles=10, lag=5, charge="new")
+    params = {"particles": 10, "lag": 5, "start_draws": start_draws}
+    made = localizers.make("mcl-plan", robot, charge="new", **params)
     evidence = replace(made.filter.lookahead, sensor=Recording())
     follow(varied(made, lookahead=evidence), prior, drive, plans=plans)
-    # the window of t = 3 ends before the turn; at 4 its last step is the first that is turned
-    assert asked == [(5, 0)] + [(5, 4)] * 7
+    assert asked == charged
+
+
+def test_who_reads_the_first_plan_only_reports_none_of_the_later_steps(robot, prior, drive):
+    first, *later = follow(
+        localizers.make("mcl-map", robot, particles=9, start_draws=2), prior, drive
+    )
+    assert first.plan_reading.shown.tolist() == drive[0].tolist()
+    assert [belief.plan_reading for belief in later] == [None] * len(later)
 
 
 def test_the_start_keeps_the_best_of_many_draws_and_leaves_the_other_random_numbers(room, robot):
