@@ -20,8 +20,9 @@ class RoomInfo(TypedDict):
         truth: the true pose (x, y, θ), (3,) float64. For scoring: an estimator that
             reads it has been told the answer.
         goal: of a world with a route: where it ends (x, y), (2,) float64.
-        route: of a world with a route: its corners as planned, from where the robot was expected to
-            the goal, (k, 2) float64. For whoever drives: its beginning is the answer at reset.
+        route: of a world with a route: its corners (x, y) as planned, from where the robot was
+            expected to the goal. Routes differ in length, so it is not an array: Gymnasium's vector
+            envs keep one per env. For whoever drives: its beginning is the answer at reset.
     """
 
     planned_actions: Singles
@@ -30,7 +31,7 @@ class RoomInfo(TypedDict):
     collided: bool
     truth: Floats
     goal: NotRequired[Floats]
-    route: NotRequired[Floats]
+    route: NotRequired[tuple[tuple[float, ...], ...]]
 
 
 def check_no_options(options: object) -> None:

@@ -1,6 +1,7 @@
 """LogEnv: a recorded log as a Gymnasium environment, ``deqmcl_gym/Log-v0``."""
 
 from collections.abc import Mapping
+from inspect import signature
 from os import PathLike
 from typing import Any, SupportsFloat
 
@@ -82,6 +83,7 @@ class LogEnv(gym.Env[Singles, Singles]):
             the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         render_mode: None or "rgb_array".
+        unknown: nothing; refused with the nearest name.
 
     Raises:
         InputError: a bad value, a log that cannot be read or has less than two records, a map in
@@ -98,7 +100,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def __init__(
         self,
         *,
-        log: str | PathLike[str] | logs.Log,
+        log: str | PathLike[str] | logs.Log | None = None,
         map: Any = None,  # noqa: A002  # the word of everybody
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
@@ -111,7 +113,12 @@ class LogEnv(gym.Env[Singles, Singles]):
         on_mismatch: str = "error",
         reading: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
+        for name in unknown:
+            one_of("argument", name, set(signature(LogEnv).parameters) - {"unknown"})
+        if log is None:
+            raise InputError("there is no log: give log=…, the path of one.")
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
         apart = None if every is None else spacing("every", every)

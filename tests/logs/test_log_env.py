@@ -244,6 +244,8 @@ def test_anything_else_is_refused(bad):
     ("options", "said"),
     [
         ({"log": 3}, "path of a log"),
+        ({"log": None}, "there is no log: give log="),
+        ({"mpa": "x.yaml"}, "unknown argument 'mpa': did you mean 'map'"),
         ({"map": PolygonMap(((0, 0), (9, 0), (9, 9)))}, "the map is in px, but the log in m"),
         ({"plan": "truth"}, "plan"),
         ({"on_mismatch": "sigh"}, "on_mismatch"),
