@@ -70,7 +70,7 @@ def page(template: str, **values: Any) -> str:
 def _whole(cell: str) -> str:
     """The cell, broken over lines nowhere but before an interval or an SD."""
     inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
-    return re.sub(r"(?<=\d) (?=[%×])", "\u00a0", inside)
+    return re.sub(r"(?<=\d) (?=[%×▲▼○])", "\u00a0", inside)
 
 
 def _variables() -> str:

@@ -1,14 +1,15 @@
 """How Sphinx makes the site: ``make site``. Its source is the whole clone, so that links hold."""
 
 import re
-from importlib.metadata import version as installed
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 
+import deqmcl_gym
+
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
-version = release = installed("deqmcl-gym")
+version = release = deqmcl_gym.__version__
 
 extensions = [
     "myst_parser",
