@@ -4,6 +4,10 @@ import re
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from numpy.typing import ArrayLike
+from sphinx.ext import autodoc
+from sphinx.ext.autodoc import typehints
+from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
 
@@ -31,13 +35,30 @@ html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_format = "short"
+autodoc_typehints_description_target = "documented_params"  # of dataclasses: as attributes only
+
+GALLERY = (
+    "first_localizer", "custom_room", "many_rooms", "plan_sensor", "lost_in_a_building",
+    "your_map", "your_log", "sweep_and_report", "figures_for_a_paper", "ppo",
+)  # fmt: skip
+
+
+class FromFirstSteps:
+    """The gallery's order; a script that is not in it stops the build."""
+
+    def __init__(self, folder):
+        pass
+
+    def __call__(self, script):
+        return GALLERY.index(str(script).removesuffix(".py"))
+
 
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
     "filename_pattern": r"examples/(?!ppo)",  # run all but those that need PyTorch
     "ignore_pattern": r"conftest",
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": FromFirstSteps,
     "show_memory": False,
     "write_computation_times": False,
     "min_reported_time": 10**6,
@@ -49,6 +70,20 @@ html_theme = "furo"
 html_title = f"deqmcl-gym {release}"
 html_show_sphinx = False
 html_copy_source = False
+
+ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
+ARRAY = re.compile(
+    r"(?:~?numpy\.)?ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], (?:~?numpy\.)?dtype\["
+)
+
+
+def _named(annotation, *arguments, **options):
+    """A type as it is written in the code, not as NumPy spells it out."""
+    text = stringify_annotation(annotation, *arguments, **options).replace(ARRAY_LIKE, "ArrayLike")
+    return re.sub(ARRAY.pattern + r"([^]]*)\]\]", r"NDArray[\1]", text)
+
+
+autodoc.stringify_annotation = typehints.stringify_annotation = _named
 
 HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
 SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))
