@@ -1,5 +1,6 @@
 """How Sphinx makes the site: ``make site``. Its source is the whole clone, so that links hold."""
 
+import logging
 import re
 
 from docutils import nodes
@@ -10,6 +11,7 @@ from sphinx.ext.autodoc import typehints
 from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
+from benchmarks.report.html import whole
 
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
@@ -43,6 +45,9 @@ GALLERY = (
 )  # fmt: skip
 
 
+logging.getLogger("fontTools").setLevel(logging.WARNING)  # of every font in a PDF
+
+
 class FromFirstSteps:
     """The gallery's order; a script that is not in it stops the build."""
 
@@ -70,17 +75,17 @@ html_theme = "furo"
 html_title = f"deqmcl-gym {release}"
 html_show_sphinx = False
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
-ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
-ARRAY = re.compile(
-    r"(?:~?numpy\.)?ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], (?:~?numpy\.)?dtype\["
-)
+ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[tuple\[.*?Any, \.\.\.\], [^[]*dtype\[([^]]*)\]\]")
 
 
 def _named(annotation, *arguments, **options):
     """A type as it is written in the code, not as NumPy spells it out."""
-    text = stringify_annotation(annotation, *arguments, **options).replace(ARRAY_LIKE, "ArrayLike")
-    return re.sub(ARRAY.pattern + r"([^]]*)\]\]", r"NDArray[\1]", text)
+    text = stringify_annotation(annotation, *arguments, **options)
+    text = text.replace(stringify_annotation(ArrayLike, *arguments, **options), "ArrayLike")
+    return ARRAY.sub(r"NDArray[\1]", text)
 
 
 autodoc.stringify_annotation = typehints.stringify_annotation = _named
@@ -137,6 +142,14 @@ def _with_contents(app, document, source):
     source[0] += CONTENTS.get(document, "")
 
 
+def _keep_cells_whole(app, document):
+    """Break the cells of tables nowhere but before an interval, as reports do."""
+    for cell in document.findall(nodes.entry):
+        for text in cell.findall(lambda node: isinstance(node, nodes.Text)):
+            if not isinstance(text.parent, nodes.literal):
+                text.parent.replace(text, nodes.Text(whole(text.astext())))
+
+
 def _as_mathml(self, node, as_block):
     """Formulas as browsers know them: no script, no network."""
     text = HATS.sub(r"{\\hat \1}", node.astext())
@@ -150,6 +163,7 @@ def _as_mathml(self, node, as_block):
 def setup(app):
     """Add the contents, and formulas without a script."""
     app.connect("source-read", _with_contents)
+    app.connect("doctree-read", _keep_cells_whole)
     app.add_html_math_renderer(
         "mathml",
         (lambda writer, node: _as_mathml(writer, node, False), None),
