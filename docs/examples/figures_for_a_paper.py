@@ -36,7 +36,7 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
 # few: the report says how many a paper needs.
 
 files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))
-print(*(file.relative_to(folder) for file in files[:6]), f"and {len(files) - 6} more", sep="\n")
+print(*(file.relative_to(folder) for file in files[:6]), sep="\n")
 table = (folder / "export" / "tables.tex").read_text()
 print(table[table.index(r"\begin{tabular}") : table.index(r"\end{table*}")])
 
@@ -53,8 +53,8 @@ for method in ("mcl-map", "mcl-plan"):
     particles, mean, low, high = zip(*found, strict=True)
     axes.plot(particles, mean, "o-", label=method)
     axes.fill_between(particles, low, high, alpha=0.2)
-axes.set(xlabel="particles", ylabel="error, px", xscale="log", xticks=particles, ylim=(0, None))
-axes.set_xticks(particles, labels=particles, minor=False)
+axes.set(xlabel="particles", ylabel="error, px", xscale="log", ylim=(0, None))
+axes.set_xticks(particles, labels=particles)
 axes.minorticks_off()
 axes.legend()
 figure.savefig(folder / "column.pdf")

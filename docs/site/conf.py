@@ -146,7 +146,7 @@ def _keep_cells_whole(app, document):
     """Break the cells of tables nowhere but before an interval, as reports do."""
     for cell in document.findall(nodes.entry):
         for text in cell.findall(lambda node: isinstance(node, nodes.Text)):
-            if not isinstance(text.parent, nodes.literal):
+            if not isinstance(text.parent, nodes.literal | nodes.math):
                 text.parent.replace(text, nodes.Text(whole(text.astext())))
 
 
