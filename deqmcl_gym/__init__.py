@@ -8,7 +8,7 @@ from deqmcl_gym.maps import GridMap, Lidar, Office, PolygonMap
 from deqmcl_gym.registration import ENV_ID, register
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 
-__version__ = "0.1.0"  # its only home: pyproject.toml reads it here
+__version__ = "0.2.0"  # its only home: pyproject.toml reads it here
 
 __all__ = [
     "ENV_ID",

@@ -64,15 +64,15 @@ def page(template: str, **values: Any) -> str:
     )
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
-    engine.filters["whole"] = _whole
+    engine.filters["whole"] = whole
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
     return engine.get_template(template).render(style=Markup(_variables() + css), **values)
 
 
-def _whole(cell: str) -> str:
-    """The cell, broken over lines nowhere but before an interval or an SD."""
+def whole(cell: str) -> str:
+    """Return a table's cell so that lines break nowhere but before an interval or an SD."""
     inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
-    return re.sub(r"(?<=\d) (?=[%×])", "\u00a0", inside)
+    return re.sub(r"(?<=\d) (?=[%×▲▼○])", "\u00a0", inside)
 
 
 def _variables() -> str:

@@ -47,7 +47,7 @@ class Moment:
         plan: the actions that the localizer was told are to follow, (h, 2); None: not known.
         collided: whether a wall stopped the robot on the way here.
         goal: where the robot is to arrive, (2,); None if nowhere.
-        route: corners of the way to it as it is planned now, (k, 2).
+        route: corners (x, y) of the way to it as it is planned now.
     """
 
     step: int
@@ -59,7 +59,7 @@ class Moment:
     plan: Reals | None = None
     collided: bool = False
     goal: Reals | None = None
-    route: Reals | None = None
+    route: tuple[tuple[float, ...], ...] | None = None
 
 
 def moments(

@@ -1,7 +1,8 @@
 """A localizer's belief as an observation, and its error as a reward."""
 
+import copy
 import math
-from typing import Any, Protocol, SupportsFloat
+from typing import Any, Protocol, SupportsFloat, runtime_checkable
 
 import gymnasium as gym
 import numpy as np
@@ -15,11 +16,11 @@ from deqmcl_gym.validation import LARGEST, InputError, shown
 Seen = dict[str, Any]
 StepResult = tuple[Seen, SupportsFloat, bool, bool, dict[str, Any]]
 
-_FLOOR = np.array(
-    [1e-2, 1e-2, 1e-6]
-)  # (0.1 px)², 10⁻⁶ rad²: the entropy of a single pose is finite
+# (0.1 px)², 10⁻⁶ rad²: the entropy of a single pose is finite
+_FLOOR = np.array([1e-2, 1e-2, 1e-6])
 
 
+@runtime_checkable
 class Estimator(Protocol):
     """The methods of a localizer that an env calls; see ``localizers.Localizer``."""
 
@@ -48,17 +49,24 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
 
     Args:
         env: Room-v0 or Log-v0, or one in wrappers that keep scans, or dicts with a ``scan``.
-        localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; each
-            env needs one of its own.
+        localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; the
+            env runs a copy of it, also when it is made anew from its ``spec``.
         prior: p(x_0), given to the localizer at each reset.
 
     Raises:
-        InputError: the env shows no scan.
+        InputError: the env shows no scan, or the localizer is none.
     """
 
     def __init__(self, env: gym.Env[Any, Singles], localizer: Estimator, prior: Any) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self, localizer=localizer, prior=prior)
+        given = {"localizer": localizer, "prior": prior}
+        gym.utils.RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **given)
         super().__init__(env)
+        if not isinstance(localizer, Estimator):
+            raise InputError(
+                f"localizer is {shown(localizer)}, but must have reset and update: give "
+                'localizers.make("mcl", robot).'
+            )
+        localizer = copy.deepcopy(localizer)
         self._localizer, self._prior = localizer, prior
         room: Any = env.unwrapped
         self._floor = _FLOOR * np.array([pixel(room.floor_plan.unit)] * 2 + [1.0]) ** 2

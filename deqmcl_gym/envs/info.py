@@ -20,8 +20,9 @@ class RoomInfo(TypedDict):
         truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
             it.
         goal: the end of the route (x, y), (2,) float64; only in a world with a route.
-        route: of a world with a route: its corners as planned, from where the robot was expected to
-            the goal, (k, 2) float64. For whoever drives: its beginning is the answer at reset.
+        route: corners (x, y) of the planned route, from the expected start to the goal; only in a
+            world with a route. Routes differ in length, so it is a tuple, not an array: Gymnasium's
+            vector envs keep one per env. For whoever drives: its beginning is the answer at reset.
     """
 
     planned_actions: Singles
@@ -30,7 +31,7 @@ class RoomInfo(TypedDict):
     collided: bool
     truth: Floats
     goal: NotRequired[Floats]
-    route: NotRequired[Floats]
+    route: NotRequired[tuple[tuple[float, ...], ...]]
 
 
 def check_no_options(options: object) -> None:

@@ -1,6 +1,7 @@
 """LogEnv: a recorded log as a Gymnasium environment, ``deqmcl_gym/Log-v0``."""
 
 from collections.abc import Mapping
+from inspect import signature
 from os import PathLike
 from typing import Any, SupportsFloat
 
@@ -84,6 +85,7 @@ class LogEnv(gym.Env[Singles, Singles]):
             warns and plays the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         render_mode: None or "rgb_array".
+        unknown: any other argument is refused, with the nearest name.
 
     Raises:
         InputError: a value is bad, the log cannot be read or has fewer than two records, or the map
@@ -100,7 +102,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def __init__(
         self,
         *,
-        log: str | PathLike[str] | logs.Log,
+        log: str | PathLike[str] | logs.Log | None = None,
         map: Any = None,  # noqa: A002  # everybody calls it that
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
@@ -113,7 +115,12 @@ class LogEnv(gym.Env[Singles, Singles]):
         on_mismatch: str = "error",
         reading: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
+        for name in unknown:
+            one_of("argument", name, set(signature(LogEnv).parameters) - {"unknown"})
+        if log is None:
+            raise InputError("there is no log: give log=…, the path of one.")
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
         self._horizon = integer("horizon", horizon, low=1, high=100_000)
         if render_mode is not None:

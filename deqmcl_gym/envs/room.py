@@ -287,5 +287,6 @@ def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
         "truth": np.array(episode.pose),
     }
     if episode.course.goal is not None:
-        info["goal"], info["route"] = np.array(episode.course.goal), episode.course.path.corners + 0
+        info["goal"] = np.array(episode.course.goal)
+        info["route"] = tuple(map(tuple, episode.course.path.corners.tolist()))
     return cast("dict[str, Any]", info)

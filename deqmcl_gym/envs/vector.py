@@ -276,10 +276,12 @@ def _number(rooms: int, setting: Setting) -> int:
 
 
 def _same_for_all(setting: Setting) -> FixedPlan:
-    part = "a driver" if setting.journeys is None else "a route"
-    if setting.journeys is None and isinstance(setting.plan, FixedPlan):
+    part, others = "a driver", ""
+    if setting.journeys is not None:
+        part, others = "a route", ", horizon=50"
+    elif isinstance(setting.plan, FixedPlan):
         return setting.plan
     raise InputError(
         f"the rooms of a world with {part} have plans of their own, so they run one by one: "
-        'give gym.make_vec(..., vectorization_mode="sync").'
+        f'give gym.make_vec(..., vectorization_mode="sync"{others}).'
     )

@@ -36,7 +36,7 @@ print(f"{feasible.mean():.1%} of the particles survive")
 
 
 def draw(axes, poses, colour, title):
-    axes.set_title(title, pad=10)
+    axes.set_title(title, pad=2)
     for corners in (room.outer, *room.obstacles):
         axes.fill(*np.array(corners).T, facecolor="none", edgecolor="black", linewidth=2)
     for x, y, heading in poses:

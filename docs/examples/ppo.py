@@ -11,6 +11,8 @@ many of 20 laps it finishes: `Learning <../learning.html>`_ has the result.
 .. image:: ../figures/ppo.svg
 """
 
+# sphinx_gallery_thumbnail_path = 'docs/figures/ppo.svg'  # noqa: ERA001
+
 import argparse
 import sys
 from typing import Any

@@ -1,14 +1,21 @@
 """How Sphinx makes the site: ``make site``. Its source is the whole clone, so that links hold."""
 
+import logging
 import re
-from importlib.metadata import version as installed
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from numpy.typing import ArrayLike
+from sphinx.ext import autodoc
+from sphinx.ext.autodoc import typehints
+from sphinx.util.typing import stringify_annotation
+
+import deqmcl_gym
+from benchmarks.report.html import whole
 
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
-version = release = installed("deqmcl-gym")
+version = release = deqmcl_gym.__version__
 
 extensions = [
     "myst_parser",
@@ -30,13 +37,33 @@ html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_format = "short"
+autodoc_typehints_description_target = "documented_params"  # of dataclasses: as attributes only
+
+GALLERY = (
+    "first_localizer", "custom_room", "many_rooms", "plan_sensor", "lost_in_a_building",
+    "your_map", "your_log", "sweep_and_report", "figures_for_a_paper", "ppo",
+)  # fmt: skip
+
+
+logging.getLogger("fontTools").setLevel(logging.WARNING)  # of every font in a PDF
+
+
+class FromFirstSteps:
+    """The gallery's order; a script that is not in it stops the build."""
+
+    def __init__(self, folder):
+        pass
+
+    def __call__(self, script):
+        return GALLERY.index(str(script).removesuffix(".py"))
+
 
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
     "filename_pattern": r"examples/(?!ppo)",  # run all but those that need PyTorch
     "ignore_pattern": r"conftest",
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": FromFirstSteps,
     "show_memory": False,
     "write_computation_times": False,
     "min_reported_time": 10**6,
@@ -48,6 +75,20 @@ html_theme = "furo"
 html_title = f"deqmcl-gym {release}"
 html_show_sphinx = False
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+
+ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[tuple\[.*?Any, \.\.\.\], [^[]*dtype\[([^]]*)\]\]")
+
+
+def _named(annotation, *arguments, **options):
+    """A type as it is written in the code, not as NumPy spells it out."""
+    text = stringify_annotation(annotation, *arguments, **options)
+    text = text.replace(stringify_annotation(ArrayLike, *arguments, **options), "ArrayLike")
+    return ARRAY.sub(r"NDArray[\1]", text)
+
+
+autodoc.stringify_annotation = typehints.stringify_annotation = _named
 
 HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
 SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))
@@ -101,6 +142,14 @@ def _with_contents(app, document, source):
     source[0] += CONTENTS.get(document, "")
 
 
+def _keep_cells_whole(app, document):
+    """Break the cells of tables nowhere but before an interval, as reports do."""
+    for cell in document.findall(nodes.entry):
+        for text in cell.findall(lambda node: isinstance(node, nodes.Text)):
+            if not isinstance(text.parent, nodes.literal | nodes.math):
+                text.parent.replace(text, nodes.Text(whole(text.astext())))
+
+
 def _as_mathml(self, node, as_block):
     """Formulas as browsers know them: no script, no network."""
     text = HATS.sub(r"{\\hat \1}", node.astext())
@@ -114,6 +163,7 @@ def _as_mathml(self, node, as_block):
 def setup(app):
     """Add the contents, and formulas without a script."""
     app.connect("source-read", _with_contents)
+    app.connect("doctree-read", _keep_cells_whole)
     app.add_html_math_renderer(
         "mathml",
         (lambda writer, node: _as_mathml(writer, node, False), None),

@@ -130,6 +130,18 @@ def test_rooms_with_localizers_run_side_by_side_and_are_reproducible():
     assert (again[0] != again[1]).any()  # each episode draws anew
 
 
+def test_envs_of_one_spec_have_localizers_of_their_own():
+    first = with_belief(sharp(), particles=20)
+    before = first.reset(seed=1)[0]["covariance"]
+    second, third = gym.make(first.spec), gym.make(first.spec)
+    second.reset(seed=1), third.reset(seed=2)
+    action = np.float32([5, 0.1])
+    moved = first.step(action)[0]  # as if the others were not there
+    np.testing.assert_equal(second.step(action)[0], moved)
+    assert (third.step(action)[0]["covariance"] != moved["covariance"]).any()
+    assert (moved["covariance"] != before).any()
+
+
 def test_other_wrappers_may_be_inside():
     env = with_belief(Kidnap(sharp(), step=2, pose=(60, 200, 1.0)), particles=20)
     env.reset(seed=0)
@@ -141,6 +153,8 @@ def test_other_wrappers_may_be_inside():
 def test_wrong_places_are_refused():
     with pytest.raises(InputError, match="needs scans of 9 beams: put BeliefObservation inside"):
         with_belief(gym.wrappers.FrameStackObservation(sharp(), 3))
+    with pytest.raises(InputError, match="localizer is 'mcl', but must have reset and update"):
+        BeliefObservation(sharp(), "mcl", PRIOR)
     with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
         LocalizationReward(sharp())
     from deqmcl_gym.envs.recording import RecordLog

@@ -110,6 +110,17 @@ def test_places_of_ones_own_replace_what_is_drawn():
     np.testing.assert_allclose(both.reset(seed=0)[1]["goal"], goal)
 
 
+def test_gymnasiums_vector_envs_keep_routes_of_different_lengths():
+    world = {"floor_plan": {"office": SMALL | {"seed": 0}}, "horizon": 5, **WORLD}
+    rooms = gym.make_vec(ROOM_ID, num_envs=6, vectorization_mode="sync", **world)
+    said = rooms.reset(seed=1)[1]
+    alone = gym.make(ROOM_ID, **world)
+    for room, route in enumerate(said["route"]):
+        assert alone.reset(seed=1 + room)[1]["route"] == route
+        np.testing.assert_array_equal(alone.unwrapped.course.path.corners, route)
+    assert len({len(route) for route in said["route"]}) > 1
+
+
 def test_progress_adds_up_to_the_way():
     env = office(noise=STILL, ends_at_goal=False)
     info, total, ended = env.reset(seed=2)[1], 0.0, False
@@ -145,7 +156,7 @@ def test_gymnasium_finds_nothing_wrong_and_one_draws_it():
 
 
 def test_many_rooms_with_routes_run_one_by_one():
-    with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync"'):
+    with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync", horizon='):
         gym.make_vec(ROOM_ID, num_envs=2, floor_plan={"office": SMALL}, **WORLD)
 
 

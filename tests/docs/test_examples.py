@@ -19,6 +19,12 @@ from localizers.checks.drive import default_robot
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
+QUICK = ("custom_room.py",)
+SCRIPTS = [
+    path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
+    for path in sorted(EXAMPLES.glob("*.py"))
+    if path.name not in ("conftest.py", "ppo.py")
+]
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
 
@@ -32,6 +38,13 @@ def run(script: str, *arguments: object) -> str:
     return done.stdout
 
 
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_script_of_the_gallery_runs(script, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    run(script)
+
+
+@pytest.mark.slow
 def test_ppo_trains_and_draws_its_curve(tmp_path):
     pytest.importorskip("stable_baselines3")
     said = run("ppo.py", "--steps", 1024, "--curve", tmp_path / "ppo.svg")
@@ -47,6 +60,7 @@ def test_ppo_learns_to_finish_laps(tmp_path):
     assert int(re.search(r"(\d+) of 20 laps finished", said)[1]) >= 18
 
 
+@pytest.mark.slow
 def test_training_writes_what_the_localizer_reads(tmp_path):
     pytest.importorskip("torch")
     out = tmp_path / "learned.npz"

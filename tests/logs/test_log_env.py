@@ -166,6 +166,8 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
     ("options", "said"),
     [
         ({"log": 3}, "path of a log"),
+        ({"log": None}, "there is no log: give log="),
+        ({"mpa": "x.yaml"}, "unknown argument 'mpa': did you mean 'map'"),
         ({"map": PolygonMap(((0, 0), (9, 0), (9, 9)))}, "the map is in px, but the log in m"),
         ({"plan": "truth"}, "plan"),
         ({"on_mismatch": "sigh"}, "on_mismatch"),

@@ -7,7 +7,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+import yaml
 from deqmcl_command import python
+
+import deqmcl_gym
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("benchmarks", "deqmcl_gym", "localizers")
@@ -68,6 +71,15 @@ def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
             ast.parse(path.read_text(), feature_version=(3, 11))
+
+
+def test_citation_and_changelog_are_those_of_this_version():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    newest = next(
+        line for line in (ROOT / "CHANGELOG.md").read_text().splitlines() if line.startswith("## ")
+    )
+    assert cited["version"] == deqmcl_gym.__version__
+    assert newest == f"## [{cited['version']}] - {cited['date-released']}"
 
 
 def test_plots_and_reports_are_extras_and_not_required():
