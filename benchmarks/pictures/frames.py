@@ -100,7 +100,7 @@ def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
     first.save(
         buffer, "WEBP", save_all=True, append_images=others, loop=0,
         duration=[milliseconds] * len(others) + [max(milliseconds, _LAST)],
-        lossless=True, method=3, quality=0, kmin=0, kmax=0,
+        lossless=True, method=1, quality=0, kmin=0, kmax=0,
     )  # fmt: skip
     return buffer.getvalue()
 
