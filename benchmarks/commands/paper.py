@@ -47,10 +47,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.processes import PATIENCE, Processes, prepare
+    from benchmarks.execution.starting import prepare
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
+    from benchmarks.execution.processes import PATIENCE, Processes
     from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report import load, write_report

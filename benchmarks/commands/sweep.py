@@ -41,6 +41,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
+    from benchmarks.execution.starting import prepare
+
+    if options.executor == "process":
+        prepare()  # while this process loads what it needs
     from benchmarks.execution.apart import answered_within
 
     with answered_within(options.timeout):

@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import Any
 
-from benchmarks.execution.processes import ONE_THREAD
+from benchmarks.execution.starting import ONE_THREAD
 from deqmcl_gym.validation import InputError, in_words
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer

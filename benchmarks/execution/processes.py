@@ -5,50 +5,23 @@ can neither tell whose call that was nor end a call that hangs. Here one thread 
 process: it sends a call, waits for the answer, and starts another process when there is none.
 """
 
-import multiprocessing
-import os
 import queue
-import signal
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager
-from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
+from benchmarks.execution.starting import CONTEXT, sheltered
 from benchmarks.execution.worker import work
 from localizers.naming.isolation import end
 
-ONE_THREAD = {
-    "NUMBA_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "BLIS_NUM_THREADS": "1",
-    "VECLIB_MAXIMUM_THREADS": "1",
-}
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
 _FAREWELL = 1.0
 _HELD = 8  # guests for whose next call a worker keeps a process
 PATIENCE = 3600.0  # s that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
-
-# Where forking is safe, workers are forked from a process that has loaded all that they need.
-if sys.platform == "linux":
-    _CONTEXT = multiprocessing.get_context("forkserver")
-    _CONTEXT.set_forkserver_preload(["benchmarks.execution.preload"])
-else:
-    _CONTEXT = multiprocessing.get_context("spawn")
-
-
-def prepare() -> None:
-    """Begin to load what workers will need; return at once."""
-    if sys.platform == "linux":
-        with _sheltered():
-            forkserver.ensure_running()
 
 
 class WorkerDiedError(RuntimeError):
@@ -151,7 +124,7 @@ class Processes(Executor):
         with self._lock:
             if self._closed:
                 raise WorkerDiedError("the sweep is being stopped")
-            with _sheltered():
+            with sheltered():
                 worker = _Worker()
             self._living.add(worker)
         return worker
@@ -168,8 +141,8 @@ class _Worker:
 
     def __init__(self) -> None:
         self._line: Connection
-        self._line, its_end = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=work, args=(its_end,), name="deqmcl-worker")
+        self._line, its_end = CONTEXT.Pipe()
+        self._process = CONTEXT.Process(target=work, args=(its_end,), name="deqmcl-worker")
         self._process.start()
         its_end.close()  # so that the line breaks when the process dies
         self._ready = False
@@ -209,29 +182,3 @@ class _Worker:
             raise CannotStartError(f"a worker process could not start (exit code {code})")
         how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
         return f"its worker died {how}"
-
-
-@contextmanager
-def _sheltered() -> Iterator[None]:
-    """Let processes started here have one thread, and leave Ctrl-C to this one.
-
-    Libraries read the environment when they are loaded. A terminal sends Ctrl-C to all processes;
-    one inherits the signal mask of the thread that starts it. The first start of a process also
-    starts multiprocessing's resource tracker, which would clear the mask.
-    """
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
-    masked = hasattr(signal, "pthread_sigmask")
-    if masked:
-        resource_tracker.ensure_running()
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        if masked:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

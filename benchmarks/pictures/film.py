@@ -64,10 +64,9 @@ class Film:
             unit = self._camera.view.floor_plan.unit
             self._best.append(best_cluster(*points, unit=unit).mean)
             self.moments.append(moment)
-            mean = mean_pose(*points)
             if moment.step % self._stride == 0:
-                self.frames.append(self._frame(moment, mean))
-        self.frames.append(self._frame(moment, mean, whole=True))
+                self.frames.append(self._frame(moment, mean_pose(*points)))
+        self.frames.append(self._frame(moment, mean_pose(*points), whole=True))
 
     def _frame(self, moment: Moment, mean: tuple[float, ...], *, whole: bool = False) -> Image:
         camera, best = self._camera, self._best[-1]

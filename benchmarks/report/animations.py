@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.files import UnreadableError, content_of, json_of, misfit
-from benchmarks.report.laps import Lap, drawn
+from benchmarks.report.laps import Lap, drawn, frames_of, joined
 from benchmarks.trials.plugins import guest_of
 from deqmcl_gym.validation import InputError
 
@@ -49,9 +49,9 @@ class Drawing:
 
     @contextmanager
     def working(self) -> Iterator[Callable[[Lap], Promise]]:
-        """Start the workers; a lap with plug-ins has one of its own."""
-        with Processes(available_cpus(), timeout=_PATIENCE, guest_of=_guests_of) as pool:
-            yield lambda lap: pool.submit(drawn, lap).result
+        """Start the workers; trials of different plug-ins are run apart, as in a sweep."""
+        with Processes(available_cpus(), timeout=_PATIENCE, guest_of=_guest_of) as pool:
+            yield lambda lap: _promised(lap, pool)
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,15 @@ def lap_files(laps: Sequence[Lap]) -> dict[str, bytes]:
     return pictures | {INDEX: (json.dumps(index, indent=2) + "\n").encode()}
 
 
-def _guests_of(lap: Lap) -> str:
-    guests = " ".join(filter(None, map(guest_of, lap.trials)))
-    return guests and f"{guests} {lap.name}"
+def _promised(lap: Lap, pool: Processes) -> Promise:
+    if len(set(map(guest_of, lap.trials))) <= 1:
+        return pool.submit(drawn, lap).result
+    parts = [pool.submit(frames_of, part) for part in lap.parts]
+    return lambda: joined(lap, [row for part in parts for row in part.result()])
+
+
+def _guest_of(lap: Lap) -> str:
+    return " ".join(set(map(guest_of, lap.trials)))  # there is one, or it is in parts
 
 
 def _digest(content: bytes) -> str:

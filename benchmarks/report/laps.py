@@ -48,6 +48,12 @@ class Lap:
     animation: bytes = b""
     still: bytes = b""
 
+    @property
+    def parts(self) -> "list[Lap]":
+        """The lap of each of its trials alone."""
+        shown = zip(self.trials, self.labels, self.keys, strict=True)
+        return [replace(self, trials=(t,), labels=(n,), keys=(key,)) for t, n, key in shown]
+
 
 def laps(panel: Panel) -> list[Lap]:
     """Choose the best, median and worst world of the panel's focus, beside its baseline.
@@ -86,16 +92,25 @@ def laps(panel: Panel) -> list[Lap]:
 
 
 def drawn(lap: Lap) -> Lap:
-    """Return the lap with its pictures: its trials are run again.
+    """Return the lap with its pictures: its trials are run again; see ``frames_of``."""
+    return joined(lap, frames_of(lap))
+
+
+def frames_of(lap: Lap) -> list[list[Image]]:
+    """Return the frames of each of a lap's trials, which are run again.
 
     Raises:
         InputError: its code is another one by now.
     """
     if tuple(map(key_of, lap.trials)) != lap.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
-    rows = [_frames(*shown) for shown in zip(lap.trials, lap.labels, strict=True)]
+    return [_frames(*shown) for shown in zip(lap.trials, lap.labels, strict=True)]
+
+
+def joined(lap: Lap, rows: Sequence[Sequence[Image]]) -> Lap:
+    """Return the lap with its pictures: the frames of its trials, side by side."""
     longest = max(map(len, rows))
-    padded = [row + row[-1:] * (longest - len(row)) for row in rows]  # who ends first waits
+    padded = [[*row, *[row[-1]] * (longest - len(row))] for row in rows]  # who ends first waits
     frames = [side_by_side(images) for images in zip(*padded, strict=True)]
     still = png(frames[-1])  # the whole way
     return replace(lap, animation=webp(frames, _MILLISECONDS), still=still)

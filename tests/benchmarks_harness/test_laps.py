@@ -1,12 +1,30 @@
-"""Which trials are run again for the animations."""
+"""Which trials are run again for the animations, and beside whom."""
 
+import io
+from dataclasses import replace
+
+import PIL.Image
 from report_cases import finished
 
-from benchmarks.report.laps import laps
+from benchmarks.report.animations import Drawing
+from benchmarks.report.laps import Lap, laps
 from benchmarks.tables.panels import panels
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Trial
 
 # without mcl the first method is the baseline: here a variant of the same localizer
 FORMS = ("systematic", "stratified")
+
+ALONE = """
+import sys
+from localizers import make
+
+assert not hasattr(sys, "guest"), f"{sys.guest} was here"
+sys.guest = __file__
+
+def Guest(robot):
+    return make("dead-reckoning", robot)
+"""
 
 
 def shown(lap):
@@ -40,3 +58,18 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     best, *_ = chosen(records)
     assert shown(best) == [("stratified", 0, 0)]
     assert best.caption.startswith("World 0, mcl-h resampler=stratified: error")
+
+
+def test_plug_ins_of_one_animation_do_not_meet(tmp_path):
+    names = [str(tmp_path / f"{one}.py:Guest") for one in ("one", "other")]
+    for one in ("one", "other"):
+        (tmp_path / f"{one}.py").write_text(ALONE)
+    same = Trial(scenario="paper", localizer="", params=(), lag=1, seed=0, trial=0)
+    trials = tuple(replace(same, localizer=name) for name in names)
+    keys = tuple(map(key_of, trials))
+    lap = Lap(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    with Drawing().working() as promised:
+        drawn = promised(lap)()
+    animation = PIL.Image.open(io.BytesIO(drawn.animation))
+    assert animation.n_frames == 204 // 4 + 1 + 1  # and the whole way
+    assert animation.width > 2 * 350  # side by side

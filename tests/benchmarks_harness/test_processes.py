@@ -12,12 +12,12 @@ import pytest
 
 from benchmarks.execution.engines import Where
 from benchmarks.execution.processes import (
-    ONE_THREAD,
     CannotStartError,
     Processes,
     TimedOutError,
     WorkerDiedError,
 )
+from benchmarks.execution.starting import ONE_THREAD
 from benchmarks.sweeps.suites import paper_suite
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")

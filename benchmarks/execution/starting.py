@@ -1,0 +1,58 @@
+"""How worker processes are started. Loads nothing heavy: workers load while the command does."""
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker
+
+ONE_THREAD = {
+    "NUMBA_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "BLIS_NUM_THREADS": "1",
+    "VECLIB_MAXIMUM_THREADS": "1",
+}
+
+# Where forking is safe, workers are forked from a process that has loaded all that they need.
+if sys.platform == "linux":
+    CONTEXT = multiprocessing.get_context("forkserver")
+    CONTEXT.set_forkserver_preload(["benchmarks.execution.preload"])
+else:
+    CONTEXT = multiprocessing.get_context("spawn")
+
+
+def prepare() -> None:
+    """Begin to load what workers will need; return at once."""
+    if sys.platform == "linux":
+        with sheltered():
+            forkserver.ensure_running()
+
+
+@contextmanager
+def sheltered() -> Iterator[None]:
+    """Let processes started here have one thread, and leave Ctrl-C to this one.
+
+    Libraries read the environment when they are loaded. A terminal sends Ctrl-C to all processes;
+    one inherits the signal mask of the thread that starts it. The first start of a process also
+    starts multiprocessing's resource tracker, which would clear the mask.
+    """
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    masked = hasattr(signal, "pthread_sigmask")
+    if masked:
+        resource_tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        if masked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
