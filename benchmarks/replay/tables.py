@@ -92,7 +92,11 @@ def plain(table: Table) -> str:
 
 
 def _words(row: Row, names: str) -> list[str]:
-    return [_word(name, row.scores.get(name, math.nan), row.seeds) for name in names.split()]
+    scores, counted = row.scores, {"lost": len(row.played)}  # of a failed run it is not known
+    return [
+        _word(name, scores.get(name, math.nan), counted.get(name, row.seeds))
+        for name in names.split()
+    ]
 
 
 def _word(name: str, value: float, runs: int) -> str:
