@@ -1,4 +1,4 @@
-"""What a sweep would run, and about how long that takes."""
+"""What a sweep would run, and about how long it would take."""
 
 import time
 from collections.abc import Sequence
@@ -45,9 +45,9 @@ def dry_run(sweep: Sweep, options: Options) -> str:
         lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
     part = "" if share == 1 else f" for this shard of {share}"
     lines.append(
-        f"About {_duration(total / jobs / share)} with {jobs} jobs{part}: estimated from one "
-        f"measured trial in each of {count} cells; ≈ is the localizer's mean per particle. "
-        "Nothing was written."
+        f"About {_duration(total / jobs / share)} with {jobs} {'job' if jobs == 1 else 'jobs'}{part}: "
+        f"estimated from one measured trial in {count} of {len(cells):,} cells; ≈ is by the "
+        "localizer's mean time per particle. Nothing was written."
     )
     return "\n\n".join(lines)
 

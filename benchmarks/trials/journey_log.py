@@ -40,7 +40,7 @@ class JourneyLog:
         if moment.action is not None:
             self._commanded.append(float(moment.action[0]))
         if self._groups and (points := moment.belief.points()) is not None:
-            poses, weights = map(np.asarray, points)
+            poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality

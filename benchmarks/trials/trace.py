@@ -206,7 +206,8 @@ def _between(offsets: Sequence[int]) -> list[int]:
     """Offsets at equal steps as far as the outermost of those scored, these left out."""
     lag = max(map(abs, offsets), default=0)
     step = max(1, lag // _PROFILE_OFFSETS)
-    return [k for k in range(-lag, lag + 1) if k % step == 0 and k not in offsets]
+    farthest = lag // step * step
+    return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]
 
 
 def _events(belief: Any) -> dict[str, int]:
