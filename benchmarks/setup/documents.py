@@ -32,7 +32,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
     try:
         content = content_of(path)
     except FileNotFoundError:
-        raise InputError(f"{named} does not exist: give an existing file.") from None
+        raise InputError(f"{named} is not there: give an existing file.") from None
     except UnreadableError as error:
         raise InputError(f"{named} {error}: give another one.") from None
     try:
