@@ -21,7 +21,7 @@ WORDS = {  # by group: heading, what its columns mean
         "Localized",
         "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
         "every step of the last 25 % of the run. Metres to localize: driven until it stays within "
-        "1 m and 30° to the end; never: half of the runs or more do not get there. False commitment: "
+        "1 m and 30° to the end; never: half of the runs or more do not. False commitment: "
         "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it, as a "
         "share of all steps.",
     ),
