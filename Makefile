@@ -17,8 +17,8 @@ paper: $(READY)  ## Run the paper's experiment into results/paper (more argument
 test: $(READY)  ## Run the tests, without those of minutes
 	$(BIN)/python -m pytest -m "not slow" -n auto $(ARGS)
 
-test-slow: $(READY)  ## Run the statistical tests of minutes
-	$(BIN)/python -m pytest -m slow $(ARGS)
+test-slow: $(READY)  ## Run the tests of minutes: statistics, random faults
+	$(BIN)/python -m pytest -m slow -n auto $(ARGS)
 
 check: format lint types contracts test docs site release  ## All that CI checks
 

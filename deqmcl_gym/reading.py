@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
-LARGEST = 2**26  # bytes: far above any file of ours
+MOST_BYTES = 2**26  # far above any file of ours
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -50,16 +50,16 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
 
 
 def content_of(path: Path) -> bytes:
-    """Return the bytes of a regular file of at most ``LARGEST``.
+    """Return the bytes of a regular file of at most ``MOST_BYTES``.
 
     Raises:
         FileNotFoundError: there is none.
         UnreadableError: it is no file, is too large, or may not be read.
     """
     with opened(path) as file:
-        content = file.read(LARGEST + 1)
-    if len(content) > LARGEST:
-        raise UnreadableError(f"is larger than {LARGEST:,} bytes, the most that is read")
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise UnreadableError(f"is larger than {MOST_BYTES:,} bytes, the most that is read")
     return content
 
 

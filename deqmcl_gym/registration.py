@@ -1,6 +1,8 @@
 """Registers ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets with Gymnasium, once imported.
 
 ``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
+``deqmcl_gym/Journey-v0`` is ``Room-v0`` with a route through an office, and without a time limit:
+its episodes end where their plan does, whose length follows the route.
 
 Nothing here imports it: localizers need the maps of this package, not the environment.
 """
@@ -15,9 +17,11 @@ from typing import Any
 from deqmcl_gym.world.presets import WORLDS
 
 ENV_ID = "deqmcl_gym/Room-v0"
+JOURNEY_ENV_ID = "deqmcl_gym/Journey-v0"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
 # Twice the 204 steps of the planned lap in the paper's room (a test holds the two together)
 MAX_EPISODE_STEPS = 408
+_ROOM = "deqmcl_gym.envs.room:RoomEnv"
 _REGISTRY = "gymnasium.envs.registration"
 
 
@@ -38,6 +42,11 @@ def _register(registry: ModuleType) -> None:
     _register_room(registry, ENV_ID, {})
     for preset in WORLDS:
         _register_room(registry, preset_id(preset), {"preset": preset})
+    registry.register(
+        id=JOURNEY_ENV_ID,
+        entry_point=_ROOM,
+        kwargs={"floor_plan": {"office": {}}, "route": {}},
+    )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
 
 
@@ -45,7 +54,7 @@ def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> N
     together = WORLDS[kwargs.get("preset", "paper")].driver is None
     registry.register(
         id=name,
-        entry_point="deqmcl_gym.envs.room:RoomEnv",
+        entry_point=_ROOM,
         # many rooms with drivers run one by one, which is Gymnasium's own way
         vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv" if together else None,
         max_episode_steps=MAX_EPISODE_STEPS,

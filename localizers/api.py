@@ -159,11 +159,11 @@ def checked_action(action: ArrayLike) -> Floats:
 
 def _of_actions(what: str, given: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
     values = array(what, given, shape)
-    if not (np.abs(values) <= scan_kernels.LARGEST).all():
+    if not (np.abs(values) <= scan_kernels.LARGEST_ACTION).all():
         largest = float(np.abs(values).max())
         raise InputError(
             f"{what} has a distance or turn of size {largest:g}, but the largest allowed is "
-            f"{scan_kernels.LARGEST:g}."
+            f"{scan_kernels.LARGEST_ACTION:g}."
         )
     return values
 

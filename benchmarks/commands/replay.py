@@ -7,6 +7,7 @@ from pathlib import Path
 from benchmarks.commands.shared import (
     add_jobs,
     add_seed,
+    add_timeout,
     folder,
     localizers_named,
     log_warnings,
@@ -78,12 +79,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
     add_jobs(parser, "runs")
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="seconds allowed per run (no limit; for a plug-in 3600, and 60 to load)",
-    )
+    add_timeout(parser, "run")
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")
 
 

@@ -60,6 +60,12 @@ def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
     parser.add_argument("--jobs", type=int, metavar="J", help=help_)
 
 
+def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
+    """Add the time limit of each."""
+    help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600, and 60 to load)"
+    parser.add_argument("--timeout", type=float, metavar="S", help=help_)
+
+
 def add_seed(parser: argparse.ArgumentParser) -> None:
     """Add the root seed."""
     parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")

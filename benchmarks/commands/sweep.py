@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_jobs, checking, folder, localizers_named
+from benchmarks.commands.shared import add_jobs, add_timeout, checking, folder, localizers_named
 from benchmarks.console import doing
 
 NAME = "sweep"
@@ -29,27 +29,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="localizers to add",
     )
     add_jobs(parser)
-    add(
-        "--executor",
-        default="process",
-        metavar="E",
-        help="where trials run: process, dask or module:factory (process)",
-    )
+    add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="seconds allowed per trial (no limit; for a plug-in 3600, and 60 to load)",
-    )
+    add_timeout(parser)
     add("--retry-failed", action="store_true", help="run failed trials again")
     add("--fail-fast", action="store_true", help="stop at the first failed trial")
-    add(
-        "--dry-run",
-        action="store_true",
-        help="list settings and methods, and estimate the time",
-    )
+    add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
 

@@ -80,9 +80,9 @@ def swept_charts(
 
 
 def _charts(panels: Sequence[Panel]) -> list[_Chart]:
-    places = [_place(panel) for panel in panels]
+    places = [place_of(panel) for panel in panels]
     charts = []
-    for key, followers in _swept(places).items():
+    for key, followers in swept_coordinates(places).items():
         groups: dict[Coordinates, dict[float, Panel]] = {}
         for place, panel in zip(places, panels, strict=True):
             rest = {name: v for name, v in place.items() if name not in (key, *followers)}
@@ -96,7 +96,8 @@ def _charts(panels: Sequence[Panel]) -> list[_Chart]:
     return charts
 
 
-def _place(panel: Panel) -> Place:
+def place_of(panel: Panel) -> Place:
+    """Return where a panel lies: all that can be swept, by dotted name."""
     setting = panel.setting
     disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
     place: Place = {"scenario": setting.scenario, "disturbance": disturbed}
@@ -110,7 +111,7 @@ def _place(panel: Panel) -> Place:
     return place
 
 
-def _swept(places: Sequence[Place]) -> dict[str, list[str]]:
+def swept_coordinates(places: Sequence[Place]) -> dict[str, list[str]]:
     """Coordinates with two numbers or more, each with those that change together with it.
 
     Of those that do, the one with the values of most: of noises in drift, drive and turn, drive.
@@ -168,14 +169,18 @@ def _drawn(
         axes.set_xscale("log")
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
         axes.set_xticks([], minor=True)
-    words = _words(chart.key)
+    words = coordinate_words(chart.key)
     axes.set(xlabel=f"{words} …" if chart.followers else words, ylabel=quantity.axis)
     margin = 0.05 * (max(ends) - min(ends))
     lowest = min(ends) - margin if quantity.lowest is None else quantity.lowest
     axes.set_ylim(lowest, max(ends) + margin or None)
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
-    also = f" … and with it {', '.join(map(_words, chart.followers))}." if chart.followers else ""
+    also = (
+        f" … and with it {', '.join(map(coordinate_words, chart.followers))}."
+        if chart.followers
+        else ""
+    )
     return picture(figure, name=name, title=title, caption=quantity.caption + also, alt=title)
 
 
@@ -183,12 +188,13 @@ def _where(rest: Coordinates, others: Iterable[Coordinates]) -> str:
     """What sets a chart apart from the others over the same coordinate."""
     shared = frozenset.intersection(*others)
     return ", ".join(
-        str(value) if key in ("scenario", "disturbance") else f"{_words(key)} {value}"
+        str(value) if key in ("scenario", "disturbance") else f"{coordinate_words(key)} {value}"
         for key, value in sorted(rest - shared)
     )
 
 
-def _words(key: str) -> str:
+def coordinate_words(key: str) -> str:
+    """Return what a coordinate is called in a chart."""
     if key == "lag":
         return "lag L"
     return key.removeprefix("params.").removeprefix("world.").replace("assumed.", "assumed ")

@@ -3,54 +3,87 @@
 import math
 from collections.abc import Sequence
 
+from benchmarks.report.journeys import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
-from benchmarks.report.words import estimated, p_value, significant
+from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
 from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import cost, ranked
+from benchmarks.tables.verdict import aim_of, cost, ranked, standing
+from benchmarks.trials.journeys import Score
 
 
 def verdict_table(panel: Panel) -> Table:
-    """The errors at x_t, the smallest first, and how they compare with the baseline's."""
-    at = panel.thresholds
-    header = ["method", f"error e, {at.unit} (SD)", "difference to the baseline, 95 % interval"]
-    header += ["wins", "Wilcoxon p, Holm", "lost runs, 95 % interval", "ms per step (baseline = 1)"]
-    header += ["worlds"]
-    rows = ranked(panel.present)
+    """The methods, the best first, and how they compare with the baseline.
+
+    By the share of runs that succeed, if the panel is about one, and by the errors at x_t.
+    """
+    aim, rows = aim_of(panel), ranked(panel)
+    header = ["method", *_headed(panel, aim), "ms per step (baseline = 1)", "worlds"]
     lines = [
         [
             marked_label(panel, row),
-            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
-            "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
-            "–" if row.is_baseline else percent(row.win_rate),
-            "–" if row.is_baseline else p_value(row.p_holm),
-            f"{percent(row.lost.mean)} of {row.runs} "
-            f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
+            *_compared(row, aim),
             f"{fixed(milliseconds_per_step(panel.records[row.method]))} "
             f"({significant(cost(panel, row), 2)} ×)",
             str(row.worlds),
         ]
         for row in rows
     ]
-    caption = (
+    values = [standing(row, aim).value.mean for row in rows]
+    best = [line for line, value in enumerate(values) if value == values[0]]
+    return Table(
+        f"{_captioned(panel, aim)} ms per step: the method's own time, median over runs, of the "
+        f"machine that ran them.{_with(panel)}",
+        header,
+        lines,
+        strong=[(line, column) for line in best for column in (0, 1)],
+        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+    )
+
+
+def _headed(panel: Panel, aim: Score | None) -> list[str]:
+    error = f"error e, {panel.thresholds.unit} (SD)"
+    if aim is not None:
+        return [*score_header(aim), error, "difference of e, 95 % interval"]
+    apart = "difference to the baseline, 95 % interval"
+    return [error, apart, "wins", "Wilcoxon p, Holm", "lost runs, 95 % interval"]
+
+
+def _compared(row: Comparison, aim: Score | None) -> list[str]:
+    errors = [
+        f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
+        "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
+    ]
+    if aim is not None:
+        return [*score_cells(row, aim), *errors]
+    return [
+        *errors,
+        "–" if row.is_baseline else percent(row.win_rate),
+        "–" if row.is_baseline else p_value(row.p_holm),
+        f"{percent(row.lost.mean)} of {row.runs} "
+        f"({100 * row.lost.low:.0f} to {100 * row.lost.high:.0f})",
+    ]
+
+
+def _captioned(panel: Panel, aim: Score | None) -> str:
+    at = panel.thresholds
+    if aim is not None:
+        return (
+            f"{capital(aim.words)}: share of runs, the largest first and in bold, and how it "
+            "compares with the baseline on the same worlds. Error e of the belief about the "
+            "present, x[t], compared in the same way."
+        )
+    return (
         "Error of the belief about the present, x[t], the smallest first and in bold, and how it "
         f"compares with the baseline on the same worlds. Lost: position error above {at.lost:g} "
         f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
-        "world as one case. ms per step: the method's own time, median over runs, of the machine "
-        "that ran them."
-    )
-    least = [line for line, row in enumerate(rows) if row.error.mean == rows[0].error.mean]
-    return Table(
-        f"{caption}{_with(panel)}",
-        header,
-        lines,
-        strong=[(line, column) for line in least for column in (0, 1)],
-        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+        "world as one case."
     )
 
 
@@ -68,20 +101,27 @@ def is_plug_in(localizer: str) -> bool:
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
-    """The errors of all methods on all settings, each marked with its finding, the best in bold."""
+    """What all methods are ranked by, on all settings, marked with findings, the best in bold."""
     labels = all_labels(panels)
     lines: list[list[str]] = []
     strong: list[tuple[int, int]] = []
     for panel in panels:
-        cells = {panel.labels[row.method]: _marked(row) for row in panel.present}
-        least = min((row.error.mean for row in panel.present), default=math.nan)
-        best = {panel.labels[row.method] for row in panel.present if row.error.mean == least}
+        aim, rows = aim_of(panel), ranked(panel)
+        cells = {panel.labels[row.method]: _marked(standing(row, aim), aim) for row in rows}
+        values = {panel.labels[row.method]: standing(row, aim).value.mean for row in rows}
+        best = {name for name, value in values.items() if value == next(iter(values.values()))}
         strong += [(len(lines), 1 + place) for place, name in enumerate(labels) if name in best]
         lines.append([numbered(panel), *(cells.get(label, "–") for label in labels)])
+    aims = dict.fromkeys(map(aim_of, panels))
+    shown = [
+        "Error e of x[t], the smallest of a setting in bold."
+        if aim is None
+        else f"Share of runs, the largest of a setting in bold: {aim.words}."
+        for aim in aims
+    ]
     caption = (
-        "Error e of x[t], the smallest of a setting in bold. ▼ smaller than the baseline's, ▲ "
-        "larger (95 % interval excludes 0 and p < 0.05 after Holm's correction for the tests of "
-        "the same setting), ○ inconclusive."
+        f"{' '.join(shown)} ▼ smaller than the baseline's, ▲ larger (95 % interval excludes 0 and "
+        "p < 0.05 after Holm's correction for the tests of the same setting), ○ inconclusive."
     )
     return Table(caption, ["setting", *labels], lines, strong=strong)
 
@@ -169,15 +209,15 @@ def _with(panel: Panel) -> str:
     return f" All with {', '.join(shared)}." if shared else ""
 
 
-def _marked(row: Comparison) -> str:
-    """The error, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
-    if math.isnan(row.diff.mean):
+def _marked(own: JourneyScore, aim: Score | None) -> str:
+    """The error or share, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
+    if math.isnan(own.diff.mean):
         mark = ""
-    elif not row.significant:
+    elif not own.significant:
         mark = " ○"
     else:
-        mark = " ▼" if row.diff.mean < 0 else " ▲"
-    return f"{fixed(row.error.mean)}{mark}"
+        mark = " ▼" if own.diff.mean < 0 else " ▲"
+    return f"{fixed(own.value.mean) if aim is None else percent(own.value.mean)}{mark}"
 
 
 def _told(method: Method) -> str:

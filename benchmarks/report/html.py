@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from benchmarks.files import command_line
 from benchmarks.report import error_tables, tables, verdicts, words
+from benchmarks.report.findings import findings
 from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
@@ -30,6 +31,7 @@ def html(story: Story) -> str:
         tables=tables,
         error_tables=error_tables,
         verdicts=verdicts,
+        findings=findings,
         baseline=full_name(results.baseline),
         conclusion=verdicts.conclusion(results),
         overview=words.overview(results, story.panels),

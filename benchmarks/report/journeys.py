@@ -12,6 +12,7 @@ from benchmarks.tables.journeys import Curve, JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.verdict import ranked
 from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
 
 Looks = Mapping[str, Look]
@@ -70,11 +71,10 @@ def journey_table(panel: Panel, group: Group) -> Table | None:
         return None
     header = ["method"]
     for score in scores:
-        points = "%" if score.unit == "share" else score.unit
-        header += [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
+        header += score_header(score)
     lines = [
-        [panel.labels[row.method], *(cell for score in scores for cell in _cells(row, score))]
-        for row in panel.present
+        [panel.labels[row.method], *(cell for score in scores for cell in score_cells(row, score))]
+        for row in ranked(panel)
     ]
     tested = any(score.tested for score in scores)
     return Table(WORDS[group.name][1] + (_TESTS if tested else ""), header, lines)
@@ -129,7 +129,14 @@ def share_chart(
     )
 
 
-def _cells(row: Comparison, score: Score) -> list[str]:
+def score_header(score: Score) -> list[str]:
+    """Return what the columns of a score of whole runs are of."""
+    points = "points" if score.unit == "share" else score.unit
+    return [score.words, *([f"difference, {points}", "p, Holm"] if score.tested else [])]
+
+
+def score_cells(row: Comparison, score: Score) -> list[str]:
+    """Return a score of a method's runs, and how it compares with the baseline's."""
     own = row.journey.get(score.name, JourneyScore(value=Estimate()))
     cells = [_value(own.value, score)]
     if score.tested and row.is_baseline:

@@ -6,9 +6,9 @@ from importlib.resources import files
 import matplotlib as mpl
 
 from benchmarks.files import command_line, utf8
-from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.error_tables import verdict_table
 from benchmarks.report.parts import blocks
+from benchmarks.report.regimes import charts_over
 from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.report.tables import Table
@@ -71,9 +71,7 @@ def _pictures(results: Results) -> list[Picture]:
     panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
     with mpl.rc_context(HOUSE_STYLE):
-        curves = [
-            chart for kind in (ERROR, DIFFERENCE) for chart in swept_charts(panels, look, kind)
-        ]
+        curves = charts_over(panels, look)
         parts = [block for panel in panels for block in blocks(panel, look, pictured=True)]
     return [*curves, *(picture for block in parts for picture in block.pictures)]
 

@@ -8,6 +8,7 @@ from tabulate import tabulate
 from benchmarks.files import command_line
 from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.animations import lap_files
+from benchmarks.report.findings import findings
 from benchmarks.report.parts import Block
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
@@ -57,7 +58,7 @@ def _section(section: Section, folder: str) -> list[str]:
     parts = [f"## {panel.number}. {plain(panel.title)}"]
     parts.append(plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
     parts.append(table_text("", error_tables.verdict_table(panel)))
-    parts.append("\n".join(f"- {plain(one)}" for one in verdicts.findings(panel)))
+    parts.append("\n".join(f"- {plain(one)}" for one in findings(panel)))
     parts.append(plain(verdicts.power_hint(panel)))
     for block in section.blocks:
         parts += _block(block, folder)

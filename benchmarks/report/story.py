@@ -7,9 +7,9 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.report.animations import Animator, Promise
-from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.parts import Block, blocks
+from benchmarks.report.regimes import charts_over
 from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.sweeps.results import Results
@@ -68,8 +68,7 @@ def story_of(results: Results, animator: Animator) -> Story:
             Section(panel=panel, blocks=blocks(panel, look, pictured=panel.number <= PICTURED))
             for panel in panels
         ]
-        curves = [*swept_charts(panels, look, ERROR), *swept_charts(panels, look, DIFFERENCE)]
-        story = Story(results=results, sections=sections, curves=curves)
+        story = Story(results=results, sections=sections, curves=charts_over(panels, look))
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source
         for place, drawing in enumerate(waiting):

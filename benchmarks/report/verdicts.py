@@ -2,27 +2,33 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 
 from benchmarks.report.words import (
     capital,
-    counted,
-    estimated,
     interval,
     named,
     p_value,
     significant,
 )
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import ALPHA, Comparison
+from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import least_p, least_worlds, worlds_to_see, worth_seeing
-from benchmarks.tables.stats import Estimate
-from benchmarks.tables.table_1 import full_name, reading
+from benchmarks.tables.stats import ALPHA, Estimate
+from benchmarks.tables.table_1 import full_name
 from benchmarks.tables.text import percent
-from benchmarks.tables.verdict import BLIND, Verdict, baseline_row, cost, verdict
+from benchmarks.tables.verdict import (
+    BLIND,
+    Verdict,
+    aim_of,
+    baseline_row,
+    cost,
+    standing,
+    tests_in,
+    verdict,
+)
+from benchmarks.trials.journeys import Score
 
-FEW = 20  # worlds below which an interval is called rough
 _MANY = 100_000  # worlds
 
 
@@ -30,10 +36,10 @@ def conclusion(results: Results) -> str:
     """The verdict on all that was run; of several settings, who is best in how many."""
     if len(results.panels) == 1:
         return spoken(results.panels[0])
-    found = [one for panel in results.panels if (one := verdict(panel)) is not None]
+    found = [(panel, one) for panel in results.panels if (one := verdict(panel)) is not None]
     if not found:
         return "No trial is finished."
-    best = Counter(full_name(one.best.method.localizer) for one in found if one.best is not None)
+    best = Counter(named(one.best, panel) for panel, one in found if one.best is not None)
     parts = [f"{name} in {count}" for name, count in best.most_common()]
     baseline = full_name(results.baseline)
     if not parts:
@@ -63,22 +69,23 @@ def runner_up(panel: Panel) -> str:
     found = verdict(panel)
     if found is None or found.following is None or found.following.method == found.winner.baseline:
         return ""
-    name, unit = named(found.following, panel), panel.thresholds.unit
-    error = f"{significant(found.following.error.mean)} {unit}"
-    lead = found.lead
-    if math.isnan(lead.low):
-        return f"Next is {name}: {error}."
+    name, reached = named(found.following, panel), _brief(panel, found.following, found.aim)
+    lead, form, unit = found.lead, ".2f", panel.thresholds.unit
+    if math.isnan(lead.low) or lead == (0, 0, 0):
+        return f"Next is {name}: {reached}."
+    if found.aim is not None:
+        lead, form, unit = lead.percent, ".0f", "points"
     doubt = ", an interval that includes 0" if lead.low <= 0 <= lead.high else ""
-    behind = f"{lead.mean:.2f} {unit} behind (95 %: {interval(lead)})"
-    return f"Next is {name}, {error}: {behind}{doubt}."
+    behind = f"{lead.mean:{form}} {unit} behind (95 %: {interval(lead, form)})"
+    return f"Next is {name}, {reached}: {behind}{doubt}."
 
 
 def power_hint(panel: Panel) -> str:
-    """How many worlds a small difference to the baseline would need; "" where nothing is known."""
+    """How many worlds a small difference of errors would need; "" where nothing is known of it."""
     rows = [row for row in panel.present if row.diff_sd > 0]
-    if not rows:
+    if not rows or aim_of(panel) is not None:
         return ""
-    tests = sum(not math.isnan(row.p) for row in panel.present)
+    tests = tests_in(panel)
     base = baseline_row(panel, rows[0])
     small = worth_seeing(base.error.mean)
     if math.isnan(small):
@@ -99,31 +106,58 @@ def _round(worlds: int) -> str:
 
 
 def _sentence(panel: Panel, found: Verdict) -> str:
-    row, unit = found.winner, panel.thresholds.unit
-    name, error = named(row, panel), f"{significant(row.error.mean)} {unit}"
+    row, aim = found.winner, found.aim
+    name, reached = named(row, panel), _reached(panel, row, aim)
     if found.best is not None:
         aside = ""
         if found.first is not row:
-            smaller = f"{significant(found.first.error.mean)} {unit}"
-            aside = f" ({named(found.first, panel)} has {smaller}, which is not confirmed)"
-        return f"{name} is best: {error}, {_against(panel, row)}{_price(panel, row)}{aside}."
+            more = _brief(panel, found.first, aim)
+            aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
+        return f"{name} is best: {reached}, {_against(panel, row, aim)}{_price(panel, row)}{aside}."
     if row.is_baseline:
         if found.tests == 0:
-            return f"{name}: {error}; nothing to compare it with."
-        return f"No method is better than the baseline, {name}: {error}."
+            return f"{name}: {reached}; nothing to compare it with."
+        return f"No method is better than the baseline, {name}: {reached}."
     base = baseline_row(panel, row)
-    theirs = f"{named(base, panel)} ({significant(base.error.mean)} {unit})"
-    if math.isnan(row.diff.low):
-        return f"{name} has the smallest error, {error}, on too few worlds to compare it."
+    theirs = f"{named(base, panel)} ({_brief(panel, base, aim)})"
+    ahead = "has the smallest error" if aim is None else "has the largest share"
+    own = standing(row, aim)
+    if math.isnan(own.diff.low):
+        return f"{name} {ahead}, {reached}, on too few worlds to compare it."
     return (
-        f"No method is confirmed to be better than {theirs}: {name} has the smallest error, "
-        f"{error}, {_against(panel, row)}; {_doubt(row, found.tests)}."
+        f"No method is confirmed to be better than {theirs}: {name} {ahead}, {reached}, "
+        f"{_against(panel, row, aim)}; {_doubt(row.paired_worlds, own.p_holm, found.tests)}."
     )
 
 
-def _against(panel: Panel, row: Comparison) -> str:
-    """How far a method is from its baseline, and how often it is the better one."""
+def _brief(panel: Panel, row: Comparison, aim: Score | None) -> str:
+    """The error, or the share of runs that succeed."""
+    mean = standing(row, aim).value.mean
+    if aim is None:
+        return f"{significant(mean)} {panel.thresholds.unit}"
+    return f"{percent(mean)} of runs"
+
+
+def _reached(panel: Panel, row: Comparison, aim: Score | None) -> str:
+    """The error, or what share of runs does what they are about, with its interval."""
+    brief = _brief(panel, row, aim)
+    if aim is None:
+        return brief
+    ends = interval(standing(row, aim).value.percent, ".0f")
+    return f"{done(aim)} in {brief} (95 %: {ends})"
+
+
+def done(aim: Score) -> str:
+    """What a run that succeeds is, without how that is measured."""
+    return aim.words.partition(" (")[0]
+
+
+def _against(panel: Panel, row: Comparison, aim: Score | None) -> str:
+    """How far a method is from its baseline, and how often its error is the smaller one."""
     base = named(baseline_row(panel, row), panel)
+    if aim is not None:
+        points = standing(row, aim).diff.percent
+        return f"{points.mean:.0f} points above {base} (95 %: {interval(points, '.0f')})"
     worlds = f"in {row.wins:g} of {row.paired_worlds} worlds"
     if math.isnan(row.relative.low):
         return worlds
@@ -139,68 +173,11 @@ def _price(panel: Panel, row: Comparison) -> str:
     return "" if math.isnan(ratio) else f"; costs {significant(ratio, 2)} ×"
 
 
-def _doubt(row: Comparison, tests: int) -> str:
-    """Why a smaller error is not confirmed."""
-    if least_p(row.paired_worlds, tests) < ALPHA:
-        return f"p = {p_value(row.p_holm)}"
+def _doubt(worlds: int, p_holm: float, tests: int) -> str:
+    """Why what is better is not confirmed."""
+    if least_p(worlds, tests) < ALPHA:
+        return f"p = {p_value(p_holm)}"
     return (
-        f"{row.paired_worlds} worlds cannot give p < {ALPHA:g} in "
+        f"{worlds} worlds cannot give p < {ALPHA:g} in "
         f"{tests} {'test' if tests == 1 else 'tests'}, {least_worlds(tests)} can"
-    )
-
-
-def findings(panel: Panel) -> list[str]:
-    """A sentence per method on how it compares with its baseline, and what to mind."""
-    compared = [row for row in panel.present if not row.is_baseline]
-    sentences = [capital(_finding(row, panel)) for row in compared]
-    if warning := _few(panel.present):
-        sentences.append(warning)
-    if said := reading(panel.rows):
-        sentences.append(said)
-    return sentences
-
-
-def _finding(row: Comparison, panel: Panel) -> str:
-    name, other = named(row, panel), full_name(row.baseline.localizer)
-    diff = row.diff
-    if math.isnan(diff.mean):
-        unknown, none = "share a world whose error is unknown", "have no finished world in common"
-        why = unknown if row.paired_worlds else none
-        return f"{name} and {other} {why}, so they are not compared."
-    if math.isnan(diff.low):
-        found = f"{estimated(diff, '+.2f')} against {other}"
-        return f"{name}: {found}, but one world is too few to compare them."
-    if diff == (0, 0, 0):
-        return f"{name} has exactly the error of {other} at x[t] in every world."
-    numbers = (
-        f"({estimated(Estimate(diff.mean), '+.2f')}, 95 % interval {interval(diff)}; smaller in "
-        f"{percent(row.win_rate)} of {row.paired_worlds} worlds; p = {p_value(row.p_holm)})"
-    ).replace("p = <", "p <")
-    if diff.low <= 0 <= diff.high:
-        return f"{name} is statistically indistinguishable from {other} {numbers}."
-    better = "smaller" if diff.mean < 0 else "larger"
-    if not row.significant:
-        return (
-            f"{name} has a {better} mean error than {other}, but the signed-rank test does not "
-            f"confirm it {numbers}."
-        )
-    return f"{name} has a {better} error than {other} {numbers}."
-
-
-def _few(rows: Sequence[Comparison]) -> str:
-    """What to mind where there are few worlds; nothing where there are enough, or one."""
-    tested = [row.paired_worlds for row in rows if not math.isnan(row.p)]
-    worlds = set(tested or [row.worlds for row in rows])
-    few = {count for count in worlds if 2 <= count < FEW}
-    if not few:
-        return ""
-    corrected = len(tested) if max(worlds) < FEW else 1  # of the smallest p, or maybe the largest
-    detected = (
-        "no difference, however large, can have p < 0.05"
-        if least_p(max(few), corrected) >= ALPHA
-        else "only large differences can be detected"
-    )
-    return (
-        f"With only {counted(few, 'world', 'worlds')} bootstrap intervals are somewhat too narrow, "
-        f"and {detected}."
     )

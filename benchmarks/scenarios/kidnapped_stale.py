@@ -1,4 +1,4 @@
-"""Carried elsewhere in mid-route; the dispatcher does not see it."""
+"""Carried elsewhere in mid-route; whoever drives sees it, the dispatcher does not."""
 
 from dataclasses import replace
 
@@ -6,6 +6,6 @@ from benchmarks.scenarios import kidnapped
 
 SCENARIO = replace(
     kidnapped.SCENARIO,
-    words="as kidnapped, but the dispatcher does not see it: the old plan is shown and driven",
-    disturbance=((("kind", "kidnap"), ("step", 75), ("noticed", False)),),
+    words="as kidnapped, driven alike; but the localizer is shown what is left of the old plan",
+    agent="old-route",
 )

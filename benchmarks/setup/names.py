@@ -75,14 +75,18 @@ def agent_words(name: str) -> str:
     return str(_AGENTS.module(name).__doc__).partition("\n")[0]
 
 
-def absolute_scenario(name: str) -> str:
+def absolute_scenario(name: str, folder: Path = Path()) -> str:
     """Return a name by which a process in any other folder finds the same scenario.
+
+    Args:
+        name: of it.
+        folder: that a path in the name is relative to.
 
     Raises:
         InputError: it is neither built-in nor says where the scenario is.
     """
     _SCENARIOS.check(name)
-    return _absolute(name, Path())
+    return _absolute(name, folder)
 
 
 def scenario(name: str) -> Scenario:

@@ -8,6 +8,7 @@ from typing import Any
 from benchmarks.execution.apart import takes
 from benchmarks.files import utf8
 from benchmarks.setup import documents
+from benchmarks.setup.names import absolute_scenario
 from benchmarks.setup.world_files import beside
 from benchmarks.sweeps.design import Sweep, Takes
 from benchmarks.sweeps.factors import Axis, Limit, Method
@@ -56,18 +57,22 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
     given = documents.read(path, "sweep")
     with documents.errors_name(path):
         title = utf8(path.stem).decode()
-        sweep = _beside(path.parent, with_localizers(sweep_of(given, title=title), added))
+        sweep = sweep_of(given, title=title, folder=path.parent)
+        sweep = _beside(path.parent, with_localizers(sweep, added))
         _refuse_idle(sweep)
         return sweep
 
 
-def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> Sweep:
+def sweep_of(
+    given: Mapping[str, Any], *, title: str, takes: Takes = takes, folder: Path = Path()
+) -> Sweep:
     """Return the sweep that a TOML document says, or the manifest of a folder.
 
     Args:
         given: the document.
         title: unless it has one.
         takes: see ``Sweep``.
+        folder: that files of scenarios are relative to.
 
     Raises:
         InputError: unknown key, wrong type or bad value.
@@ -75,6 +80,8 @@ def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> S
     documents.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
+    if "scenario" in plain:
+        plain["scenario"] = absolute_scenario(plain["scenario"], folder)
     return Sweep(
         title=documents.text("title", given.get("title", title)),
         localizers=tuple(_method(entry) for entry in _list("localizers", given.get("localizers"))),
@@ -82,7 +89,7 @@ def sweep_of(given: Mapping[str, Any], *, title: str, takes: Takes = takes) -> S
         assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
         params=frozen(documents.dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
-        vary=tuple(_axis(table) for table in _list("vary", given.get("vary", []))),
+        vary=tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         limits=_limits(given.get("limit", [])),
         takes=takes,
         **plain,
@@ -146,15 +153,19 @@ def _named(what: str, table: Mapping[str, Any]) -> Method:
     return Method(name=documents.text("name of a localizer", table["name"]), params=frozen(params))
 
 
-def _axis(table: Any) -> Axis:
+def _axis(table: Any, folder: Path) -> Axis:
     values = documents.dotted("vary", documents.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
-        axis[name] = tuple(
-            _wrappers(name, point) if name == "disturbance" else tuples(point) for point in points
-        )
+        axis[name] = tuple(_point(name, point, folder) for point in points)
     return Axis(values=axis)
+
+
+def _point(name: str, value: Any, folder: Path) -> Any:
+    if name == "disturbance":
+        return _wrappers(name, value)
+    return absolute_scenario(value, folder) if name == "scenario" else tuples(value)
 
 
 def _wrappers(what: str, value: Any) -> tuple[Params, ...]:

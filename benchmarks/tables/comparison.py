@@ -22,6 +22,7 @@ from benchmarks.tables.pairing import (
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
+    confirmed,
     estimate,
     holm,
     relative_change,
@@ -33,7 +34,6 @@ from benchmarks.tables.stats import (
 from benchmarks.trials.scoring import SCORE_NAMES
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
-ALPHA = 0.05
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
 
 
@@ -92,7 +92,7 @@ class Comparison:
     @property
     def significant(self) -> bool:
         """Whether the interval of the difference excludes 0, and ``p_holm`` is below 0.05."""
-        return not self.diff.low <= 0 <= self.diff.high and self.p_holm < ALPHA
+        return confirmed(self.diff, self.p_holm)
 
 
 def compared(

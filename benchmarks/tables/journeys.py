@@ -14,7 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.tables.pairing import Record, Run, Runs, differences, over_worlds, run_of
-from benchmarks.tables.stats import UNKNOWN, Estimate, estimate, sign_test, wilcoxon, wilson
+from benchmarks.tables.stats import (
+    UNKNOWN,
+    Estimate,
+    confirmed,
+    estimate,
+    sign_test,
+    wilcoxon,
+    wilson,
+)
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from deqmcl_gym.numerics.types import Floats
 
@@ -39,6 +47,11 @@ class JourneyScore:
     diff: Estimate = UNKNOWN
     p: float = math.nan
     p_holm: float = math.nan
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval of the difference excludes 0, and ``p_holm`` is below 0.05."""
+        return confirmed(self.diff, self.p_holm)
 
 
 class Curve(NamedTuple):

@@ -3,7 +3,7 @@
 import math
 from statistics import NormalDist
 
-from benchmarks.tables.comparison import ALPHA
+from benchmarks.tables.stats import ALPHA
 
 POWER = 0.8
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.types import Floats
 
+ALPHA = 0.05
 _RESAMPLES = 10_000
 _BLOCK = 1_000  # resamples held at once
 _EXACT = 50  # signed ranks whose distribution is counted rather than approximated
@@ -122,6 +123,11 @@ def sign_test(differences: Floats) -> float:
     n = above + below
     tail = sum(math.comb(n, i) for i in range(min(above, below) + 1))
     return float(min(1.0, 2 * tail / 2**n))
+
+
+def confirmed(difference: Estimate, p_holm: float) -> bool:
+    """Whether the interval of a difference excludes 0, and its corrected p is below 0.05."""
+    return not difference.low <= 0 <= difference.high and p_holm < ALPHA
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

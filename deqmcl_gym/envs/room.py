@@ -54,7 +54,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     **Episode End**: terminated when the robot, once round, touches the line it started from,
     wherever it crosses it; not with `ends_at_goal=False`. Truncated when it has not and the plan is
-    used up, or after `max_episode_steps` (408).
+    used up, or after `max_episode_steps` (408; none in `Journey-v0`).
 
     **Version History**: v0, as of 0.2.0 with this reward and end.
 

@@ -11,13 +11,15 @@ our own, ``PARAM deqmcl_scanner``, says all digits of a log that we wrote.
 
 import math
 import re
+import warnings
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import UNREADABLE, Found
+from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.scanner import Scanner
@@ -30,6 +32,10 @@ SICK_RANGE = 79.0  # m: an LMS in its 80 m mode says 81.83 or 81.91 where nothin
 SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS counts in cm
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
+# How a message of any kind begins and ends
+_KIND = re.compile(r"[A-Z_]+\d*")
+_STAMP = re.compile(r"(.* )?[\d.]+ [A-Za-z]\S*( [\d.]+)?")
+
 # What else stands in such logs and is not needed here
 _OTHERS = re.compile(
     r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
@@ -39,9 +45,14 @@ _OTHERS = re.compile(
 
 @dataclass
 class _Messages:
-    """The messages of a log: scans by the word they begin with, parameters, true poses."""
+    """The messages of a log: scans by the word they begin with, parameters, true poses.
+
+    Attributes:
+        others: how many there are of each kind that is not among those known here.
+    """
 
     scans: dict[str, Found]
+    others: Counter[str] = field(default_factory=Counter)
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
     unreadable: int = 0
@@ -59,7 +70,11 @@ class _Messages:
                 self.params[name] = value
             elif kind == "TRUEPOS":
                 self.truth.append(numbers_of([words[6], *words[:3]]))
-            elif not _OTHERS.fullmatch(kind):
+            elif _OTHERS.fullmatch(kind):
+                pass
+            elif _KIND.fullmatch(kind) and _STAMP.fullmatch(" ".join(words[-3:])):
+                self.others[kind] += 1
+            else:
                 self.unreadable += 1
         except (ValueError, IndexError):
             self.unreadable += 1
@@ -132,6 +147,9 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
     if messages.unreadable:
         found.damage[UNREADABLE] += messages.unreadable
     log = found.log(messages.scanner, unit=messages.unit)
+    if messages.others:
+        left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
+        warnings.warn(f"{path}: left out messages of other kinds: {left_out}.", LogWarning, 2)
     return with_own_reference(log, messages.truth)
 
 

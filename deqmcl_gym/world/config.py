@@ -4,7 +4,6 @@ Lengths are in the map's unit, angles in rad. The defaults are those of the pape
 """
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -12,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_file
+from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, number, one_of, part, pose, shown
+from deqmcl_gym.validation import InputError, array, number, one_of, part, pose
+from deqmcl_gym.world.floor_plans import floor_plan_of
 
 SKIN = 1e-3  # px
 
@@ -232,7 +232,7 @@ class World:
         names = [own.name for own in fields(self)]
         given = {one_of("part of the world", name, names): parts[name] for name in parts}
         given = {name: value for name, value in given.items() if value is not None}
-        world = self._moved_to(_floor_plan(given.pop("floor_plan", self.floor_plan)))
+        world = self._moved_to(floor_plan_of(given.pop("floor_plan", self.floor_plan)))
         changes: dict[str, Any] = {}
         for name, kind in _OPTIONAL.items():
             if name in given:
@@ -250,45 +250,6 @@ class World:
 
 
 _OPTIONAL: Mapping[str, Any] = {"driver": Driver, "route": Route}
-
-
-def _floor_plan(given: Any) -> Map:
-    if isinstance(given, PolygonMap | GridMap):
-        return given
-    if isinstance(given, Office):
-        return given.grid
-    if isinstance(given, str | os.PathLike):
-        return _read({"file": given})
-    if not isinstance(given, Mapping):
-        raise InputError(
-            f"floor_plan is {shown(given)}, but must be a map, the path of a map's file, or a "
-            f"mapping of {', '.join(polygon_file.KEYS)}, of file and unknown, or of office and "
-            "form."
-        )
-    if "office" in given:
-        return _office(given)
-    if "file" in given:
-        return _read(given)
-    return polygon_file.of_mapping(given)
-
-
-def _read(given: Mapping[str, Any]) -> Map:
-    """Return the map in a file: a yaml of ROS, or polygons as JSON."""
-    path = given["file"]
-    polygons = str(path).endswith(".json")
-    for key in given:
-        one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
-    if polygons:
-        return polygon_file.read(path)
-    return GridMap.load(path, given.get("unknown", "obstacle"))
-
-
-def _office(given: Mapping[str, Any]) -> Map:
-    for key in given:
-        one_of("key in floor_plan", key, ("office", "form"))
-    office: Office = part("floor_plan.office", Office, given["office"], Office())
-    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
-    return office.grid if form == "grid" else office.polygons
 
 
 def _optional(name: str, given: Any, default: Any) -> Any:

@@ -6,17 +6,19 @@ from functools import cached_property
 
 import numpy as np
 
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Bools, Floats
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.path import Pose
+from deqmcl_gym.world.path import Path, Pose
 from deqmcl_gym.world.path_kernels import roll_out
 from deqmcl_gym.world.plan import Actions, FixedPlan, Underway
 from deqmcl_gym.world.task_kernels import once_round
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
+_NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
 
 
 @dataclass(frozen=True)
@@ -28,13 +30,21 @@ class GuidedPlan:
     it is as near to the end as the world's route demands. Noise can bring it off the path, not past
     that end. Where walls hold it up it gives up, after ``limit`` steps.
 
+    Routes lead round corners and through doors, which a long look-ahead cuts. On them it is the
+    longest of a few with which all of the way that is left is free of walls, with half the room
+    that the robot has, but at most half the route's clearance, for noise. If there is none, the
+    driver goes straight back to the route first; if that is not free either, he does what takes the
+    robot farthest.
+
     Attributes:
+        world: in which it drives.
         course: the path to follow.
         rules: as :func:`deqmcl_gym.world.path_kernels.roll_out` takes them.
         horizon: h, actions shown ahead.
         limit: the most steps of an episode.
     """
 
+    world: World
     course: Course
     rules: tuple[float, float, float, float, float, float]
     horizon: int
@@ -62,6 +72,7 @@ class GuidedPlan:
         if world.route is not None:
             end, near = math.inf, world.route.tolerance
         plan = cls(
+            world=world,
             course=course,
             rules=(driver.look_ahead, driver.on_the_spot, lap.step, lap.turn, end, near),
             horizon=integer(
@@ -70,55 +81,91 @@ class GuidedPlan:
             limit=limit,
         )
         if world.route is None:
-            _check_drivable(plan, world)
+            _check_drivable(plan)
         return plan
 
     @cached_property
     def actions(self) -> Actions:
         """The lap from the expected start without noise, (T, 2) float32."""
-        start, arc = self.course.start, self.course.arc
-        planned, count = self._rolled_out(start, arc, 0.0, self.limit, self.limit)
-        return planned[:count]
+        return self._rolled_out(self.course.start, self.course.arc, 0.0, self.limit)
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
         """Return the next h actions from where the robot truly is; see ``Plan.after``."""
-        most = min(self.horizon, self.limit - underway.step)
-        return self._rolled_out(underway.pose, underway.arc, underway.way, self.horizon, most)
+        left = self.limit - underway.step
+        # what is done on a route does not depend on how much of it is shown
+        most = min(self.horizon, left) if self.world.route is None else left
+        ahead = self._rolled_out(underway.pose, underway.arc, underway.way, most)[: self.horizon]
+        shown = np.zeros((self.horizon, 2), np.float32)
+        shown[: len(ahead)] = ahead
+        return shown, len(ahead)
 
     def left_as_it_is(self, underway: Underway) -> FixedPlan:
         """Return the whole plan as it is now, to be shown from now on whatever happens."""
-        most = self.limit - underway.step
-        pose, arc, way = underway.pose, underway.arc, underway.way
-        planned, count = self._rolled_out(pose, arc, way, most, most)
-        return FixedPlan(planned[:count], self.horizon, begun=underway.step)
+        left = self.limit - underway.step
+        ahead = self._rolled_out(underway.pose, underway.arc, underway.way, left)
+        return FixedPlan(ahead, self.horizon, begun=underway.step)
 
-    def _rolled_out(
-        self, pose: Pose, arc: float, way: float, rows: int, most: int
-    ) -> tuple[Actions, int]:
+    def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> Actions:
+        """Return the next actions, at most so many."""
         path = self.course.path
-        planned = np.zeros((rows, 2), np.float32)
-        actions = planned[:most]
-        return planned, roll_out(pose, arc, way, path.edges, path.period, self.rules, actions)
+        if self.world.route is None:
+            return self._along(path, 1.0, pose, arc, way, most)
+        body = self.world.body + self._margin(pose)
+        farthest, clear = np.empty((0, 2), np.float32), -1
+        for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
+            for share in _NEARER:
+                actions = self._along(onto, share, pose, begin, way, most)
+                blocked = _blocked(pose, actions, self.world.floor_plan, body)
+                if not blocked.any():
+                    return actions
+                if blocked.argmax() > clear:
+                    farthest, clear = actions, int(blocked.argmax())
+        return farthest
+
+    def _margin(self, pose: Pose) -> float:
+        assert self.world.route is not None
+        room = float(self.world.floor_plan.distance([pose[:2]])[0]) - self.world.body
+        return max(0.0, min(room, self.world.route.clearance)) / 2
+
+    def _along(
+        self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
+    ) -> Actions:
+        rules = (share * self.rules[0], *self.rules[1:])
+        actions = np.empty((most, 2), np.float32)
+        return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
 
 
-def _check_drivable(plan: GuidedPlan, world: World) -> None:
-    actions = plan.actions.astype(np.float64)
+def _back_onto(path: Path, arc: float, pose: Pose) -> Path:
+    """Return the rest of an open path, and before it the straight way there."""
+    corners = np.vstack([pose[:2], path.corners_from(arc)])
+    apart = (np.diff(corners, axis=0) != 0).any(axis=1)
+    return Path(corners[np.append(True, apart)], closed=False)
+
+
+def _check_drivable(plan: GuidedPlan) -> None:
+    actions, start = plan.actions, plan.course.start
     wish = "give another driver.look_ahead, or other lap.waypoints."
     if len(actions) == plan.limit:
         raise InputError(
             f"the driver does not complete the lap in {plan.limit:,} steps, even without noise: "
             f"{wish}"
         )
-    points = _points(plan.course.start, actions)
-    blocked = world.floor_plan.collides(points[:-1], points[1:], world.body)
+    blocked = _blocked(start, actions, plan.world.floor_plan, plan.world.body)
     if blocked.any():
-        x, y = points[blocked.argmax()]
+        x, y = _points(start, actions)[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
 
 
-def _points(start: Pose, actions: Floats) -> Floats:
+def _blocked(start: Pose, actions: Actions, floor_plan: Map, body: float) -> Bools:
+    """Whether a disc of radius ``body`` without noise would touch a wall in each step, (T,)."""
+    points = _points(start, actions)
+    return floor_plan.collides(points[:-1], points[1:], body)
+
+
+def _points(start: Pose, actions: Actions) -> Floats:
     """Where a robot without noise comes by, (T + 1, 2)."""
     x, y, heading = start
-    headings = heading + np.cumsum(actions[:, 1])
-    ways = actions[:, :1] * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
+    distances, turns = actions.astype(np.float64).T
+    headings = heading + np.cumsum(turns)
+    ways = distances[:, None] * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
     return np.cumsum(np.vstack([(x, y), ways]), axis=0)

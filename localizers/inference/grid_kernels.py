@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.exponential_kernels import exp64, log64
 from deqmcl_gym.numerics.types import Floats
 
 NOTHING = 1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower

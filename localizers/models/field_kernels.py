@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos64, exp64, logs64, sin64
+from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.exponential_kernels import exp64, logs64
 from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.models.beam_kernels import fold
 

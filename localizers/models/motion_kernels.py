@@ -4,7 +4,8 @@ import numpy as np
 
 from deqmcl_gym.maps.kernels import drive as drive_poses
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import log32, sincos32
+from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.exponential_kernels import log32
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)

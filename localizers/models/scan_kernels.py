@@ -3,9 +3,10 @@
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats, Singles
 
-LARGEST = 1e9  # distance or turn of an action: beyond, sums of squares overflow in float32
+LARGEST_ACTION = FARTHEST  # distance or turn: the sine of a larger angle is NaN
 
 
 @compiled
@@ -24,16 +25,16 @@ def usable_if_sound(
     """``count_usable`` of a step; -1 if it is not one.
 
     That is, unless there are as many ranges as ``beams``, and the action (2,) and those of the plan
-    (h, 2) are pairs of numbers of at most ``LARGEST``.
+    (h, 2) are pairs of numbers of at most ``LARGEST_ACTION``.
     """
     if ranges.size != beams or action.size != 2 or plan.shape[1] != 2:
         return -1
     amiss = 0
     for i in range(action.size):
-        amiss += not abs(action[i]) <= LARGEST
+        amiss += not abs(action[i]) <= LARGEST_ACTION
     planned = plan.ravel()
     for i in range(planned.size):
-        amiss += not abs(planned[i]) <= LARGEST
+        amiss += not abs(planned[i]) <= LARGEST_ACTION
     return count_usable(ranges, max_range) if amiss == 0 else -1
 
 

@@ -110,7 +110,7 @@ def test_the_tables_have_the_digits_of_results_csv(given_sweep):
     by_error = []
     for panel in found:
         own = [next(present) for _ in panel.present]
-        by_error += [own[panel.present.index(row)] for row in ranked(panel.present)]
+        by_error += [own[panel.present.index(row)] for row in ranked(panel)]
     shown = [line for panel in found for line in verdict_table(panel).lines]
     for line, told in zip(by_error, shown, strict=True):
         assert told[1].startswith(f"{float(line['error']):.2f} (")

@@ -1,15 +1,19 @@
 """Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from report_cases import finished, parsed, trial_of
 from test_store import TRIAL  # a canonical trial
 
+from benchmarks.report.error_tables import glance_table, verdict_table
+from benchmarks.report.findings import findings
 from benchmarks.report.journeys import WORDS, journey_charts, journey_table
 from benchmarks.report.laps import laps
 from benchmarks.report.style import looks
+from benchmarks.report.verdicts import power_hint, runner_up, spoken
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate
@@ -143,12 +147,94 @@ def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
     panel = compared()
     ((group, table),) = tables_of(panel)
     assert WORDS[group][0] == "Localized"
-    assert table.lines[0][:4] == ["mcl-map", "50 % (15 % to 85 %)", "baseline", "–"]
-    assert table.lines[0][4] == "never"
+    assert [line[0] for line in table.lines] == ["mcl-plan", "mcl-map"]  # the largest share first
+    assert table.lines[1][1:5] == ["50 % (15 % to 85 %)", "baseline", "–", "never"]
     (chart,) = journey_charts(panel, looks(panel.labels.values()))
     assert chart.alt.endswith("At the end: mcl-map 50%, mcl-plan 75%.")
     (plain,) = panels([finished("mcl", 0, 1.0)])
     assert tables_of(plain) == journey_charts(plain, {}) == []
+
+
+WORLDS = 12
+
+
+def sought(method, found, error=2.0, score="success_1m"):
+    """Runs of which the first ``found`` succeed."""
+    records = [finished(method, world, error + 0.1 * world) for world in range(WORLDS)]
+    way = {"way": [0.0, 1.0], "distance": [3.0, 0.0], "angle": [0.0, 0.0]}
+    return [
+        record | {"journey": {"scores": {score: float(world < found)}, "curves": way}}
+        for world, record in enumerate(records)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("score", "done"),
+    [
+        ("success_1m", "localized to the end"),
+        ("recovered", "recovered"),
+        ("success", "arrived"),
+    ],
+)
+def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score, done):
+    # the errors rank them the other way round
+    records = [*sought("mcl", 2, 1.0, score), *sought("amcl", 6, 3.0, score)]
+    records += sought("mcl-plan", 11, 9.0, score)
+    (panel,) = panels(records)
+    rows = parsed(results_csv([panel]))
+    best, following = rows[2], rows[1]
+    low, mean, high = (
+        round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
+    )
+    ends = [round(100 * one) for one in wilson(11 / 12, 12)]
+    assert spoken(panel) == (
+        f"Map-based MCL, the plan as a sensor is best: {done} in 92 % of runs (95 %: {ends[0]} to "
+        f"{ends[1]}), {mean} points above MCL (95 %: {low} to {high}); costs 2.7 ×."
+    )
+    assert runner_up(panel).startswith("Next is amcl, 50 % of runs: 42 points behind (95 %: ")
+    assert float(following[f"{score}_p_holm"]) > 0.05
+    assert [line[0] for line in verdict_table(panel).lines] == [
+        "mcl-plan",
+        "amcl",
+        "mcl (baseline)",
+    ]
+    said = findings(panel)
+    assert re.match(rf"Map-based MCL, .* {done} more often than MCL \(\+75 points, 95 % ", said[1])
+    assert power_hint(panel) == ""
+
+
+NOT_CONFIRMED = {
+    "MCL: recovered in 50 % of runs (95 %: 25 to 75); nothing to compare it with.": {"mcl": 6},
+    "No method is better than the baseline, MCL: recovered in 50 % of runs (95 %: 25 to 75).": {
+        "mcl": 6,
+        "amcl": 6,
+    },
+    "No method is confirmed to be better than MCL (50 % of runs): amcl has the largest share, "
+    "recovered in 67 % of runs (95 %: 39 to 86), 17 points above MCL (95 %: 0 to 42); p = 1.": {
+        "mcl": 6,
+        "amcl": 8,
+    },
+}
+
+
+@pytest.mark.parametrize("expected", NOT_CONFIRMED)
+def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best(expected):
+    shares = NOT_CONFIRMED[expected]
+    (panel,) = panels(
+        [run for name in shares for run in sought(name, shares[name], score="recovered")]
+    )
+    assert spoken(panel) == expected
+
+
+def test_a_glance_at_settings_shows_shares_beside_errors():
+    plain = [
+        finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
+    ]
+    glance = glance_table(panels([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    assert [line[1:] for line in glance.lines] == [["17 %", "92 % ▲"], ["2.00", "2.00 ○"]]
+    assert "Share of runs, the largest of a setting in bold: localized to the end" in glance.caption
+    assert "Error e of x[t], the smallest" in glance.caption
+    assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]
 
 
 def test_lost_robots_are_shown_by_when_they_were_localized():

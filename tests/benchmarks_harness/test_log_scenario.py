@@ -20,9 +20,7 @@ from deqmcl_gym.logs.motion import actions_of
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 
-SCENARIO = """
-base = "log"
-[env]
+WORLD = """
 log = "data/lap.csv"
 map = "data/hall.yaml"
 reference = "data/lap.tum"
@@ -30,17 +28,17 @@ segment = 3.0
 every = "0.05m,3deg"
 max_beams = 15
 """
-SWEEP = """
+SCENARIO = f"""
+base = "log"
+[env]
+{WORLD}
+"""
+SWEEP = f"""
 scenario = "log"
 trials = 3
 localizers = ["mcl", "dead-reckoning"]
 [world]
-log = "data/lap.csv"
-map = "data/hall.yaml"
-reference = "data/lap.tum"
-segment = 3.0
-every = "0.05m,3deg"
-max_beams = 15
+{WORLD}
 [params]
 particles = 100
 """
@@ -108,6 +106,18 @@ def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
         np.testing.assert_array_equal(truths, whole.reference[begin:end])
         driven = np.abs(whole.actions[begin : end - 1, 0])
         assert driven[:-1].sum() < 3.0 <= driven.sum() + 1e-9
+
+
+def test_a_scenario_is_found_beside_the_sweep_file_and_its_data_beside_the_scenario(folder):
+    (folder / "halls").mkdir()
+    (folder / "hall.toml").rename(folder / "halls" / "hall.toml")
+    (folder / "data").rename(folder / "halls" / "data")
+    own, (base, _) = str(folder / "halls" / "hall.toml"), SWEEP.split("[world]")
+    alone = trials(folder, base.replace('"log"', '"halls/hall.toml"'))
+    assert {trial.scenario for trial in alone} == {own}
+    assert len(list(trial_moments(alone[0]))) > 5
+    vary = '[[vary]]\nscenario = ["halls/hall.toml", "paper"]'
+    assert {trial.scenario for trial in trials(folder, base + vary)} == {own, "paper"}
 
 
 def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):

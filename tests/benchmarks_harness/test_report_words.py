@@ -5,8 +5,9 @@ import re
 import pytest
 from report_cases import finished, paired, results, trial_of, trials
 
-from benchmarks.report import error_tables, tables, verdicts, words
+from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
+from benchmarks.report.findings import findings
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 
@@ -19,7 +20,7 @@ def panel_of(records, limits=()):
 
 
 def said(records):
-    return verdicts.findings(panel_of(records))
+    return findings(panel_of(records))
 
 
 FINDINGS = {

@@ -1,12 +1,15 @@
 """Scenarios in buildings: the same journey for all methods, and agents that drive to a goal."""
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from benchmarks.agents.old_route import OldRoute
 from benchmarks.agents.on_route import OnRoute
 from benchmarks.agents.to_goal import ToGoal
 from benchmarks.setup.names import scenario
-from benchmarks.trials.disturbances import disturbed
 from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -94,16 +97,49 @@ def test_the_route_fits_one_of_two_wings_or_both_of_two_halves(number):
     assert contacts(room, info["truth"], shown(info)) == contacts(room, twin, shown(info)) == 0
 
 
-@pytest.mark.parametrize(("name", "honest"), [("kidnapped", True), ("kidnapped-stale", False)])
-def test_after_the_kidnap_the_plan_is_about_the_robot_or_is_not(name, honest):
-    one = trial(name)
-    setup = scenario_of(one)
-    env = disturbed(setup.room(), setup.disturbance)
-    _, info = env.reset(seed=one.world_seed)
-    for _ in range(75):
-        before, (*_, info) = info["truth"], env.step(info["planned_actions"][0])
-    assert np.hypot(*(info["truth"] - before)[:2]) > 1
-    assert (contacts(env.unwrapped, info["truth"], shown(info)) == 0) is honest
+def test_after_the_kidnap_the_same_robot_drives_on_with_a_plan_about_it_or_with_the_old_one():
+    room, _ = begun("kidnapped")
+    runs = [
+        list(itertools.islice(trial_moments(trial(name)), 120))
+        for name in ("kidnapped", "kidnapped-stale")
+    ]
+    for told, stale in zip(*runs, strict=True):
+        np.testing.assert_array_equal(told.truth, stale.truth)
+        np.testing.assert_array_equal(told.ranges, stale.ranges)
+        np.testing.assert_array_equal(told.action, stale.action)
+    told, stale = ([moment.plan for moment in run] for run in runs)
+    carried = 75
+    assert np.hypot(*(runs[0][carried].truth - runs[0][carried - 1].truth)[:2]) > 1
+    np.testing.assert_array_equal(stale[0], told[0])
+    for step in range(1, carried + 1):  # the dispatcher's, made before the step
+        np.testing.assert_array_equal(stale[step], told[step - 1][1:])
+    for step in range(carried, 120):
+        np.testing.assert_array_equal(stale[step], stale[carried][step - carried :])
+    truth = runs[0][90].truth
+    assert contacts(room, truth, told[90]) == 0 < contacts(room, truth, stale[90])
+    assert not any(moment.collided for moment in runs[1])
+
+
+def test_the_old_route_is_that_of_a_world_with_routes():
+    with pytest.raises(InputError, match="give a world with a route"):
+        OldRoute(None).plan_at_reset({})
+
+
+@pytest.mark.parametrize("number", [35, 251])  # of 1,000: they start beside a corner of a wall
+def test_one_who_sees_the_pose_cuts_no_corner_however_much_of_the_plan_is_shown(number):
+    one = trial("driving-perfect", number)
+    rooms = [scenario_of(one).room(), scenario_of(replace(one, world=(("horizon", 3),))).room()]
+    infos = [room.reset(seed=one.world_seed)[1] for room in rooms]
+    cornered, ended = 0, False
+    while not ended:
+        np.testing.assert_array_equal(shown(infos[0])[:3], shown(infos[1]))
+        cornered += contacts(rooms[0], infos[0]["truth"], shown(infos[0])) > 0
+        *_, done, given_up, infos[0] = rooms[0].step(shown(infos[0])[0])
+        infos[1] = rooms[1].step(shown(infos[1])[0])[-1]
+        assert not infos[0]["collided"]
+        ended = done or given_up
+    assert cornered == 0
+    assert np.hypot(*(infos[0]["truth"][:2] - infos[0]["goal"])) <= 0.5
 
 
 @pytest.mark.parametrize("agent", [ToGoal, OnRoute])

@@ -88,6 +88,21 @@ def test_the_time_limit_is_twice_the_plan_of_the_default_room_and_a_smaller_one_
     assert said == [(False, False), (False, False), (False, True)]
 
 
+def test_a_journey_may_be_longer_than_the_limit_of_the_room():
+    route = {"min_length": 45.0}  # m: 450 drives of 0.1 m
+    env = gym.make("deqmcl_gym/Journey-v0", route=route)
+    cut = gym.make(deqmcl_gym.ENV_ID, floor_plan={"office": {}}, route=route)
+    assert env.spec.max_episode_steps is None
+    env.reset(seed=0)
+    cut.reset(seed=0)
+    planned = len(env.unwrapped.plan)
+    assert planned > 450
+    stand = np.zeros(2, np.float32)
+    said = [env.step(stand)[2:4] for _ in range(planned)]
+    assert said == [(False, False)] * (planned - 1) + [(False, True)]
+    assert [cut.step(stand)[3] for _ in range(408)] == [False] * 407 + [True]
+
+
 def test_a_spec_with_json_kwargs_makes_the_same_env_again():
     kwargs = {
         "preset": "sharp",

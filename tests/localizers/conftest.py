@@ -1,4 +1,7 @@
-"""The robot, the prior and the drive that most tests of the localizers share."""
+"""The robot, the prior and the drive that most tests of the localizers share; plug-ins to load."""
+
+import importlib
+import sys
 
 import numpy as np
 import pytest
@@ -38,3 +41,72 @@ def drive() -> tuple[np.ndarray, np.ndarray]:
     actions = np.array([straight] * 8 + [turn] * 4)
     scans = np.array([280, 255, 240, 225, 195, 190, 150, 140, 130, 125, 160, 210.0])[:, None]
     return actions, scans
+
+
+WORKING = """
+class Mine:
+    def __init__(self, robot, *, gain=1.0):
+        self.gain = gain
+    def reset(self, prior, plan, rng): ...
+    def update(self, ranges, action, plan): ...
+
+class OnlyRobot(Mine):
+    def __init__(self, robot): ...
+
+class NoRobot(Mine):
+    def __init__(self): ...
+
+class NoUpdate:
+    def __init__(self, robot): ...
+    def reset(self, prior, plan, rng): ...
+
+class Outer:
+    Inner = Mine
+
+def refuses(robot):
+    raise ValueError("not this robot")
+
+def none(robot):
+    return None
+
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(WORKING)
+    return path
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """A package on the path and in the working folder, forgotten afterwards: ``pack.good``, …"""
+    folder = tmp_path / "site" / "pack"
+    folder.mkdir(parents=True)
+    (folder / "__init__.py").write_text("")
+    (folder / "good.py").write_text(WORKING)
+    (folder / "raises.py").write_text("x = 1\nraise ArithmeticError('no luck.')\n")
+    (folder / "torn.py").write_text("ok = 1\ndef (:\n")
+    monkeypatch.syspath_prepend(folder.parent)
+    monkeypatch.chdir(folder.parent)
+    yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pack"]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Make entry points known as an installed distribution would."""
+
+    def install(lines, distribution="other"):
+        site = tmp_path / f"site-{distribution}"
+        info = site / f"{distribution}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1\n")
+        (info / "entry_points.txt").write_text(f"[deqmcl.localizers]\n{lines}\n")
+        monkeypatch.syspath_prepend(site)
+        importlib.invalidate_caches()
+
+    return install

@@ -9,18 +9,8 @@ from following import follow, same, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from ring_world import (
-    AS_PLANNED,
-    OBSERVED,
-    PRIOR,
-    RESAMPLING,
-    SENSOR,
-    STATES,
-    STEPS,
-    beliefs,
-    ring_filter,
-    transition,
-)
+from ring_filters import RESAMPLING, beliefs, ring_filter
+from ring_world import AS_PLANNED, OBSERVED, PRIOR, SENSOR, STATES, STEPS, transition
 
 import localizers
 from deqmcl_gym.maps import Lidar

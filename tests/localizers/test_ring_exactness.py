@@ -11,24 +11,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from ring_world import (
-    AS_PLANNED,
-    AUTHORS,
-    DRIVES,
-    FUTURE,
-    PAST,
-    PRIOR,
+from ring_filters import (
     RESAMPLING,
-    SENSOR,
-    STATES,
     beliefs,
     deq,
-    gamma,
     informed_throughout,
     rejuvenated,
     ring_filter,
     started_by_plan,
-    transition,
     twisted_by_h,
     with_doubt,
     with_h,
@@ -36,6 +26,18 @@ from ring_world import (
     with_plans,
     worst,
     z_scores,
+)
+from ring_world import (
+    AS_PLANNED,
+    AUTHORS,
+    DRIVES,
+    FUTURE,
+    PAST,
+    PRIOR,
+    SENSOR,
+    STATES,
+    gamma,
+    transition,
 )
 
 from localizers.inference.moves import Sometimes

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from ring_world import AS_PLANNED, CHANGES, Drive, RingMotion, beliefs, deq
+from ring_filters import beliefs, deq
+from ring_world import AS_PLANNED, CHANGES, Drive, RingMotion
 
 
 @pytest.mark.parametrize(("drive", "redraws"), [*zip(CHANGES, (1, 1, 0, 2, 3), strict=True)])

@@ -5,12 +5,7 @@ from functools import cached_property
 
 import numpy as np
 import pytest
-from ring_world import (
-    AS_PLANNED,
-    AUTHORS,
-    DRIVES,
-    RingPlans,
-    RingWalls,
+from ring_filters import (
     deq,
     informed_throughout,
     rejuvenated,
@@ -20,6 +15,7 @@ from ring_world import (
     worst,
     z_scores,
 )
+from ring_world import AS_PLANNED, AUTHORS, DRIVES, RingPlans, RingWalls
 
 from localizers.inference.moves import RenewedFuture, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter

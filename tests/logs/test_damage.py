@@ -90,6 +90,17 @@ def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
     assert damage.total() == len(times) - len(kept)
 
 
+@pytest.mark.parametrize("kind", ["GYRO", "ARM_STATE", "RADAR2"])
+@pytest.mark.parametrize("end", ["3.5 host 0.1", "3.5 host", "9 robot-2.lan 12"])
+def test_messages_of_other_kinds_are_told_but_are_no_damage(tmp_path, kind, end):
+    lines = carmen_lines()
+    lines[3:3] = [f"{kind} {end}", f"{kind} 1 2 {end}", f"{kind} 1 2"]  # the third breaks off
+    (tmp_path / "x.log").write_text("\n".join(lines))
+    log, warned = read_and_warned(tmp_path / "x.log")
+    assert (len(log), log.skipped) == (12, {"unreadable": 1})
+    assert f"left out messages of other kinds: 2 {kind}." in warned
+
+
 def refused(path, **options):
     with pytest.raises(InputError) as caught:
         read_and_warned(path, **options)

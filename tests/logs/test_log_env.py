@@ -1,7 +1,6 @@
 """deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
 
 import json
-import math
 import warnings
 
 import gymnasium as gym
@@ -16,10 +15,9 @@ from hypothesis import strategies as st
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.recorded import spacing
 from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned, relative
+from deqmcl_gym.logs.motion import actions_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 
@@ -146,62 +144,6 @@ def test_what_is_planned_is_the_odometry_the_reference_or_nothing():
         LogEnv(log=real(), plan="reference")
 
 
-@given(
-    steps=st.lists(
-        st.tuples(st.floats(-1, 1), st.floats(-3, 3), st.floats(-1, 1)), min_size=1, max_size=20
-    )
-)
-def test_an_action_turns_as_odometry_does_and_leaves_out_what_lies_across(steps):
-    poses = [np.array([[1.0, 2.0, 3.0]])]
-    for step in steps:
-        poses.append(composed(poses[-1], np.array([step])))
-    track = np.concatenate(poses)
-    actions, residuals = actions_of(track)
-    before, after = track[:-1], track[1:]
-    gone = np.concatenate(
-        [dead_reckoned([action], start)[1:] for action, start in zip(actions, before, strict=True)]
-    )
-    off = relative(after, gone)
-    np.testing.assert_allclose(off, np.column_stack([0 * residuals, -residuals, 0 * residuals]),
-                               atol=1e-9)  # fmt: skip
-
-
-sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
-
-
-@given(st.lists(st.tuples(sizes, st.floats(0.0, 3.0, width=32)), min_size=1, max_size=30))
-def test_actions_come_back_to_the_bit_zeros_included(steps):
-    actions = np.float32([(d, turn if turn > 2**-13 else 0.0) for d, turn in steps])
-    found = actions_of(dead_reckoned(actions))[0].astype(np.float32)
-    np.testing.assert_array_equal(found, actions)
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_records_are_played_as_far_apart_as_every_says(distance, angle):
-    log = real(60)
-    kept = log.spaced(distance, angle)
-    chosen = np.searchsorted(log.times, kept.times)
-    expected, last = [0], log.odometry[0]
-    for index, pose in enumerate(log.odometry[1:], start=1):
-        turn = abs(math.remainder(pose[2] - last[2], 2 * math.pi))
-        if math.hypot(*(pose - last)[:2]) >= distance or turn >= angle:
-            expected.append(index)
-            last = pose
-    assert chosen.tolist() == expected
-
-
-@given(st.integers(1, 60), st.integers(1, 70))
-def test_beams_are_thinned_evenly_and_keep_the_ends(beams, most):
-    log = real(3, beams).with_beams(most)
-    assert log.scanner.beams == min(beams, most)
-    whole = real(3, beams)
-    kept = [whole.scanner.angles.index(angle) for angle in log.scanner.angles]
-    np.testing.assert_array_equal(log.ranges, whole.ranges[:, kept])
-    if 1 < most < beams:
-        assert (kept[0], kept[-1]) == (0, beams - 1)
-        assert np.ptp(np.diff(kept)) <= 1
-
-
 def test_a_segment_is_played_before_it_is_thinned():
     log = real(50)
     env = LogEnv(log=log, start=10, length=20, every=(0.3, 9.0))
@@ -218,26 +160,6 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
     assert lost.any()
     assert (scans[lost] > env.lidar.max_range).all()
     np.testing.assert_array_equal(scans[~lost], log.ranges[~lost])
-
-
-@pytest.mark.parametrize(
-    ("text", "meant"),
-    [
-        ("0.2m,5deg", (0.2, math.radians(5))),
-        ("5°, 0.2 m", (0.2, math.radians(5))),
-        ("0.2m", (0.2, math.inf)),
-        (".5rad", (math.inf, 0.5)),
-        ((0.2, 0.1), (0.2, 0.1)),
-    ],
-)
-def test_every_is_a_distance_and_an_angle(text, meant):
-    assert spacing("every", text) == pytest.approx(meant)
-
-
-@pytest.mark.parametrize("bad", ["", "0.2", "0.2m,0.3m", "0.2m;5deg", "-1m", "nanm", 3, None, (1,)])
-def test_anything_else_is_refused(bad):
-    with pytest.raises(InputError, match="every"):
-        spacing("every", bad)
 
 
 @pytest.mark.parametrize(

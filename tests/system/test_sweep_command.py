@@ -64,7 +64,9 @@ def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
     assert not list(out.glob(".deqmcl*"))
 
 
-@pytest.mark.parametrize("name", ["quick", "beta", "sensor", "disturbed", "guided", "study-plan"])
+@pytest.mark.parametrize(
+    "name", ["quick", "beta", "sensor", "disturbed", "plan-sensor", "study-plan"]
+)
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = SUITES[name]
     text = json.dumps(manifest.of_sweep(sweep, []).identity["sweep"], allow_nan=False)

@@ -6,7 +6,6 @@ from types import MappingProxyType
 
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites.authors import AUTHOR_SUITES
-from benchmarks.sweeps.suites.lookahead import LOOKAHEAD_SUITES
 from benchmarks.sweeps.suites.lost import LOST_SUITES
 from benchmarks.sweeps.suites.paper import PAPER_METHODS, PAPER_SUITES, paper_suite, paper_sweep
 from benchmarks.sweeps.suites.parts import methods
@@ -21,9 +20,7 @@ __all__ = [
     "with_localizers",
 ]
 
-SUITES = MappingProxyType(
-    {**PAPER_SUITES, **LOOKAHEAD_SUITES, **AUTHOR_SUITES, **LOST_SUITES, **STUDY_SUITES}
-)
+SUITES = MappingProxyType({**PAPER_SUITES, **AUTHOR_SUITES, **LOST_SUITES, **STUDY_SUITES})
 
 # suites that are run one after the other under one name
 FAMILIES = MappingProxyType({"study": tuple(STUDY_SUITES)})

@@ -26,12 +26,12 @@ _RIVAL = method("mcl-map", particles=10_000)
 LOST_SUITES = MappingProxyType(
     {
         "lost": Sweep(
-            title="Lost in an office building, with a dispatcher's route: 200 worlds",
+            title="Lost in an office building, with a dispatcher's route: 100 worlds",
             scenario="lost",
             localizers=(*_BLIND, method("mcl-map", particles=50_000), _AMCL, _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
-            trials=200,
+            trials=100,
             params=frozen(_RECOVERY),
             vary=(axis(params__particles=(2_000, 10_000)),),
         ),
@@ -45,20 +45,20 @@ LOST_SUITES = MappingProxyType(
             params=frozen({"particles": 5_000, **_RECOVERY}),
         ),
         "lost-hard": Sweep(
-            title="Lost with one weak beam, and where two places fit the scans: 200 worlds",
+            title="Lost with one weak beam, and where two places fit the scans: 100 worlds",
             localizers=(*methods("mcl-map"), _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
-            trials=200,
+            trials=100,
             params=frozen({"particles": 10_000, **_RECOVERY}),
             vary=(axis(scenario=("lost-weak", "lost-symmetric", "lost-symmetric-route")),),
         ),
         "lost-equal-time": Sweep(
-            title="A route at the start, or its time spent on particles: 200 worlds, 2 runs each",
+            title="A route at the start, or its time spent on particles: 100 worlds, 2 runs each",
             localizers=(_RIVAL, method("mcl", particles=10_000), _ONCE),
             baseline="mcl-map",
             lag=0,
-            trials=200,
+            trials=100,
             filter_seeds=2,
             params=frozen(_RECOVERY),
             vary=(axis(scenario=("lost", "lost-weak", "lost-symmetric")),),
@@ -81,11 +81,11 @@ LOST_SUITES = MappingProxyType(
             ),
         ),
         "kidnapped": Sweep(
-            title="Carried off in mid-route, with a new plan and with the old one: 200 worlds",
+            title="Carried off in mid-route, with a new plan and with the old one: 100 worlds",
             localizers=(*methods("mcl-map"), _AMCL, _SENSOR, _START),
             baseline="mcl-map",
             lag=0,
-            trials=200,
+            trials=100,
             params=frozen(_RECOVERY),
             vary=(
                 axis(scenario=("kidnapped", "kidnapped-stale")),
@@ -93,11 +93,11 @@ LOST_SUITES = MappingProxyType(
             ),
         ),
         "driving": Sweep(
-            title="To a goal through doors, driven on the estimate: 200 worlds",
+            title="To a goal through doors, driven on the estimate: 100 worlds",
             localizers=(*_BLIND, method("amcl"), _SENSOR, *methods("dead-reckoning")),
             baseline="mcl-map",
             lag=0,
-            trials=200,
+            trials=100,
             vary=(
                 axis(scenario=("driving", "driving-route", "driving-blind", "driving-perfect")),
                 axis(params__particles=(500, 2_000)),
