@@ -1,4 +1,4 @@
-"""The ``deqmcl`` command: parsing, exit codes and what is said of an error."""
+"""The ``deqmcl`` command: parsing, exit codes and error messages."""
 
 import argparse
 import difflib
@@ -23,7 +23,7 @@ class Terminated(KeyboardInterrupt):
 
 
 class _Version(argparse.Action):
-    """Print the version; it is known to a package that takes its time to load."""
+    """Print the version; the package that knows it is slow to load."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from deqmcl_gym import __version__
@@ -33,7 +33,7 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says in one sentence what is wrong with a command line, and nothing else."""
+    """Says in one sentence what is wrong with a command line."""
 
     def error(self, message: str) -> NoReturn:
         sentence = message.rstrip(".")
@@ -103,9 +103,9 @@ def _refuse_no_folder() -> None:
 
 @contextmanager
 def _terminable(*, leaving: bool) -> Iterator[None]:
-    """Let the first Ctrl-C or SIGTERM unwind the stack, so that what was started is ended, too.
+    """Let the first Ctrl-C or SIGTERM unwind the stack, so that what was started is also ended.
 
-    Others that come meanwhile are ignored, which if ``leaving`` holds until the process is gone.
+    Later ones are ignored meanwhile; if ``leaving``, until the process is gone.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -133,7 +133,7 @@ def _terminable(*, leaving: bool) -> Iterator[None]:
 
 
 def _not_written(error: OSError) -> int:
-    """Say that the output is lost, unless nobody wants to read it."""
+    """Say that the output is lost, unless its reader has stopped reading."""
     if isinstance(error, BrokenPipeError):
         return NOT_READ
     print(f"deqmcl: the output cannot be written to stdout ({error.strerror}).", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The terminal that a command runs in: its standard streams, and what it says while it works."""
+"""The terminal that a command runs in: its standard streams, and its words while it works."""
 
 import contextlib
 import os
@@ -14,7 +14,7 @@ PATIENCE = 1.0  # s before a user is told what takes so long
 
 @contextmanager
 def doing(what: str) -> Iterator[None]:
-    """Tell on stderr what is being done, if it takes longer than ``PATIENCE``.
+    """Say on stderr what is being done, if it takes longer than ``PATIENCE``.
 
     A terminal gets a line that counts the seconds and disappears at the end, a file or a pipe one
     line.

@@ -1,4 +1,4 @@
-"""The lap is driven from where the localizer believes the robot is; so is the plan made."""
+"""Drives the lap, and plans it, from where the localizer believes the robot is."""
 
 from typing import Any
 

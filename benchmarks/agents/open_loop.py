@@ -1,4 +1,4 @@
-"""The plan that the env shows is carried out, whatever is believed."""
+"""Carries out the plan that the env shows, whatever the belief."""
 
 from typing import Any
 

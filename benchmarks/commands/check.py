@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from benchmarks.console import doing
 
 NAME = "check"
-HELP = "check that a localizer keeps the laws the benchmarks rely on"
+HELP = "check that a localizer obeys the laws the benchmarks rely on"
 DESCRIPTION = (
-    "Try a localizer against named laws on a short random drive: one line each, ok, FAILED or "
-    "skipped, with the reason. Exit code 3 if one failed."
+    "Check a localizer against named laws on a short random drive. One line per law: ok, FAILED or "
+    "skipped, with the reason. Exit code 3 if a law fails."
 )
 
 
 class LawsBrokenError(RuntimeError):
-    """A localizer breaks laws; which ones has been printed."""
+    """A localizer breaks laws, which have been printed."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,12 +29,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=60.0,
         metavar="S",
-        help="seconds that a law may take (60)",
+        help="seconds allowed per law (60)",
     )
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
-    """Run the command, printing each law when it was tried; return the last lines."""
+    """Run the command, printing each law as it is tried; return the last lines."""
     del given
     from contextlib import closing
 

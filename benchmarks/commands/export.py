@@ -19,9 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("folder", type=folder, metavar="DIR", help="folder of results")
-    add("--latex", action="store_true", help="tables and BibTeX (without a flag: everything)")
-    add("--pdf", action="store_true", help="figures (without a flag: everything)")
-    add("--out", type=folder, metavar="DIR", help="where to write it (DIR/export)")
+    add("--latex", action="store_true", help="only tables and BibTeX")
+    add("--pdf", action="store_true", help="only figures")
+    add("--out", type=folder, metavar="DIR", help="output folder (DIR/export)")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -9,14 +9,16 @@ HELP = "turn Nav2's AMCL parameters into a sweep file"
 DESCRIPTION = (
     "Print the AMCL parameters of a Nav2 parameter file as a sweep file over a recorded log, with "
     "what has no counterpart as comments: docs/your-map-your-log.md. deqmcl replay takes the same "
-    "file by --nav2."
+    "file as --nav2."
 )
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("params", type=Path, metavar="PARAMS.yaml", help="Nav2's parameter file")
-    parser.add_argument("--node", metavar="NAME", help="the node, as /robot1/amcl (the only amcl)")
+    parser.add_argument(
+        "--node", metavar="NAME", help="the node, as in /robot1/amcl (the only amcl)"
+    )
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from benchmarks.commands.shared import folder
 from benchmarks.console import doing
 
 NAME = "leaderboard"
-HELP = "one ranking from several folders of results on the same worlds"
+HELP = "rank the methods of several folders of results on the same worlds"
 DESCRIPTION = (
     "Write leaderboard.html and leaderboard.md from folders of results that differ in their "
     "localizers only. Folders of another scenario, other worlds or another baseline are refused. "
@@ -19,14 +19,14 @@ DESCRIPTION = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "folders", type=folder, nargs="+", metavar="DIR", help="folders of results, complete"
+        "folders", type=folder, nargs="+", metavar="DIR", help="folders of complete results"
     )
     parser.add_argument(
         "--out",
         type=folder,
         default=Path("results/leaderboard"),
         metavar="DIR",
-        help="(results/leaderboard)",
+        help="output folder (results/leaderboard)",
     )
 
 

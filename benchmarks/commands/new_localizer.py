@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 
+from benchmarks.commands.shared import file
+
 NAME = "new-localizer"
 HELP = "write a small working localizer to start from"
 DESCRIPTION = "Write a file with a small working localizer, class MyLocalizer, to start from."
@@ -12,7 +14,7 @@ DESCRIPTION = "Write a file with a small working localizer, class MyLocalizer, t
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("file", type=Path, metavar="FILE.py", help="the file; must not exist yet")
+    parser.add_argument("file", type=file, metavar="FILE.py", help="the file; must not exist yet")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

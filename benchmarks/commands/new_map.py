@@ -4,22 +4,24 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.commands.shared import folder
+
 NAME = "new-map"
 HELP = "write a generated building as a ROS map and as polygons"
 DESCRIPTION = (
-    "Draw a building from a seed and write DIR/office.yaml with its image, a ROS map of 0.1 m "
-    "cells, and DIR/office.json, the same as polygons. Either is a floor_plan."
+    "Generate a building from a seed and write DIR/office.yaml with its image, a ROS map of 0.1 m "
+    "cells, and DIR/office.json, the same as polygons. Both can be used as a floor_plan."
 )
 _NUMBERS = (
-    ("seed", int, "that the building is drawn from (0)"),
-    ("wings", int, "side by side, 1 to 8, each 16 to 24 m long (2)"),
-    ("corridors", int, "through all wings, 1 to 6 (2)"),
+    ("seed", int, "seed of the building (0)"),
+    ("wings", int, "wings side by side, 1 to 8, each 16 to 24 m long (2)"),
+    ("corridors", int, "corridors through all wings, 1 to 6 (2)"),
     ("corridor", float, "width of all corridors, m (2.0)"),
     ("door", float, "width of all doors, m (0.9)"),
 )
 _SWITCHES = (
-    ("repeated", "make all wings alike"),
-    ("symmetric", "make a half turn of the building the same building"),
+    ("repeated", "make all wings identical"),
+    ("symmetric", "make the building the same after a half turn"),
 )
 
 
@@ -32,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     for name, words in _SWITCHES:
         parser.add_argument(f"--{name}", action="store_true", default=absent, help=words)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="a new or empty folder"
+        "--out", type=folder, required=True, metavar="DIR", help="a new or empty folder"
     )
 
 

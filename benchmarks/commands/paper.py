@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 NAME = "paper"
 HELP = "run the paper's experiment: Table 1, figures, report"
 DESCRIPTION = (
-    "Run the paper's experiment: all methods on the same worlds; what the output folder already "
-    "holds is not run again."
+    "Run the paper's experiment: all methods on the same worlds. Trials that the output folder "
+    "already holds are not run again."
 )
 NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
@@ -41,7 +41,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_jobs(parser)
     parser.add_argument(
-        "--out", type=folder, default=Path("results/paper"), metavar="DIR", help="(results/paper)"
+        "--out",
+        type=folder,
+        default=Path("results/paper"),
+        metavar="DIR",
+        help="output folder (results/paper)",
     )
 
 

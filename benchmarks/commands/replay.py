@@ -26,14 +26,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("log", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file")
-    add("--map", required=True, metavar="MAP.yaml", help="the map, as of ROS' map_server")
-    add("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)")
+    add("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
+    add(
+        "--reference",
+        metavar="REF.tum",
+        help="true poses in the map's frame (the log's own, if any)",
+    )
     add(
         "--read",
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="how the log is read, as scan_topic=/front, base_frame=base, max_range=20 (once each)",
+        help="how to read the log, as in scan_topic=/front, base_frame=base, max_range=20 "
+        "(one --read each)",
     )
     add(
         "--localizers",
@@ -44,34 +49,35 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--start",
         metavar="S",
-        help="reference, global or --start=x,y,θ in m and rad (the reference, if there is one)",
+        help="where the robot starts: reference, global or x,y,θ in m and rad, as in --start=1,2,0 "
+        "(reference, if there is one)",
     )
     add(
         "--every",
         metavar="D,A",
-        help="play a record whenever the robot has moved so far (0.2m,5deg)",
+        help="play a record each time the robot has moved this far (0.2m,5deg)",
     )
-    add("--max-beams", type=int, metavar="B", help="beams used, evenly spread (60)")
+    add("--max-beams", type=int, metavar="B", help="beams used of a scan, evenly spread (60)")
     add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
     add_seed(parser)
     add(
         "--motion",
         metavar="drive=…,turn=…,drift=…",
-        help="noise of the motion (estimated from the reference; without one 0.2 each)",
+        help="motion noise (estimated from the reference; 0.2 each without one)",
     )
     add(
         "--scan",
         metavar="sigma=…,power=…,…",
-        help="what a beam model assumes; kind=NAME chooses another (sigma=0.2, in m)",
+        help="parameters of the beam model; kind=NAME selects another model (sigma=0.2, in m)",
     )
     add(
         "--nav2",
         type=Path,
         metavar="PARAMS.yaml",
-        help="Nav2's parameter file: says all of amcl, and what of the above is not given",
+        help="Nav2's parameter file: sets all of amcl, and the options above that are not given",
     )
-    add("--node", metavar="NAME", help="whose parameters in it, as /robot1/amcl (the only amcl)")
+    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
     add_jobs(parser, "runs")
     add_timeout(parser, "run")
     add("--out", type=folder, required=True, metavar="DIR", help="output folder")

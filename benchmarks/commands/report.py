@@ -10,15 +10,15 @@ NAME = "report"
 HELP = "rewrite the report of a folder of results"
 DESCRIPTION = (
     "Write report.html, results.md with its images, and the tables results.csv, trials.csv and "
-    "timings.csv, from the finished trials in a folder. Nothing that the folder names is run: "
-    "animations are those that the sweep has drawn."
+    "timings.csv, from the finished trials in a folder. No code that the folder names is run: "
+    "animations are those that the sweep drew."
 )
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("folder", type=folder, metavar="DIR", help="folder of results")
-    parser.add_argument("--out", type=folder, metavar="DIR", help="where to write it (the folder)")
+    parser.add_argument("--out", type=folder, metavar="DIR", help="output folder (DIR itself)")
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

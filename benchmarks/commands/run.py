@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=file,
         metavar="FILE",
-        help="write the lap as a log, too: .log, .csv, .npz, .bag or .mcap (none)",
+        help="also write the lap as a log: .log, .csv, .npz, .bag or .mcap",
     )
     parser.add_argument("--out", type=folder, required=True, metavar="DIR", help="output folder")
 

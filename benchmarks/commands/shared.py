@@ -1,4 +1,4 @@
-"""What ``paper``, ``run`` and ``phase`` take: one setting, and methods on it."""
+"""What commands share: arguments, warnings, and the setting of ``paper``, ``run``, ``phase``."""
 
 import argparse
 import sys
@@ -32,7 +32,7 @@ def _path(text: str, what: str) -> Path:
 
 @contextmanager
 def log_warnings() -> Iterator[list[str]]:
-    """Collect what readers of logs warn of, each sentence once."""
+    """Collect the warnings of log readers, each sentence once."""
     from deqmcl_gym.logs import LogWarning
 
     said: list[str] = []
@@ -47,7 +47,7 @@ def log_warnings() -> Iterator[list[str]]:
 
 @contextmanager
 def checking() -> Iterator[None]:
-    """Tell that all worlds and localizers are looked at, and what is wrong with their logs."""
+    """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
     with doing("checking every world and localizer"), log_warnings() as said:
         yield
     for sentence in said:
@@ -61,8 +61,8 @@ def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
 
 
 def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
-    """Add how long each may take."""
-    help_ = f"seconds that a {what} may take (no limit; a plug-in's 3600, and 60 to be made)"
+    """Add the time limit of each."""
+    help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600, and 60 to load)"
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
 
 
@@ -85,7 +85,7 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
 
 
 def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int = 1) -> "Sweep":
-    """Return the localizers on the worlds of the setting, after a look at every one of them.
+    """Return the localizers on the worlds of the setting, every one of them checked.
 
     Raises:
         InputError: something of it is refused; nothing was run or written.

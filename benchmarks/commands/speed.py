@@ -10,8 +10,8 @@ from benchmarks.commands.shared import folder
 NAME = "speed"
 HELP = "measure speed against NumPy, pymunk, CartPole and peers"
 DESCRIPTION = (
-    "Measure rays, filter steps and environment steps as ratios to others' in the same run, by "
-    "CPU time of one core."
+    "Measure rays, filter steps and environment steps by CPU time of one core, as ratios to others "
+    "measured in the same run."
 )
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -23,7 +23,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--peers", action="store_true", help="also compare with other packages, if installed"
     )
     parser.add_argument(
-        "--out", type=folder, default=Path("results/speed"), metavar="DIR", help="(results/speed)"
+        "--out",
+        type=folder,
+        default=Path("results/speed"),
+        metavar="DIR",
+        help="output folder (results/speed)",
     )
 
 

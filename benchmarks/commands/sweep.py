@@ -11,7 +11,7 @@ NAME = "sweep"
 HELP = "run a suite or a sweep file; resumable, on one or many machines"
 DESCRIPTION = (
     "Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report. "
-    "What the output folder already holds is not run again."
+    "Trials that the output folder already holds are not run again."
 )
 
 
@@ -26,16 +26,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LOCALIZER[,…]",
-        help="further localizers",
+        help="localizers to add",
     )
     add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
-    add("--scheduler", metavar="ADDRESS", help="Dask scheduler (default: a cluster here)")
-    add("--shard", metavar="I/N", help="run only every N-th trial, from the I-th")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
+    add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
     add_timeout(parser)
-    add("--retry-failed", action="store_true", help="run trials again that failed before")
-    add("--fail-fast", action="store_true", help="stop at the first trial that fails")
-    add("--dry-run", action="store_true", help="show the cells and estimate how long they take")
+    add("--retry-failed", action="store_true", help="run failed trials again")
+    add("--fail-fast", action="store_true", help="stop at the first failed trial")
+    add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
 

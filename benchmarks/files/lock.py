@@ -1,4 +1,4 @@
-"""One writer at a time in a folder; the lock of a process that is gone counts for nothing."""
+"""One writer at a time in a folder; the lock of a dead process does not count."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ from deqmcl_gym.validation import InputError
 
 try:
     import fcntl
-except ImportError:  # no such locks on Windows: there, two sweeps are the user's to avoid
+except ImportError:  # Windows has no such locks: there, users must avoid two sweeps in one folder
     fcntl = None  # type: ignore[assignment]
 
 _NAME = re.compile(r"\.deqmcl(-[a-z0-9-]+)?\.lock")

@@ -1,9 +1,8 @@
-"""What we have written in a folder: nothing else there is overwritten or removed.
+"""A record of the files we wrote in a folder: nothing else there is overwritten or removed.
 
-``written.json`` holds, by part (a report, the figures, …), what the part was made of and the
-size and SHA-256 of each of its files. A file that is there without standing in it, or with another
-content, is the user's. Files are made again only if what they are made of, or one of them, has
-changed.
+``written.json`` holds, by part (a report, the figures, …), a digest of what the part was made from
+and the size and SHA-256 of each of its files. A file that it does not list, or that has another
+content, is the user's. Files are made again only if their source, or one of them, has changed.
 """
 
 import hashlib
@@ -120,7 +119,7 @@ def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:
     other = [p for p in inside if os.path.lexists(p) and (p.is_symlink() or not p.is_dir())]
     if other or (os.path.lexists(path) and (path.is_symlink() or not _is_one_of(path, digests))):
         raise InputError(
-            f"{next(iter(other), path)} is not as deqmcl has written it: move it away, or give "
+            f"{next(iter(other), path)} is not as deqmcl wrote it: move it away, or give "
             "another --out."
         )
 
@@ -144,8 +143,7 @@ def _read(folder: Path) -> dict[str, Part]:
         why = str(error)
     if why:
         raise InputError(
-            f"{path} {why}, so it is not as deqmcl has written it: move it away, or give another "
-            "--out."
+            f"{path} {why}, so it is not as deqmcl wrote it: move it away, or give another --out."
         )
     return parts
 

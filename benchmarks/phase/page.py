@@ -35,9 +35,9 @@ The perfect queue knows the true poses of past and future.
   states that are in one; past: k < 0, future: k > 0.
 
 What it claims: a queue read from past to future makes a place fire late in the cycle first and
-early last, as the hypothesis says; the numbers say how right the queue is that does so. What not:
-anything about neurons. That an offset is a phase is by construction, and any queue whose future is
-about right precesses, however it came to know it. It is one lap, so no ranking of methods.
+early last, as the hypothesis says; the numbers say how accurate that queue is. What it does not
+claim: anything about neurons. That an offset is a phase is by construction, and any queue whose
+future is about right precesses, whatever its source. It is one lap, so no ranking of methods.
 """
 
 

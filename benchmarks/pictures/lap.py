@@ -33,7 +33,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
-            raise InputError(f"{log} is there already: give another --log.")
+            raise InputError(f"{log} exists already: give another --log.")
     own_folder(out, "run")
     camera = camera_of(trial, scale=1.6)
     setup = scenario_of(trial)

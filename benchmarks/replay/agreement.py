@@ -20,7 +20,7 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
     Args:
         log: n records.
         floor_plan: the map.
-        poses: from where each scan is taken to be seen, (n, 3).
+        poses: assumed for each scan, (n, 3).
     """
     expected = floor_plan.ranges(poses, log.scanner.bearings)
     seen = np.isfinite(log.ranges)

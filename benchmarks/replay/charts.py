@@ -109,7 +109,7 @@ def _chosen(n: int) -> Indices:
 
 
 def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
-    """Return an image of the walls and of what is solid, RGBA, transparent where it is free."""
+    """Return an image of walls and solid areas, RGBA, transparent where the map is free."""
     x0, y0, x1, y1 = floor_plan.bounds
     step = max(x1 - x0, y1 - y0) / _SIDE
     columns, rows = math.ceil((x1 - x0) / step), math.ceil((y1 - y0) / step)

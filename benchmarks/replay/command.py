@@ -40,7 +40,7 @@ def run_replay(
         out: folder; refused if it holds what is not ours.
         where: where the runs run.
         command: the words that this was started by.
-        warnings: what is to be said of the log.
+        warnings: about the log.
 
     Raises:
         TrialsFailedError: some runs failed; what the others gave is written.
@@ -96,11 +96,11 @@ def _warned(warnings: Sequence[str | None]) -> list[str]:
 
 
 def _misfit(setting: Setting, rows: Sequence[Row]) -> str | None:
-    """Return the warning that log and map do not fit, where no reference has told it."""
+    """Return the warning that log and map do not fit, by the best run if there is no reference."""
     shares = [played.agreement[1] for row in rows for played in row.played]
     if setting.log.referenced.size or not shares:
         return None
-    return misfit_words(max(shares), "from where the best run takes the robot to be")
+    return misfit_words(max(shares), "from the poses that the best run estimates")
 
 
 def _contents(

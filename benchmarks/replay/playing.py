@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.trials.clouds import cloud_of, joined
+from benchmarks.trials.clouds import moments as spread
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
 from localizers import Localizer, Prior, best_cluster
 from localizers.api import mean_pose
 
@@ -74,9 +77,8 @@ def replay(env: LogEnv, localizer: Localizer, prior: Prior, rng: np.random.Gener
     for moment in played(env, localizer, prior, rng):
         points = moment.belief.points()
         if points is None:
-            raise RuntimeError("the belief has no points of the present pose.")
-        if not all(np.isfinite(part).all() for part in points):
-            raise RuntimeError(f"the belief at record {moment.step} is not finite.")
+            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
+        spread(joined([cloud_of(moment.step, 0, points)], [moment.truth]))  # refuses what is none
         means.append(mean_pose(*points))
         best.append(best_cluster(*points, unit=unit).mean)
         truth.append(moment.truth)

@@ -1,4 +1,4 @@
-"""How well runs went: of one, and of a localizer's over all seeds. Lengths are in m."""
+"""Scores of one run, and of a localizer's runs over all seeds. Lengths are in m."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -120,9 +120,9 @@ class Row:
     def scores(self) -> dict[str, float]:
         """Its numbers by column.
 
-        Errors are those of all records of all runs; success and lost are shares of the runs, metres
-        to localize the median of the runs, of which those that never localize are the largest;
-        all else is the mean over runs.
+        Errors are those of all records of all runs. Success is a share of all runs, lost a share of
+        those that ended. Metres to localize are the median over all runs, where failed runs and
+        those that never localize count as infinite. All else is the mean over runs that ended.
         """
         each = [played.scores for played in self.played]
         if not each:

@@ -1,4 +1,4 @@
-"""What is replayed: a log on a map, and what the localizers are told of it."""
+"""What is replayed: a log on a map, and what the localizers assume."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -61,7 +61,7 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What a user says of a replay; None is not said.
+    """What a user says about a replay; None: not given.
 
     Attributes:
         start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.

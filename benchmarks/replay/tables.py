@@ -1,4 +1,4 @@
-"""results.csv and trials.csv of a replay; the same for people."""
+"""results.csv and trials.csv of a replay, and the same as readable tables."""
 
 import math
 from collections.abc import Sequence
@@ -39,14 +39,14 @@ def trials_csv(rows: Sequence[Row]) -> str:
 
 
 def results_table(rows: Sequence[Row], referenced: bool) -> Table:
-    """Return the numbers of each localizer, for people."""
+    """Return the numbers of each localizer as a readable table."""
     if not referenced:
         header = ["localizer", "runs", "beams within 0.1 m", "within 0.3 m", "ms per step"]
         lines = [
             [row.localizer, str(row.seeds), *_words(row, "agreement_01 agreement_03 ms_per_step")]
             for row in rows
         ]
-        caption = "How well the scans fit the map where each localizer takes the robot to be."
+        caption = "How well the scans fit the map at the pose that each localizer estimates."
         return Table(caption, header, lines)
     header = ["localizer", "runs", "position, median", "95 %", "heading, median"]
     header += ["success (1 m, 30°)", "(0.5 m, 10°)", "metres to localize", "lost"]
@@ -76,8 +76,8 @@ def evo_table(rows: Sequence[Row]) -> Table:
                 )
     header = ["median run", "seed", "rmse", "mean", "median", "max", "rotation, mean"]
     return Table(
-        "APE without alignment, RPE from record to record: what evo_ape tum and evo_rpe tum say of "
-        "the trajectories in tracks/.",
+        "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
+        "them from the trajectories in tracks/.",
         header,
         lines,
     )
@@ -92,7 +92,11 @@ def plain(table: Table) -> str:
 
 
 def _words(row: Row, names: str) -> list[str]:
-    return [_word(name, row.scores.get(name, math.nan), row.seeds) for name in names.split()]
+    scores, counted = row.scores, {"lost": len(row.played)}  # of a failed run it is not known
+    return [
+        _word(name, scores.get(name, math.nan), counted.get(name, row.seeds))
+        for name in names.split()
+    ]
 
 
 def _word(name: str, value: float, runs: int) -> str:

@@ -1,12 +1,12 @@
-"""What a replay was, in words."""
+"""A replay in words."""
 
 import numpy as np
 
 from benchmarks.replay.setting import Setting
 
 NO_ERROR = (
-    "There is no reference, so no error is known: the share of beams that agree with the map is "
-    "none, as a wrong place that looks alike agrees equally well."
+    "There is no reference, so no error is known. The share of beams that agree with the map is no "
+    "substitute: a wrong place that looks alike agrees equally well."
 )
 
 
@@ -20,7 +20,7 @@ def overview(setting: Setting) -> str:
 
 
 def facts(setting: Setting) -> list[str]:
-    """Say what the localizers were told."""
+    """Say what the localizers assume."""
     motion, log = setting.motion, setting.log
     found = [
         f"Noise of the motion: drive {motion.drive:.3g}, turn {motion.turn:.3g}, drift "

@@ -1,4 +1,4 @@
-"""A panel whose runs are about being lost, found, carried off or arriving: tables and curves."""
+"""Tables and curves of panels about robots that are lost, kidnapped, or drive to a goal."""
 
 import math
 from collections.abc import Mapping
@@ -21,9 +21,9 @@ WORDS = {  # by group: heading, what its columns mean
     "lost": (
         "Localized",
         "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
-        "every step of the last 25 % of the run. Metres to localize: driven from where on it stays "
-        "within 1 m and 30°; never: in half of the runs or more it does not. False commitment: "
-        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it the "
+        "every step of the last 25 % of the run. Metres to localize: driven until it stays within "
+        "1 m and 30° to the end; never: half of the runs or more do not. False commitment: "
+        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it, as a "
         "share of all steps.",
     ),
     "ambiguity": (
@@ -35,7 +35,7 @@ WORDS = {  # by group: heading, what its columns mean
     "recovery": (
         "Found again",
         "After the kidnap. Recovered: the best cluster is within 0.45 m of the truth for 20 steps "
-        "on end. Metres to recover: driven from the kidnap until these begin.",
+        "in a row. Metres to recover: driven from the kidnap until these steps begin.",
     ),
     "driving": (
         "Arrived",
@@ -45,14 +45,14 @@ WORDS = {  # by group: heading, what its columns mean
     ),
 }
 _TESTS = (
-    " Difference to the baseline on the same worlds, runs that are censored with the longest way "
-    "in their world; p: sign test over worlds of shares, signed-rank test of metres, corrected by "
-    "Holm's method for all tests of this section. Intervals: 95 %."
+    " Difference to the baseline: on the same worlds; where it never happens, metres count as the "
+    "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
+    "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
 )
 LOCALIZED = (
     "Localized",
     "localized for good, % of runs",
-    "Share of runs whose best cluster is within 1 m and 30° of the truth from there to the end.",
+    "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the end.",
 )
 _CURVES = {
     "metres_to_localize": LOCALIZED,

@@ -39,6 +39,8 @@ _SPECIAL = str.maketrans(
         "λ": r"$\lambda$",
         "σ": r"$\sigma$",
         "\u00a0": "~",
+        "[": "{[}",  # after \\ it would begin an argument
+        "]": "{]}",
     }
 )
 
@@ -46,7 +48,7 @@ _SPECIAL = str.maketrans(
 def escaped(text: str) -> str:
     """Return a text as LaTeX in ASCII; a letter that it has no name for as its code, [U+4E2D]."""
     done = " ".join(text.split()).translate(_SPECIAL)
-    return "".join(char if char.isascii() else f"[U+{ord(char):04X}]" for char in done)
+    return "".join(char if char.isascii() else f"{{[}}U+{ord(char):04X}{{]}}" for char in done)
 
 
 def latex_files(results: Results) -> dict[str, bytes]:

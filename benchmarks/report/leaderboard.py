@@ -54,7 +54,7 @@ class Row:
 
     @property
     def digest(self) -> str:
-        """Of the code that made it, and of its own if it is a plug-in."""
+        """Digest of the code that made it, and of its own code if it is a plug-in."""
         made = self.source.made.made
         own = made.plug_ins.get(self.of.method.localizer)
         return made.code[:_LETTERS] + (f" + {own[:_LETTERS]}" if own else "")
@@ -64,8 +64,8 @@ def sources(folders: Sequence[Path]) -> list[Source]:
     """Read folders that may stand in one table.
 
     Raises:
-        InputError: one is no folder of results, is not complete, or is of other worlds than the
-            first; it is said which, and in what they differ.
+        InputError: one is no folder of results, is incomplete, or has other worlds than the first;
+            the message names it and the differences.
     """
     read = [
         Source(number=n, folder=one, made=manifest.read(one), results=results_in(one))

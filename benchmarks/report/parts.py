@@ -53,7 +53,7 @@ class Part:
     small: bool = False
 
     def of(self, panel: Panel, looks: Looks, *, pictured: bool) -> Block | None:
-        """Return what it shows of a panel; None if that has nothing of the kind."""
+        """Return what it shows of a panel; None if there is nothing to show."""
         shown = [table for table in self.tables(panel) if table]
         drawn = [one for one in self.pictures(panel, looks) if one] if pictured else []
         if not shown and not drawn:

@@ -20,9 +20,10 @@ from benchmarks.report.curves import (
 from benchmarks.report.style import Look
 from benchmarks.report.svg import Picture, picture
 from benchmarks.report.words import estimated
-from benchmarks.tables.comparison import ALPHA, Comparison
+from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.stats import ALPHA
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 
 _CELL = 1.0, 0.66  # inches

@@ -30,7 +30,7 @@ def interval(value: Estimate, form: str = ".2f") -> str:
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A number with this many significant digits, none of them as a power of ten."""
+    """A number with this many significant digits, without an exponent."""
     if math.isnan(value):
         return "n/a"
     places = digits - 1 - math.floor(math.log10(abs(value))) if value else 0

@@ -1,4 +1,4 @@
-"""What an agent is: whoever drives."""
+"""Agent: the interface of whoever drives."""
 
 from typing import Any, Protocol
 
@@ -13,7 +13,7 @@ class Agent(Protocol):
         """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
 
         Args:
-            info: what the env told at reset, without the truth.
+            info: of the env at reset, without the truth.
         """
         ...
 
@@ -22,11 +22,11 @@ class Agent(Protocol):
 
         Args:
             belief: what the localizer believes now.
-            info: what the env told last, without the truth.
+            info: the env's latest, without the truth.
 
         Returns:
             action: to be carried out next, (distance px, turn rad).
-            plan: actions meant to follow, (h, 2), of which the localizer is told with the next
-                scan; None: those that the env then shows.
+            plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
+                None: those that the env then shows.
         """
         ...

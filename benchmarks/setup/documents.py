@@ -75,7 +75,7 @@ def errors_name(path: Path) -> Iterator[None]:
 
 
 def check(given: Mapping[str, Any], keys: Sequence[str]) -> None:
-    """Refuse an unknown key, and what no result can be named by: NaN, and dates."""
+    """Refuse an unknown key, and values that cannot name a result: NaN and dates."""
     for key in given:
         one_of("key", key, keys)
     _refuse_nan(given, "")
@@ -94,7 +94,7 @@ def dotted(what: str, given: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
-    """Return a table; ``wanted`` says what it is if it is none."""
+    """Return a table; else say that it must be what is ``wanted``."""
     if not isinstance(value, Mapping):
         raise InputError(f"{what} is {value!r}, but must be {wanted}.")
     return value
@@ -103,7 +103,7 @@ def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
 def text(what: str, value: Any) -> str:
     """Return a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
-        raise InputError(f"{what} is {value!r}, but must be text.")
+        raise InputError(f"{what} is {value!r}, but must be text that is not empty.")
     return value
 
 

@@ -59,8 +59,8 @@ class LogScenario(Scenario):
         shown = given.get("plan", "odometry")
         if shown != "odometry" and self.agent != "open-loop":
             raise InputError(
-                f"the agent is {self.agent!r} and plan is {shown!r}, but an agent of one's own "
-                'needs the recorded actions: leave the agent out, or write plan = "odometry".'
+                f"the agent is {self.agent!r} and plan is {shown!r}, but an agent other than "
+                'open-loop needs the recorded actions: leave it out, or write plan = "odometry".'
             )
         mismatch = "error" if shown == "odometry" else "ignore"
         return LogEnv(log=log, map=floor_plan, on_mismatch=mismatch, **given)

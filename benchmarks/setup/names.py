@@ -25,7 +25,7 @@ class _Folder:
     kind: str
     package: str
     attribute: str
-    own: str  # how one's own is named
+    own: str  # how users name their own
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What the filters are told of x_0, before there is a room: the prior as a part of a scenario."""
+"""The prior p(x_0) as a part of a scenario, before there is a room."""
 
 from dataclasses import dataclass, field
 from types import MappingProxyType

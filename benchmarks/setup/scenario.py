@@ -33,7 +33,7 @@ class Scenario:
         env: arguments of ``RoomEnv``: the preset to start from, and changes to its parts.
         motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
         scan: p(o | ô) of a beam, as the filters assume it.
-        prior: what the filters are told of x_0.
+        prior: p(x_0), as the filters assume it.
         agent: who drives, by name.
         disturbance: wrappers around the world, innermost first: ((("kind", "kidnap"), …), …).
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one

@@ -1,4 +1,4 @@
-"""From where on an estimate counts as far off, and a robot as lost."""
+"""When an estimate counts as far off, and a robot as lost."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from deqmcl_gym.validation import integer, number
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
-    """What the scores call far off, and lost.
+    """What the scores count as far off, and as lost.
 
     Attributes:
         far: position error above which an estimate is far off, px.

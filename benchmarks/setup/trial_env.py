@@ -1,4 +1,4 @@
-"""What a trial needs of an env: a room, a recorded log, or what else there may be."""
+"""What a trial needs of an env, be it a room or a recorded log."""
 
 from typing import Any, Protocol
 

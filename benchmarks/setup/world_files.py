@@ -34,9 +34,9 @@ def short(name: str, value: Any) -> Any:
 
 
 def file_digest(path: str) -> str:
-    """Digest of a file of a world: a map's is with its image, a folder's with all in it.
+    """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
 
-    A file that is not there has one, too: what needs it says so.
+    A missing file has one, too: what reads the file reports it.
     """
     digest = sha256()
     for part in _parts(Path(path)):

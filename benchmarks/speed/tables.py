@@ -13,7 +13,7 @@ from benchmarks.tables.text import csv_text
 HOW = (
     "CPU time of one core (of trials: wall time), medians of turns taken one after the other in "
     "one process. The ratio is ours over the other's, of rates (more is faster) or of times (less "
-    "is faster). An other without a ratio is a figure from another machine."
+    "is faster). A row without a ratio compares with a figure from another machine."
 )
 
 

@@ -1,4 +1,4 @@
-"""How fast jobs are that take turns."""
+"""Rates of jobs that take turns."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ class Job:
     Attributes:
         call: does it once.
         amount: how many units (rays, steps) that is.
-        clock: whose seconds count; CPU time, unless told otherwise.
+        clock: measures seconds; CPU time by default.
     """
 
     call: Callable[[], object]

@@ -1,4 +1,4 @@
-"""The environment's step, against Gymnasium's CartPole; episodes end and begin anew as they will.
+"""The environment's step, against Gymnasium's CartPole; resets are part of the time.
 
 Every side looks its actions up in a table, by the steps since its room began: the planned lap
 here, actions drawn beforehand there.

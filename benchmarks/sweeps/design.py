@@ -26,7 +26,7 @@ class Sweep:
     Attributes:
         title: one line, for the report.
         localizers: the methods compared.
-        scenario: its name; one's own as room.toml or file.py:NAME, the path made absolute.
+        scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
         lag: L; also a parameter of each localizer that has a use for it.
         world: changes to the world, by dotted name.
         assumed: changes to what the filters assume, by dotted name.
@@ -225,7 +225,7 @@ def _refuse_two_limits(limits: Sequence[Limit]) -> None:
     held = [name for limit in limits for name in limit.of or ("",)]
     for name in held:
         if held.count(name) > 1:
-            what = f"{name!r} is named in the of of" if name else "of is missing in"
+            what = f"{name!r} is named by of in" if name else "of is missing in"
             raise InputError(
                 f"{what} {held.count(name)} limits: a localizer has one limit, that of its target."
             )

@@ -1,4 +1,4 @@
-"""What a sweep would run, and about how long that takes."""
+"""What a sweep would run, and about how long it would take."""
 
 import time
 from collections.abc import Sequence
@@ -44,10 +44,11 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     if len(rows) > _SHOWN:
         lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
     part = "" if share == 1 else f" for this shard of {share}"
+    working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(
-        f"About {_duration(total / jobs / share)} with {jobs} jobs{part}: estimated from one "
-        f"measured trial in each of {count} cells; ≈ is the localizer's mean per particle. "
-        "Nothing was written."
+        f"About {_duration(total / jobs / share)} with {working}{part}: estimated from "
+        f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
+        "time per particle. Nothing was written."
     )
     return "\n\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""What a sweep is made of: methods, axes along which settings vary, limits."""
+"""The parts of a sweep: methods, axes along which settings vary, limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Method:
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """What ever more particles come to: a method with very many, on the first worlds.
+    """What more and more particles converge to: a method with very many, on the first worlds.
 
     Attributes:
         method: with its particles, which no axis changes.
@@ -61,8 +61,8 @@ class Axis:
                 raise InputError(f"[[vary]] {name} is empty: give one value or more.")
         if len(set(lengths.values())) > 1:
             raise InputError(
-                f"one [[vary]] has lists of different lengths ({_counted(lengths)}): they are "
-                "walked together; write a [[vary]] for each to have all combinations."
+                f"one [[vary]] has lists of different lengths ({_counted(lengths)}): they advance "
+                "together; write a [[vary]] for each to get all combinations."
             )
         if not lengths:
             raise InputError("a [[vary]] is empty: give a name and its values.")

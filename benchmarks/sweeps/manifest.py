@@ -1,4 +1,4 @@
-"""manifest.json: what a folder of results is of. A sweep resumes only in a folder of its own."""
+"""manifest.json: which sweep a folder belongs to. A sweep resumes only in its own folder."""
 
 import itertools
 import json
@@ -40,7 +40,7 @@ _SHAPE = {
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """What a folder says that it is of; read as data: nothing that it names is loaded.
+    """Which sweep a folder belongs to; read as data: nothing that it names is loaded.
 
     Attributes:
         sweep: ``Sweep.canonical()``.

@@ -1,4 +1,4 @@
-"""How far a sweep has come, for who waits for it."""
+"""The progress of a sweep while it runs."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,13 +13,13 @@ from benchmarks.console import doing
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line; give what is called after each trial.
+    """Show a bar on a terminal, elsewhere a line; give the function to call after each trial.
 
     Args:
-        out: folder of the sweep, by whose name it is called.
+        out: folder of the sweep; its name is shown.
         total: trials of the sweep.
         waiting: those that are still to be run.
-        shown: or show nothing.
+        shown: False shows nothing.
 
     Yields:
         A function of whether the trial failed.

@@ -1,4 +1,4 @@
-"""What a sweep hands to its report: records of finished trials, failures, and what is missing."""
+"""Results: what a report is made of: records of finished trials, failures, and what is missing."""
 
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -22,7 +22,7 @@ from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
-MANY = 100_000  # trials; more are run only if one says so
+MANY = 100_000  # trials; more are run only with --yes
 
 
 class TrialsFailedError(RuntimeError):
@@ -31,14 +31,14 @@ class TrialsFailedError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How a sweep is run. Nothing of it changes a number.
+    """How a sweep is run; no result depends on it.
 
     Attributes:
         where: the engine.
         shard: (i, n): every n-th trial, from the i-th; None runs all.
         retry_failed: run trials again that failed before.
         fail_fast: stop at the first trial that fails.
-        progress: show a bar, if someone watches.
+        progress: show a bar on a terminal.
     """
 
     where: Where = field(default_factory=Where)
@@ -73,7 +73,7 @@ def begun(
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
     Raises:
-        InputError: the folder is not ours, another sweep's, or in use.
+        InputError: the folder is not ours, belongs to another sweep, or is in use.
     """
     made = manifest.of_sweep(sweep, command)
     manifest.refuse_others(out, made)
@@ -150,7 +150,7 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
 
 
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
-    """Refuse a sweep of more than 100,000 trials, unless that is what one wants."""
+    """Refuse a sweep of more than 100,000 trials without --yes."""
     if sweep.combinations > MANY and not yes:
         raise InputError(
             f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
@@ -187,7 +187,7 @@ def _say_rejected(store: Store) -> None:
 def _remove_temporary(store: Store) -> None:
     for path in store.temporary():
         path.unlink(missing_ok=True)
-        _say([f"deqmcl: {path} is what an interrupted write has left; it is removed."])
+        _say([f"deqmcl: {path} was left by an interrupted write; it is removed."])
 
 
 def _say(lines: Sequence[str]) -> None:

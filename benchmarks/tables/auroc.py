@@ -1,4 +1,4 @@
-"""Does the quality of a belief tell when it is far off? The area under the ROC curve (AUROC).
+"""Does the quality of a belief detect that it is far off? The area under the ROC curve (AUROC).
 
 Fawcett 2006, section 7; the area is the statistic of Mann & Whitney 1947. Steps of a lap depend on
 each other, so intervals come from resampled worlds.
@@ -47,7 +47,7 @@ def auroc_of(records: Sequence[Record]) -> Auroc:
 
 
 def auroc_of_steps(worlds: Sequence[Steps]) -> Auroc:
-    """Return how well a number ranks steps, given by world: those that are far have a smaller."""
+    """Return how well a number ranks steps, given by world; far steps should have smaller ones."""
     every = np.concatenate([far for _, far in worlds]) if worlds else np.empty(0, bool)
     if not every.size:
         return Auroc()

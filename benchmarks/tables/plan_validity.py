@@ -1,7 +1,7 @@
 """Is the plan still about this robot? AUROC of what the filter sees against what is true.
 
 A plan conflicts if, laid from the true pose, it would collide. Steps of all the scenarios of one
-setting are taken together: who the plan's author is, the filter is not told.
+setting are taken together: the filter does not know who made the plan.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How many worlds a comparison needs: to tell anything at all, and to see a given difference."""
+"""How many worlds a comparison needs: for any finding at all, and to see a given difference."""
 
 import math
 from statistics import NormalDist

@@ -1,4 +1,4 @@
-"""From when on an estimate is far off, and a trial lost: said by the trials' own records."""
+"""When an estimate is far off and a trial lost, as the records of the trials say."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from benchmarks.tables.pairing import Record
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
-    """What the words of a table say.
+    """The thresholds that a table names.
 
     Attributes:
         far: e above which a step is far off.

@@ -1,4 +1,4 @@
-"""Trouble by name: what a sweep says as ``{kind = "kidnap", step = 100}`` as an env's wrapper."""
+"""Disturbances by name: ``{kind = "kidnap", step = 100}`` of a sweep as a wrapper of the env."""
 
 import inspect
 from collections.abc import Iterable

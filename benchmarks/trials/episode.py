@@ -2,7 +2,7 @@
 
 The localizer is given arrays (scan, command, plan), the agent what is believed and what the env
 shows. The true pose goes past both, to the scores. All that the localizer is given is a copy of its
-own: what it writes into it concerns nobody else.
+own: writing into it changes nothing else.
 """
 
 import contextlib
@@ -44,7 +44,7 @@ class Moment:
         belief: what the localizer believes after it.
         seconds: time the localizer took.
         action: the command that led here, (2,); None at t = 0.
-        plan: the actions that the localizer was told are to follow, (h, 2); None: not known.
+        plan: the planned actions that the localizer was given, (h, 2); None: not known.
         collided: whether a wall stopped the robot on the way here.
         goal: where the robot is to arrive, (2,); None if nowhere.
         route: corners (x, y) of the way to it as it is planned now.

@@ -1,6 +1,6 @@
-"""Where a belief says the robot is, against where it is: from when on a lost robot is localized.
+"""Where a belief places the robot, against where it is: when is a lost robot localized?
 
-The one home of these scores, for worlds and for logs. Lengths are in m.
+Worlds and logs are both scored by this file. Lengths are in m.
 """
 
 import math
@@ -12,9 +12,9 @@ from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 
 NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
-FOUND = "1m"  # from where on metres to localize are counted
+FOUND = "1m"  # of NEAR: the one for metres to localize
 LAST = 0.25  # share of a run's steps in which a success is localized throughout
-COMMITTED, FAR = 0.5, 2.0  # quality above which a belief commits itself; m off: falsely
+COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
 RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
 
 
@@ -56,7 +56,7 @@ class Fixes:
 
     @property
     def metres_to_localize(self) -> float:
-        """Metres driven from where on it stays localized; inf: never; NaN: nothing is known."""
+        """Metres driven until it is localized for good; inf: never; NaN: nothing is known."""
         if not self.steps.size:
             return math.nan
         lost = np.flatnonzero(~self.localized(FOUND))
@@ -76,7 +76,7 @@ class Fixes:
         return false
 
     def metres_to_recover(self, carried: int) -> float:
-        """Metres from the kidnap to 20 steps on end within 0.45 m of the truth; inf: never.
+        """Metres from the kidnap to 20 consecutive steps within 0.45 m of the truth; inf: never.
 
         Args:
             carried: the first step after the robot was carried off.

@@ -40,10 +40,12 @@ class JourneyLog:
         if moment.action is not None:
             self._commanded.append(float(moment.action[0]))
         if self._groups and (points := moment.belief.points()) is not None:
-            best = best_cluster(*points, unit=self._task.floor_plan.unit).mean
+            poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
+            best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality
-            self._fixes.append((moment.step, *best, rated, *self._masses(*points, moment.truth)))
+            masses = self._masses(poses, weights, moment.truth)
+            self._fixes.append((moment.step, *best, rated, *masses))
 
     def scored(self) -> dict[str, Any]:
         """Return the part of a record about this run: its scores and curves; {} if none is asked.

@@ -76,7 +76,7 @@ class Score:
         unit: "share" (of runs; 0 or 1 of one), "m", "steps" or "" (a number).
         words: what it is, as the heading of a column.
         of: the score; NaN is not available.
-        failed: what a run has that came to no end.
+        failed: the score of a run that failed.
         tested: whether methods are compared by it.
     """
 
@@ -132,7 +132,7 @@ def _late_mass(which: int) -> Callable[[Journey], float]:
 
 
 def _split(run: Journey) -> float:
-    """The smaller share of the mass that is near either, at the end: ½ undecided, 0 picked one."""
+    """The smaller share of the mass near either place, at the end: ½ undecided, 0 picked one."""
     masses = np.array([_late_mass(which)(run) for which in (0, 1)])
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
@@ -152,7 +152,7 @@ GROUPS = (
                 tested=True,
             ),
             Score("false_commitment", "share", "false commitment at the end", _committed),
-            Score("false_steps", "", "of all steps", _committed_steps),
+            Score("false_steps", "", "false commitment, share of steps", _committed_steps),
         ),
     ),
     Group(
@@ -160,7 +160,7 @@ GROUPS = (
         (
             Score("mass_truth", "", "weight near the truth", _late_mass(0)),
             Score("mass_twin", "", "weight near its twin", _late_mass(1)),
-            Score("mass_split", "", "the smaller of the two, of both", _split),
+            Score("mass_split", "", "smaller share of the two", _split),
         ),
     ),
     Group(

@@ -1,4 +1,4 @@
-"""What a belief made of each plan shown, and whether that plan was about this robot."""
+"""How a belief read each plan it was shown, and whether that plan was about this robot."""
 
 from collections.abc import Sequence
 from math import isnan

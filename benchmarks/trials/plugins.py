@@ -1,4 +1,4 @@
-"""The plug-ins of a trial: who they are, and of which source."""
+"""The plug-ins of a trial: their names, and digests of their sources."""
 
 from collections.abc import Callable, Iterable
 from functools import cache

@@ -1,4 +1,4 @@
-"""What is run: a trial, named by everything its numbers depend on."""
+"""Trial: what is run, named by everything its numbers depend on."""
 
 import hashlib
 import json

@@ -14,6 +14,7 @@ from benchmarks.trials.journeys import Group
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.scan_kernels import count_usable
 
@@ -88,7 +89,7 @@ def trace_of(
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for collector in (lap, journey, scored, sampled):
+        for collector in (lap, scored, sampled, journey):  # journeys trust the form of a belief
             collector.see(moment)
     return Trace(
         unit=task.floor_plan.unit,
@@ -157,6 +158,8 @@ class _Beliefs:
             if (points := moment.belief.points(offset)) is not None:
                 cloud = cloud_of(state, offset, points)
                 self._ahead.setdefault(max(state, moment.step), []).append(cloud)
+            elif offset == 0:
+                raise InputError(f"its belief of state {state} holds no points of the present.")
         for cloud in self._ahead.pop(moment.step, ()):
             self._due.append(cloud)
             self._points += cloud.weights.size
@@ -203,7 +206,8 @@ def _between(offsets: Sequence[int]) -> list[int]:
     """Offsets at equal steps as far as the outermost of those scored, these left out."""
     lag = max(map(abs, offsets), default=0)
     step = max(1, lag // _PROFILE_OFFSETS)
-    return [k for k in range(-lag, lag + 1) if k % step == 0 and k not in offsets]
+    farthest = lag // step * step
+    return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]
 
 
 def _events(belief: Any) -> dict[str, int]:

@@ -27,12 +27,13 @@ def latex():
 def test_any_text_is_ascii_in_which_no_sign_has_a_meaning(text):
     done = escaped(text)
     assert done.isascii()
-    commands = r"\\(?:text\w+\{\}|dots\{\}|[&%$#_{}])|\$-\$|\$(?:\\\w+|\^\\circ|\\frac\{1\}\{2\})\$"
+    commands = r"\\(?:text\w+\{\}|dots\{\}|[&%$#_{}])|\{[][]\}"
+    commands += r"|\$-\$|\$(?:\\\w+|\^\\circ|\\frac\{1\}\{2\})\$"
     assert not re.search(r"[\\{}$&#^_%]", re.sub(commands, "", done))
 
 
 def test_letters_without_a_command_are_named_by_their_code():
-    assert escaped("β=3_% 中") == r"$\beta$=3\_\% [U+4E2D]"
+    assert escaped("β=3_% 中") == r"$\beta$=3\_\% {[}U+4E2D{]}"
 
 
 def test_every_line_of_a_table_has_as_many_cells_as_its_columns(latex):
@@ -88,3 +89,9 @@ def test_the_document_compiles(latex, tmp_path):
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "document.tex"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     assert (tmp_path / "document.pdf").stat().st_size > 1000
+
+
+@given(st.text())
+def test_no_text_begins_an_argument_of_the_command_before_it(text):
+    r"""As in \\[1cm], where a table's line begins with a name of other letters than ASCII."""
+    assert not re.search(r"(?<!\{)\[|\](?!\})", escaped(text))

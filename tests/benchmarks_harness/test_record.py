@@ -48,7 +48,7 @@ def test_a_file_that_was_changed_is_neither_overwritten_nor_removed(made, name, 
     (made / name).write_bytes(b"a note of mine")
     before = contents(made)
     for act in (lambda: make(made, files, "another"), lambda: refuse_changed(made)):
-        with pytest.raises(InputError, match=rf"{name} is not as deqmcl has written it"):
+        with pytest.raises(InputError, match=rf"{name} is not as deqmcl wrote it"):
             act()
     assert contents(made) == before
 
@@ -67,7 +67,7 @@ def test_nothing_is_written_over_a_link_a_folder_or_a_file_that_was_there(tmp_pa
         out = tmp_path / str(number)
         (out / place).parent.mkdir(parents=True)
         put(out / place)
-        with pytest.raises(InputError, match="not as deqmcl has written it"):
+        with pytest.raises(InputError, match="not as deqmcl wrote it"):
             make(out)
         assert not (out / "written.json").exists()
     assert list(elsewhere.iterdir()) == []
@@ -104,7 +104,7 @@ def test_a_record_that_is_not_ours_or_leads_elsewhere_is_refused(tmp_path, words
     out.mkdir()
     (out / "written.json").write_text(words)
     for act in (make, refuse_changed, lambda folder: own_folder(folder, "part")):
-        with pytest.raises(InputError, match=r"written\.json .* not as deqmcl has written it"):
+        with pytest.raises(InputError, match=r"written\.json .* not as deqmcl wrote it"):
             act(out)
     assert contents(tmp_path) == {"precious": b"kept", "out/written.json": words.encode()}
 

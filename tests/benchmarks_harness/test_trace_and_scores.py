@@ -19,6 +19,7 @@ from fake_episode import (
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.episode import Moment
+from benchmarks.trials.journeys import groups_named
 from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError
@@ -260,3 +261,35 @@ def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error()
     assert {k: v["first_state"] for k, v in curves.items()} == {"0": 0, "-3": 0, "3": L}
     # written with six digits: relative rounding at most 5e-6
     assert curves["3"]["error"] == pytest.approx([5 * 2.0**s for s in range(L, T + 1)], rel=5e-6)
+
+
+@pytest.mark.parametrize("silent", [range(T + 1), [4], [T]])
+def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(silent):
+    moments = [
+        Moment(t, truth_of(t), USABLE, FakeBelief({} if t in silent else {0: one_point(t, 0)}), 0.0)
+        for t in range(T + 1)
+    ]
+    said = f"its belief of state {silent[0]} holds no points of the present"
+    with pytest.raises(InputError, match=said):
+        trace_of(moments, (0,), TASK)
+
+
+@pytest.mark.parametrize(
+    "points", [(np.zeros((2, 2)), np.full(2, 0.5)), (np.zeros((0, 3)), np.zeros(0)), ("a", "b")]
+)
+def test_what_is_no_belief_is_refused_by_name_in_whole_runs_too(points):
+    moments = [Moment(0, truth_of(0), USABLE, FakeBelief({0: points}), 0.0)]
+    with pytest.raises(InputError, match="its belief of state 0 at offset 0 has"):
+        trace_of(moments, (0,), TASK, groups_named(["lost"]))
+
+
+def test_a_belief_may_be_lists_in_whole_runs_too():
+    believed = FakeBelief({0: ([[100.0, 50.0, 0.5], [101.0, 50.0, 0.5]], [0.5, 0.5])})
+    forth = np.array([1.0, 0.0])
+    moments = [Moment(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
+    found = trace_of(moments, (0,), TASK, groups_named(["lost", "ambiguity"]))
+    assert found.journey["journey"]["scores"]["metres_to_localize"] == 0
+
+
+def test_a_lag_beyond_any_lap_takes_no_longer():
+    assert set(traced(T, (0,), scored=(0, -(10**15), 10**15)).offsets) == {0}

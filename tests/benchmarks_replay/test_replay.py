@@ -128,3 +128,56 @@ def test_the_noise_of_a_log_is_found_from_its_reference(noise):
         motion_noise(Log(scanner, log.times, told, log.ranges))
     with pytest.raises(InputError, match="needs 10"):
         motion_noise(log.segment(0, 5))
+
+
+class Answers:
+    """Writes into all that it is given, and answers the points at each step."""
+
+    def __init__(self, *points):
+        self.points_of = iter(points)
+
+    def reset(self, prior, plan, rng):
+        plan[:] = 0
+        return self.belief()
+
+    def update(self, ranges, action, plan):
+        ranges[:], action[:], plan[:] = 0, 0, 0
+        return self.belief()
+
+    def belief(self):
+        self.held = next(self.points_of)
+        return self
+
+    def points(self, offset=0):
+        return self.held
+
+
+def test_a_localizer_that_writes_into_what_it_is_given_changes_nothing_else(lap):
+    _, log = lap
+    spy, env = Spy(), LogEnv(log=log)
+    kept = env.log.ranges.copy(), env.log.actions.copy()
+    sound = np.zeros((1, 3)), np.ones(1)
+    list(played(env, Answers(*[sound] * len(log)), None, np.random.default_rng(0)))
+    np.testing.assert_equal((env.log.ranges, env.log.actions), kept)
+    list(played(env, spy, None, np.random.default_rng(0)))
+    other = Spy()
+    list(played(LogEnv(log=log), other, None, np.random.default_rng(0)))
+    np.testing.assert_equal(spy.given, other.given)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (np.zeros((2, 3)), np.ones(2)),
+        (np.zeros((2, 3)), np.array([1.5, -0.5])),
+        (np.zeros((2, 2)), np.full(2, 0.5)),
+        (np.full((2, 3), np.nan), np.full(2, 0.5)),
+        (np.zeros((0, 3)), np.zeros(0)),
+        None,
+    ],
+)
+def test_a_belief_that_is_none_fails_the_run_with_the_record(lap, wrong):
+    _, log = lap
+    sound = np.zeros((1, 3)), np.ones(1)
+    with pytest.raises(InputError, match="its belief of state 2 "):
+        replay(LogEnv(log=log), Answers(sound, sound, wrong), None, np.random.default_rng(0))

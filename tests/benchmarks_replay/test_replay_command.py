@@ -3,6 +3,7 @@
 import csv
 import math
 import statistics
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.cli import main
+from benchmarks.replay.playing import Track
+from benchmarks.replay.scoring import Played, Row
+from benchmarks.replay.tables import results_table
 from deqmcl_gym import logs
 from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.maps import GridMap
@@ -170,6 +174,20 @@ def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, caps
     assert mine["broken.py:Broken"]["failed"] == "3"
     assert float(mine["mcl"]["success_1m"]) == 1
     assert "no laser" in (recorded / "o/report.html").read_text()
+
+
+def test_lost_runs_are_counted_among_those_that_ended():
+    here, poses, seconds = np.zeros((3, 3)), np.full((3, 3), 50.0), np.ones(3)
+    track = Track(
+        times=np.arange(3.0), way=np.arange(3.0), means=poses, best=poses, truth=here,
+        seconds=seconds, unit="m",
+    )  # fmt: skip
+    run = SimpleNamespace(setting=SimpleNamespace(log=SimpleNamespace(unit="m")), seed=0)
+    played = [Played(run=run, track=track, agreement=(0.0, 0.0))] * 2
+    told = results_table([Row(localizer="mcl", played=played, failed=2)], referenced=True)
+    cells = dict(zip(told.header, told.lines[0], strict=True))
+    assert cells["lost"] == "2 of 2"
+    assert cells["success (1 m, 30°)"] == "0 of 4"
 
 
 def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):

@@ -76,7 +76,7 @@ def test_a_lap_is_run_again_into_its_folder_beside_a_file_of_the_users(lap, caps
     (lap / "error.csv").write_text("edited")
     capsys.readouterr()
     assert exit_code(*WRITERS["run"], "--out", lap) == 2
-    assert "error.csv is not as deqmcl has written it" in capsys.readouterr().err
+    assert "error.csv is not as deqmcl wrote it" in capsys.readouterr().err
     assert (lap / "error.csv").read_text() == "edited"
 
 

@@ -131,7 +131,7 @@ def test_a_lap_can_be_kept_as_a_log(tmp_path, capsys):
     assert not list(tmp_path.iterdir())
     (tmp_path / "mine.log").write_text("mine")
     assert exit_code(*arguments, "--log", tmp_path / "mine.log") == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.log"]
     assert exit_code(*arguments, "--log", log) == 0
     truth = np.loadtxt(out / "trajectory_truth.tum")

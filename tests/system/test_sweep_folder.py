@@ -49,7 +49,7 @@ def test_stray_files_are_named_and_left_out_and_only_our_own_are_removed(
     (copy / "trials" / "ffff.json").write_bytes(some.read_bytes())
     assert sweep(file, copy) == 0
     said = capsys.readouterr().err
-    assert f"{left} is what an interrupted write has left; it is removed." in said
+    assert f"{left} was left by an interrupted write; it is removed." in said
     assert "ffff.json is of another trial; it is left out." in said
     assert not left.exists()
     assert mine.exists()

@@ -16,7 +16,7 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
     said = capsys.readouterr().out
     assert "small: 200 trials in 4 cells" in said
     assert re.search(r"sharp L=4 mcl particles=15 +50 +\d", said)
-    assert re.search(r"About \d+ (s|min) with 1 jobs: estimated from one measured trial", said)
+    assert re.search(r"About \d+ (s|min) with 1 job: estimated from one measured trial", said)
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
 
 
@@ -46,7 +46,7 @@ def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
 ):
     monkeypatch.setattr(dry_run, "_measured", lambda cells, *_: [(6.0, True)] * len(cells))
     assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
-    assert f"About {time} with {where[1]} jobs" in capsys.readouterr().out
+    assert f"About {time} with {where[1]} job" in capsys.readouterr().out
 
 
 def points(*counts):

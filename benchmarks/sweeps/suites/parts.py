@@ -1,4 +1,4 @@
-"""Words that the suites are written in."""
+"""Short forms for writing suites."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def axis(**values: Sequence[Any]) -> Axis:
 
 
 def wrapper(kind: str, **arguments: Any) -> Params:
-    """Trouble around the world."""
+    """A disturbance of the world."""
     return frozen({"kind": kind} | arguments)
 
 
