@@ -59,16 +59,14 @@ class Film:
         """Pass the episode on; draw moments after they were looked at."""
         for moment in episode:
             yield moment
-            points = moment.belief.points()
-            assert points is not None, "a belief has points of the present"
             unit = self._camera.view.floor_plan.unit
-            self._best.append(best_cluster(*points, unit=unit).mean)
+            self._best.append(best_cluster(*_present(moment), unit=unit).mean)
             self.moments.append(moment)
             if moment.step % self._stride == 0:
-                self.frames.append(self._frame(moment, mean_pose(*points)))
-        self.frames.append(self._frame(moment, mean_pose(*points), whole=True))
+                self.frames.append(self._frame(moment))
+        self.frames.append(self._frame(moment, whole=True))
 
-    def _frame(self, moment: Moment, mean: tuple[float, ...], *, whole: bool = False) -> Image:
+    def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
         camera, best = self._camera, self._best[-1]
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
@@ -79,6 +77,7 @@ class Film:
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
+        mean = mean_pose(*_present(moment))
         _cross(drawing, mean)
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
@@ -119,6 +118,13 @@ def laid(pose: Reals, plan: Reals) -> Floats:
     steps = np.column_stack([distance * np.cos(heading), distance * np.sin(heading)])
     way: Floats = np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
     return way
+
+
+def _present(moment: Moment) -> tuple[Floats, Floats]:
+    """Return the points of the present and their weights."""
+    points = moment.belief.points()
+    assert points is not None, "a belief has points of the present"
+    return points
 
 
 def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
