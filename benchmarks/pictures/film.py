@@ -120,7 +120,7 @@ def laid(pose: Reals, plan: Reals) -> Floats:
     return way
 
 
-def _present(moment: Moment) -> tuple[Floats, Floats]:
+def _present(moment: Moment) -> tuple[Reals, Floats]:
     """Return the points of the present and their weights."""
     points = moment.belief.points()
     assert points is not None, "a belief has points of the present"
