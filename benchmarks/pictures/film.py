@@ -59,17 +59,15 @@ class Film:
         """Pass the episode on; draw moments after they were looked at."""
         for moment in episode:
             yield moment
-            points = moment.belief.points()
-            assert points is not None, "a belief has points of the present"
             unit = self._camera.view.floor_plan.unit
-            self._best.append(best_cluster(*points, unit=unit).mean)
+            self._best.append(best_cluster(*_present(moment), unit=unit).mean)
             self.moments.append(moment)
             if moment.step % self._stride == 0:
-                self.frames.append(self._frame(moment, mean_pose(*points)))
-        self.frames.append(self._frame(moment, mean_pose(*points), whole=True))
+                self.frames.append(self._frame(moment))
+        self.frames.append(self._frame(moment, whole=True))
 
-    def _frame(self, moment: Moment, mean: tuple[float, ...], *, whole: bool = False) -> Image:
-        camera, best = self._camera, self._best[-1]
+    def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
+        camera, best, mean = self._camera, self._best[-1], mean_pose(*_present(moment))
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
         if whole:
@@ -110,6 +108,12 @@ class Film:
         place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
         cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
         return f", localized after {metres:.1f} m"
+
+
+def _present(moment: Moment) -> tuple[Reals, Floats]:
+    points = moment.belief.points()
+    assert points is not None, "a belief has points of the present"
+    return points
 
 
 def laid(pose: Reals, plan: Reals) -> Floats:
