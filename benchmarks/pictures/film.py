@@ -67,7 +67,7 @@ class Film:
         self.frames.append(self._frame(moment, whole=True))
 
     def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
-        camera, best = self._camera, self._best[-1]
+        camera, best, mean = self._camera, self._best[-1], mean_pose(*_present(moment))
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
         if whole:
@@ -77,7 +77,6 @@ class Film:
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
-        mean = mean_pose(*_present(moment))
         _cross(drawing, mean)
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
@@ -109,6 +108,12 @@ class Film:
         place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
         cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
         return f", localized after {metres:.1f} m"
+
+
+def _present(moment: Moment) -> tuple[Reals, Floats]:
+    points = moment.belief.points()
+    assert points is not None, "a belief has points of the present"
+    return points
 
 
 def laid(pose: Reals, plan: Reals) -> Floats:
