@@ -70,7 +70,7 @@ def damaged(good):
         "of another schema": (f"has schema 1, not {SCHEMA}", changed(schema=1)),
         "of another trial": ("of another trial", changed(key="ffff")),
         "edited by hand": ("checksum does not match", good.replace(b"1.5", b"1.4")),
-        "with a NaN": ("holds NaN", good.replace(b"1.5", b"NaN")),
+        "with a NaN": ("contains NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
         "forged without scores": ("has None at scores", forged(scores=None)),
         "forged with words for numbers": ("has 'a' at curves.0.error.0", forged(

@@ -151,7 +151,7 @@ def test_a_floor_plan_that_is_none_is_refused(floor_plan, sentence):
 
 
 def test_a_map_of_cells_has_no_lap_of_its_own(path):
-    with pytest.raises(InputError, match=r"lap\.waypoints is None, but only"):
+    with pytest.raises(InputError, match=r"lap\.waypoints is None, but a lap can only"):
         RoomEnv(floor_plan=path)
 
 
