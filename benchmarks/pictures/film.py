@@ -125,13 +125,6 @@ def laid(pose: Reals, plan: Reals) -> Floats:
     return way
 
 
-def _present(moment: Moment) -> tuple[Reals, Floats]:
-    """Return the points of the present and their weights."""
-    points = moment.belief.points()
-    assert points is not None, "a belief has points of the present"
-    return points
-
-
 def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     """Draw a pose as a circle with a line along its heading."""
     nose = pose[0] + 1.8 * radius * math.cos(pose[2]), pose[1] + 1.8 * radius * math.sin(pose[2])
