@@ -11,7 +11,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
-from deqmcl_gym.world.course import Course, check_free
+from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
 from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.physics import contacts_of
@@ -144,6 +144,13 @@ class RoomEnv(gym.Env[Any, Singles]):
         return plan.actions.copy()
 
     @property
+    def most_steps(self) -> int:
+        """The steps after which the plan ends an episode; a driver without noise needs fewer."""
+        if self.world.route is not None:  # routes differ in length
+            return MAX_STEPS
+        return self._setting.plan.limit
+
+    @property
     def course(self) -> Course:
         """Lap or route: its path, start, and actions as planned beforehand.
 
@@ -205,7 +212,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             noticed: whether a driver notices and replans; otherwise its plan stays as it is.
 
         Raises:
-            InputError: the robot would touch a wall there.
+            InputError: the robot would touch a wall, or a driver on a route be at its goal already.
         """
         self._episode.place(self.checked_pose("the pose", at), noticed)
 

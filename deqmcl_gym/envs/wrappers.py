@@ -12,7 +12,6 @@ from deqmcl_gym import validation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, boolean, integer, number, shown
-from deqmcl_gym.world.course import MAX_STEPS
 from deqmcl_gym.world.path import Pose
 from deqmcl_gym.world.setting import scan_space
 from deqmcl_gym.world.streams import Stream
@@ -61,8 +60,7 @@ def _check_all_happen(env: gym.Env[Any, Any]) -> None:
     """Refuse a step that no episode reaches: after the plan, or the limit of a TimeLimit."""
     layers = list(_layers(env))
     limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
-    room = room_of(env)  # routes differ in length: episodes that end before give a warning
-    last = len(room.plan) if room.world.route is None else MAX_STEPS
+    last = room_of(env).most_steps  # an episode that ends before gives a warning
     for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
         most = min([last, *limits])
         if once.due > most:

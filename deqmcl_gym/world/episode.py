@@ -57,14 +57,20 @@ class Episode:
         Args:
             pose: (x, y, θ).
             noticed: whether a driver notices and replans; otherwise its plan stays as it is.
+
+        Raises:
+            InputError: a driver on a route is already at its goal there.
         """
-        if isinstance(self.plan, GuidedPlan) and not noticed:
-            self.plan = self.plan.left_as_it_is(self)
+        journeys, goal, onwards = self._setting.journeys, self.course.goal, None
+        if isinstance(self.plan, GuidedPlan):
+            if not noticed:
+                self.plan = self.plan.left_as_it_is(self)
+            elif journeys is not None and goal is not None:
+                onwards = journeys.onwards(goal, pose)
         self.pose = pose
         self._physics.place(pose[:2])
-        journeys, goal = self._setting.journeys, self.course.goal
-        if journeys is not None and goal is not None and isinstance(self.plan, GuidedPlan):
-            self.course = journeys.onwards(goal, pose)
+        if onwards is not None:
+            self.course = onwards
             self.plan = self._setting.plan_for(self.course, self.step)
             self.arc = self.way = 0.0
             return

@@ -42,7 +42,12 @@ class Journeys:
         return _drawn(self, seed, number)
 
     def onwards(self, goal: Point, pose: Pose) -> Course:
-        """Plan the route to a goal from the robot's pose."""
+        """Plan the route to a goal from the robot's pose.
+
+        Raises:
+            InputError: the pose is at the goal already.
+        """
+        self._check_apart("the pose", pose[:2], goal)
         return Course.along(self._routes_to(goal).start_near(pose[:2]), pose, self.world)
 
     def elsewhere(self, goal: Point, rng: np.random.Generator) -> Pose:
@@ -71,12 +76,15 @@ class Journeys:
         start, goal = self.world.start.pose, self._route.goal
         if start is None or goal is None:
             return
-        if math.dist(start[:2], goal) <= self._route.tolerance:
-            raise InputError(
-                f"start.pose is within route.tolerance, {self._route.tolerance:g} "
-                f"{self.world.floor_plan.unit}, of route.goal: give places farther apart."
-            )
+        self._check_apart("start.pose", start[:2], goal)
         self._routes_to(goal).start_at(start[:2])
+
+    def _check_apart(self, what: str, at: Point, goal: Point) -> None:
+        if math.dist(at, goal) <= self._route.tolerance:
+            raise InputError(
+                f"{what} is within route.tolerance, {self._route.tolerance:g} "
+                f"{self.world.floor_plan.unit}, of the goal: give places farther apart."
+            )
 
     @cached_property
     def routes(self) -> Routes:

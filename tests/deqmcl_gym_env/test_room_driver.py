@@ -162,6 +162,14 @@ def test_a_kidnapped_driver_goes_on_from_where_it_stands_and_finishes():
     assert len(infos) < 409
 
 
+def test_a_step_that_only_a_noisy_lap_reaches_is_one_for_a_kidnap():
+    env = guided()
+    late = len(env.plan) + 10  # of the plan without noise
+    assert len(infos_of(Kidnap(env, step=late), seed=0)) > late
+    with pytest.raises(InputError, match="at most 408 steps"):
+        Kidnap(env, step=409)
+
+
 def test_the_plan_of_a_driver_is_not_replaced():
     with pytest.raises(
         InputError, match=r"a driver makes the plan .* cannot be replaced: choose a world"

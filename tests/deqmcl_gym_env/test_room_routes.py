@@ -189,6 +189,21 @@ def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():
         RoomEnv(start={"pose": (50, 50, 0)}, route={"goal": (60, 50)})
 
 
+def test_a_driver_set_down_at_its_goal_is_refused_and_nothing_has_changed():
+    env = office(driver={})
+    _, info = env.reset(seed=1)
+    for x in (0.0, 0.3):
+        with pytest.raises(InputError, match="the pose is within route.tolerance"):
+            env.place((info["goal"][0] + x, info["goal"][1], 0.0))
+    again = office(driver={})
+    again.reset(seed=1)
+    for _ in range(3):
+        info = env.step(info["planned_actions"][0])[-1]
+        np.testing.assert_array_equal(
+            again.step(info["action"])[-1]["planned_actions"], info["planned_actions"]
+        )
+
+
 def test_without_scipy_the_extra_is_named(monkeypatch):
     monkeypatch.setattr(planner, "find_spec", lambda name: None)
     planner.routes_on.cache_clear()
