@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import gc
 import io
 import os
 import signal
@@ -65,6 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if error is not output.error:
                 raise
         output.end()
+        if arguments is None:
+            gc.freeze()  # half a second of search for garbage at exit, which the system does not need
         return code if output.error is None else _not_written(output.error)
 
 

@@ -1,6 +1,7 @@
 """What all workers share: loaded, and its kernels compiled, once, before they are forked."""
 
 import contextlib
+import gc
 
 from benchmarks.execution.worker import load
 from benchmarks.trials.attempt import trial_trace
@@ -12,3 +13,4 @@ _SMALL = Trial(
 )
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
     trial_trace(_SMALL)
+gc.freeze()  # no worker searches it for garbage

@@ -25,7 +25,7 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
-LAP_STRIDE = 2  # steps per frame
+LAP_STRIDE = 4  # steps per frame
 _FRAME_MILLISECONDS = 80
 _LONGEST = 560.0  # px of the paper's room
 _LEAST_SCALE = 0.01
@@ -78,7 +78,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
 
 
 def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:
-    """Draw every second moment of an episode."""
+    """Draw every ``LAP_STRIDE``-th moment of an episode."""
     return [camera.frame(moment, method) for moment in episode[::LAP_STRIDE]]
 
 

@@ -47,7 +47,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     files = {
-        "lap.webp": webp(film.frames, 80),
+        "lap.webp": webp(film.frames, 120),
         "error.png": error_plot(curves, heading, unit),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),

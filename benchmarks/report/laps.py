@@ -18,8 +18,8 @@ from benchmarks.trials.spec import Trial, frozen, unworded
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
-_STRIDE = 4  # steps per frame
-_MILLISECONDS = 160
+_STRIDE = 8  # steps per frame
+_MILLISECONDS = 200
 _SCALE = 1.0
 _LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
 
