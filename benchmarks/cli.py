@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 raise
         output.end()
         if arguments is None:
-            gc.freeze()  # half a second of search for garbage at exit, which the system does not need
+            gc.freeze()  # at exit, a search for garbage would take half a second
         return code if output.error is None else _not_written(output.error)
 
 

@@ -213,7 +213,7 @@ def _document(path: Path) -> Mapping[str, Any]:
         raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
     except UnreadableError as error:
         raise InputError(f"{path} {error}: give another file.") from None
-    except (yaml.YAMLError, ValueError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}.") from None
     if not isinstance(found, Mapping):
         raise InputError(f"{path} has no nodes, but must be Nav2's parameter file.")

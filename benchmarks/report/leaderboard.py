@@ -10,6 +10,7 @@ from benchmarks.report.error_tables import marked_label
 from benchmarks.report.html import page
 from benchmarks.report.markdown import plain, table_text
 from benchmarks.report.tables import Table
+from benchmarks.report.verdicts import done
 from benchmarks.report.words import estimated, significant
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import results_in
@@ -19,13 +20,15 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import Run, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import cost
+from benchmarks.tables.verdict import aim_of, cost, standing, worse
+from benchmarks.trials.journeys import Score
 from benchmarks.trials.spec import Params
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"
 NOTE = (
-    "Methods of several folders of results on the same worlds, by their error e of x[t]. Every "
+    "Methods of several folders of results on the same worlds, by their error e of x[t], or by the "
+    "share of runs that succeed if the robot was lost, carried off or sent to a goal. Every "
     "difference is to the baseline of the method's own run, world by world, with its 95 % "
     "bootstrap interval; cost is the time per step over that baseline's, so that runs of "
     "different machines can be compared. Differences between neighbours in the list are not tested."
@@ -110,15 +113,17 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
 
 
 def _board(title: str, rows: list[Row]) -> Table:
-    rows.sort(key=lambda row: row.of.error.mean)
-    header = ["method", f"error e, {rows[0].panel.thresholds.unit} (SD)"]
-    header += ["difference to the baseline, 95 % interval", "wins", "cost (baseline = 1)", "worlds"]
-    header += ["code", "run"]
+    panel = rows[0].panel
+    aim = aim_of(panel)
+    rows.sort(key=lambda row: worse(row.of, aim))
+    ranked_by = f"error e, {panel.thresholds.unit} (SD)" if aim is None else f"{done(aim)}, %"
+    header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
+    header += ["wins", "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
         [
             f"{rank}. {marked_label(row.panel, row.of)}",
-            f"{fixed(row.of.error.mean)} ({fixed(row.of.error_sd)})",
-            "baseline" if row.of.is_baseline else estimated(row.of.diff, "+.2f"),
+            _value(row.of, aim),
+            "baseline" if row.of.is_baseline else _difference(row.of, aim),
             "–" if row.of.is_baseline else percent(row.of.win_rate),
             f"{significant(cost(row.panel, row.of), 2)} ×",
             str(row.of.worlds),
@@ -128,6 +133,17 @@ def _board(title: str, rows: list[Row]) -> Table:
         for rank, row in enumerate(rows, 1)
     ]
     return Table(f"{title[:1].upper()}{title[1:]}.", header, lines, strong=[(0, 0), (0, 1)])
+
+
+def _value(row: Comparison, aim: Score | None) -> str:
+    if aim is None:
+        return f"{fixed(row.error.mean)} ({fixed(row.error_sd)})"
+    return estimated(standing(row, aim).value.percent, ".0f")
+
+
+def _difference(row: Comparison, aim: Score | None) -> str:
+    diff = standing(row, aim).diff
+    return estimated(diff, "+.2f") if aim is None else estimated(diff.percent, "+.0f")
 
 
 def _runs(read: Sequence[Source]) -> Table:

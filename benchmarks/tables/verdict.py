@@ -61,19 +61,19 @@ def standing(row: Comparison, aim: Score | None) -> JourneyScore:
 def ranked(panel: Panel) -> list[Comparison]:
     """Rows, the best first, an unknown one last; equal ones as they are, but the baseline first."""
     aim = aim_of(panel)
-    return sorted(panel.present, key=lambda row: (_worse(row, aim), not row.is_baseline))
+    return sorted(panel.present, key=lambda row: (worse(row, aim), not row.is_baseline))
 
 
 def verdict(panel: Panel, *, filters: bool = False) -> Verdict | None:
     """Return the verdict on a panel, or on its methods that use scans; None if it has none."""
     aim, rows = aim_of(panel), ranked(panel)
     listed = [row for row in rows if not (filters and row.method.localizer == BLIND)]
-    if not listed or math.isinf(_worse(listed[0], aim)):
+    if not listed or math.isinf(worse(listed[0], aim)):
         return None
     best = next((row for row in listed if _confirmed(row, aim)), None)
     winner = best or listed[0]
     others = [row for row in listed if row.errors != winner.errors and row is not listed[0]]
-    behind = (row for row in others if _worse(winner, aim) <= _worse(row, aim) < math.inf)
+    behind = (row for row in others if worse(winner, aim) <= worse(row, aim) < math.inf)
     following = next(behind, None)
     return Verdict(
         aim=aim,
@@ -102,8 +102,11 @@ def cost(panel: Panel, row: Comparison) -> float:
     return own / theirs if theirs > 0 else math.nan
 
 
-def _worse(row: Comparison, aim: Score | None) -> float:
-    """The error, or what is missing from a share of 1; infinite if it is unknown."""
+def worse(row: Comparison, aim: Score | None) -> float:
+    """What methods are ranked by, the least first: the error, or 1 less the share.
+
+    Infinite if it is unknown.
+    """
     mean = standing(row, aim).value.mean
     if math.isnan(mean):
         return math.inf

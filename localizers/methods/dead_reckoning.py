@@ -1,11 +1,11 @@
 """x_t = x_{t-1} ⊕ a_t from the prior's mean: no scan, no map, no noise."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import (
@@ -73,4 +73,4 @@ def dead_reckoning(robot: RobotModel) -> DeadReckoning:
 def _moved(pose: Pose, distance: float, turn: float) -> Pose:
     x, y, heading = pose
     heading += turn
-    return x + distance * math.cos(heading), y + distance * math.sin(heading), heading
+    return x + distance * cos64(heading), y + distance * sin64(heading), heading

@@ -2,6 +2,8 @@
 
 import math
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from benchmarks.report.error_tables import glance_table, verdict_table
 from benchmarks.report.findings import findings
 from benchmarks.report.journeys import WORDS, journey_charts, journey_table
 from benchmarks.report.laps import laps
+from benchmarks.report.leaderboard import Source, boards
 from benchmarks.report.style import looks
 from benchmarks.report.verdicts import power_hint, runner_up, spoken
 from benchmarks.sweeps.store import Store
@@ -201,6 +204,12 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     said = findings(panel)
     assert re.match(rf"Map-based MCL, .* {done} more often than MCL \(\+75 points, 95 % ", said[1])
     assert power_hint(panel) == ""
+    made = SimpleNamespace(made=SimpleNamespace(code="0" * 64, plug_ins={}))
+    folder = Source(number=1, folder=Path("x"), made=made, results=SimpleNamespace(panels=[panel]))
+    (board,) = boards([folder])
+    assert board.header[1] == f"{done}, %"
+    assert [line[0].split()[1] for line in board.lines] == ["mcl-plan", "amcl", "mcl"]
+    assert board.lines[0][1:3] == [f"92 ({ends[0]} to {ends[1]})", f"+{mean} ({low} to {high})"]
 
 
 NOT_CONFIRMED = {
