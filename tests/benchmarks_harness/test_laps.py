@@ -71,5 +71,5 @@ def test_plug_ins_of_one_animation_do_not_meet(tmp_path):
     with Drawing().working() as promised:
         drawn = promised(lap)()
     animation = PIL.Image.open(io.BytesIO(drawn.animation))
-    assert animation.n_frames == 204 // 4 + 1 + 1  # and the whole way
+    assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side

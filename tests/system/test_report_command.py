@@ -60,7 +60,7 @@ def test_a_page_of_few_megabytes_has_the_whole_laps_of_best_and_worst_world(repo
     for name in ("best", "median", "worst"):
         read, animation = cv2.imreadanimation(str(reported / "images" / f"lap-1-{name}.webp"))
         assert read
-        assert len(animation.frames) == 204 // 4 + 1 + 1  # and the whole way
+        assert len(animation.frames) == 204 // 8 + 1 + 1  # and the whole way
 
 
 def test_missing_trials_are_counted(reported, tmp_path, capsys):

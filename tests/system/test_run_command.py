@@ -77,10 +77,10 @@ def test_the_trace_is_an_npz_without_pickles_that_holds_what_was_scored(lap):
     assert error == pytest.approx([row["error"] for row in curve(out)[0]], rel=1e-12)
 
 
-def test_the_animation_has_a_frame_for_every_second_step(lap):
+def test_the_animation_has_a_frame_for_every_fourth_step(lap):
     read_it, animation = cv2.imreadanimation(str(lap[1] / "lap.webp"))
     assert read_it
-    assert len(animation.frames) == 204 // 2 + 1 + 1  # and the whole way
+    assert len(animation.frames) == 204 // 4 + 1 + 1  # and the whole way
     assert all(side % 2 == 0 for side in animation.frames[0].shape[:2])
 
 
