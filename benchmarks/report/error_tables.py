@@ -194,19 +194,25 @@ def offsets_table(panel: Panel) -> Table:
 
 
 def _with(panel: Panel) -> str:
-    """The parameters that all methods share, where no title says them."""
-    seen: dict[str, set[object]] = {}
-    for method in panel.records:
+    """The parameters that all methods which take them have in common, where no title names them."""
+    swept, methods = dict(panel.swept), list(panel.records)
+    values: dict[str, list[object]] = {}
+    for method in methods:
         for name, value in method.params:
-            seen.setdefault(name, set()).add(value)
-    swept = dict(panel.swept)
+            values.setdefault(name, []).append(value)
     shared = [
-        f"{name} {value}"
-        for name, values in sorted(seen.items())
-        for value in values
-        if len(values) == 1 and name not in swept
+        f"{name} {held[0]}"
+        for name, held in sorted(values.items())
+        if len(held) > 1 and len(set(held)) == 1 and len(held) == _takers(name, methods)
+        if name not in swept
     ]
-    return f" All with {', '.join(shared)}." if shared else ""
+    return f" Parameters of all methods that take them: {', '.join(shared)}." if shared else ""
+
+
+def _takers(name: str, methods: Sequence[Method]) -> int:
+    """How many methods are of a localizer that was given this parameter."""
+    takers = {method.localizer for method in methods if name in dict(method.params)}
+    return sum(method.localizer in takers for method in methods)
 
 
 def _marked(own: JourneyScore, aim: Score | None) -> str:

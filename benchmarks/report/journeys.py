@@ -50,14 +50,14 @@ _TESTS = (
     "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
 )
 LOCALIZED = (
-    "Localized",
+    "Localized against metres driven",
     "localized for good, % of runs",
     "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the end.",
 )
 _CURVES = {
     "metres_to_localize": LOCALIZED,
     "metres_to_recover": (
-        "Found again",
+        "Recovered against metres driven",
         "recovered, % of runs",
         "Share of runs that are recovered, against the metres driven since the kidnap.",
     ),

@@ -75,4 +75,5 @@ def test_it_counts_where_the_method_is_clearly_ahead_and_where_behind():
 def test_two_numbers_are_drawn_as_curves():
     few = swept(LENGTHS[:1])
     assert regime_maps(few) == []
-    assert charts_over(few, looks(["mcl-map", "mcl-plan"]))
+    titles = [one.title for one in charts_over(few, looks(["mcl-map", "mcl-plan"]))]
+    assert titles[0].startswith("Runs localized to the end over ")  # what they are about, not e
