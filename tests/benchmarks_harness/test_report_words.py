@@ -140,7 +140,6 @@ def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parame
     lost = {"thresholds": {"far": 1.0, "lost": 1.5, "lost_steps": 9}, "unit": "m"}
     records = trials("mcl", [1.0] * 3, params={"particles": 300})
     records += trials("mcl-map", [1.0] * 3, params={"particles": 300, "beta": 3.0})
-    records += trials("mcl-map", [1.0] * 3, params={"particles": 300, "beta": 2.0, "keep": 0.5})
     records += trials("dead-reckoning", [1.0] * 3)
     table = error_tables.verdict_table(panel_of([record | lost for record in records]))
     assert "above 1.5 m on average over the last 9 states" in table.caption
