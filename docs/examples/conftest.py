@@ -1,3 +1,3 @@
-"""Scripts are run by tests/docs/test_examples.py; importing them needs the extra ``rl``."""
+"""tests/docs/test_examples.py runs the scripts; pytest does not collect them here."""
 
 collect_ignore_glob = ["*.py", "*/*.py"]

@@ -2,7 +2,7 @@
 A room of your own
 ==================
 
-Walls, lidar, noise and lap are arguments of ``gym.make``. This hall is in metres.
+Walls, lidar, noise and lap are arguments of ``gym.make``. Lengths here are in metres.
 """
 
 import gymnasium as gym
@@ -23,7 +23,7 @@ env = gym.make(
 )
 
 # %%
-# The planned lap keeps to the middle of the corridor around the obstacles.
+# The planned lap runs in the middle between obstacle and outer wall.
 
 ranges, info = env.reset(seed=1)
 print(f"{info['planned_count']} planned actions; {len(ranges)} beams, in m: {ranges.round(2)}")

@@ -2,8 +2,8 @@
 Figures for a paper
 ===================
 
-``deqmcl export results`` writes what a paper needs from a sweep: tables in LaTeX, its charts as
-PDF, BibTeX. Here is the same in Python, and a figure of one's own as wide as a column.
+``deqmcl export results`` writes a sweep's tables in LaTeX, its charts as PDF, and BibTeX. This
+script does the same in Python, and draws another figure, one column wide.
 """
 
 import tempfile
@@ -32,8 +32,8 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
     results = running.results()
 
 # %%
-# ``results_in`` of ``benchmarks.sweeps.collecting`` reads results from a folder. Eight worlds are
-# few: the report says how many a paper needs.
+# To read the results of an earlier sweep, use ``benchmarks.sweeps.collecting.results_in``. Eight
+# worlds are few: the report says how many a paper needs.
 
 files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))
 print(*(file.relative_to(folder) for file in files[:6]), sep="\n")
@@ -41,7 +41,7 @@ table = (folder / "export" / "tables.tex").read_text()
 print(table[table.index(r"\begin{tabular}") : table.index(r"\end{table*}")])
 
 # %%
-# Every setting is a panel; its rows have estimates with 95 % intervals over worlds.
+# There is a panel for each setting; its rows have estimates with 95 % intervals over worlds.
 
 plt.rcParams.update({"font.size": 8, "pdf.fonttype": 42})  # 42: text stays text
 figure, axes = plt.subplots(figsize=(3.4, 2.2), layout="constrained")

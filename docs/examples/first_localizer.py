@@ -2,7 +2,8 @@
 A first localizer
 =================
 
-Dead reckoning adds up the commands. Monte-Carlo localization corrects that by what the lidar sees.
+Dead reckoning adds up the commands. Monte-Carlo localization (``mcl``) corrects it with the lidar;
+``mcl-plan`` also uses the plan.
 """
 
 import gymnasium as gym
@@ -16,7 +17,7 @@ env = gym.make("deqmcl_gym/Room-v0", preset="guided")
 room = env.unwrapped
 
 # %%
-# A localizer is made for a map, a lidar and the noise that it is to assume.
+# A localizer is constructed for a map, a lidar and the noise that it should assume.
 
 robot = localizers.RobotModel(
     floor_plan=room.floor_plan,
@@ -28,7 +29,7 @@ robot = localizers.RobotModel(
 runners = {name: localizers.make(name, robot) for name in ("dead-reckoning", "mcl", "mcl-plan")}
 
 # %%
-# All are shown the same lap: each scan, each command, and the plan after it.
+# All three get the same scans, commands and plans.
 
 
 def shown(info):
@@ -49,7 +50,7 @@ while info["planned_count"]:
         ways[name].append(localizers.mean_pose(*belief.points()))
 
 # %%
-# How far off is each? The true poses are for scoring only: no localizer is given them.
+# How far off is each? True poses are only for scoring: no localizer gets them.
 
 truth = np.array(truth)
 figure, (lap, off) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")

@@ -2,8 +2,8 @@
 Lost in a building
 ==================
 
-A robot wakes up anywhere in an office building. It is told the route that it is to drive, and that
-alone rules out most places: from there, the route would go through walls.
+A robot wakes up somewhere in an office building and is given a route to drive. The route alone
+rules out most places: from there it would lead through walls.
 """
 
 import matplotlib.pyplot as plt
@@ -17,9 +17,9 @@ room = lost.room()  # gym.make("deqmcl_gym/Room-v0", …) with this office, a li
 robot, prior = lost.robot_model(room), lost.prior_in(room)  # the prior: anywhere
 
 # %%
-# Both filters begin with 5,000 particles anywhere in the building, and put some there again when
-# scans fit badly. The second draws 20 places for each particle and keeps one by how well the route
-# fits there.
+# Both filters start with 5,000 particles anywhere in the building, and add random ones when scans
+# fit badly. The second draws 20 poses for each particle and keeps one: the better the route fits
+# from a pose, the likelier.
 
 common = {"particles": 5000, "recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}
 by_route = {"start_draws": 20, "start_jitter": 0.3}
@@ -33,7 +33,7 @@ beliefs = {n: one.reset(prior, plan, np.random.default_rng(0)) for n, one in run
 clouds = {name: belief.points()[0] for name, belief in beliefs.items()}
 
 # %%
-# What each believes is the mean of its heaviest cluster.
+# The estimate is the mean of the heaviest cluster of particles.
 
 truth, ways = [], {name: [] for name in runners}
 while info["planned_count"]:
@@ -45,9 +45,9 @@ while info["planned_count"]:
         ways[name].append(localizers.best_cluster(*belief.points(), unit="m").mean)
 
 # %%
-# Top: all particles before the first step, and the route; the dot is the robot, whose place no
-# filter is told. Bottom: how far off each is. This is one run: `Lost, kidnapped, driving
-# <../lost.html>`_ has many, and says when a route does not help.
+# Top: all particles before the first step, and the route from the robot (the dot), whose place no
+# filter knows. Bottom: position error. This is one run: `Lost, kidnapped, driving <../lost.html>`_
+# has many, and says when a route does not help.
 
 truth = np.array(truth)
 figure, axes = plt.subplot_mosaic("ab;cc", figsize=(10, 6.4), layout="constrained")

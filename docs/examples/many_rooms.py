@@ -2,7 +2,8 @@
 Many rooms at once
 ==================
 
-``gym.make_vec`` runs many rooms in compiled kernels, each the same to the bit as a room alone.
+``gym.make_vec`` runs many rooms in compiled kernels. Each gives the results of a single room with
+its seed, up to rounding.
 """
 
 import time
@@ -17,7 +18,7 @@ rooms = gym.make_vec("deqmcl_gym/Room-v0", num_envs=256, noise={"drift": 0.01})
 ranges, info = rooms.reset(seed=0)
 
 # %%
-# Each room has its own plan and its own noise. All of them carry out their next planned action.
+# All rooms have the same plan, but each has its own noise. Each carries out its next action.
 
 truth, started = [info["truth"]], time.perf_counter()
 for _ in range(200):
@@ -26,7 +27,7 @@ for _ in range(200):
 print(f"{256 * 200 / (time.perf_counter() - started):,.0f} steps per second")
 
 # %%
-# The plan is not corrected on the way, so the noise adds up.
+# The plan does not react to the noise, so errors add up.
 
 ways = np.array(truth)
 for room in range(0, 256, 4):

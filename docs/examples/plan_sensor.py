@@ -2,8 +2,8 @@
 What a plan says about the present
 ==================================
 
-Nobody plans through walls. A robot that is somewhere in this room is told what it will do next:
-drive on, turn left, drive on. Most places where it may be are ruled out by that alone.
+Nobody plans through walls. A robot somewhere in this room knows what it will do next: drive on,
+turn left, drive on. That alone rules out most of the poses where it may be.
 """
 
 import gymnasium as gym
@@ -15,8 +15,8 @@ from localizers import UniformPrior
 from localizers.models.plan_sensor import PlanSensor, path_of
 
 # %%
-# The robot may be anywhere, with any heading: 20,000 particles. The plan: 150 px straight on, a
-# quarter turn to the left, 150 px on.
+# The robot may be anywhere, with any heading: 20,000 particles. The plan: 150 px straight ahead, a
+# quarter turn to the left, 150 px ahead.
 
 room = gym.make("deqmcl_gym/Room-v0").unwrapped.floor_plan
 rng = np.random.default_rng(0)
@@ -24,15 +24,15 @@ particles = UniformPrior(floor_plan=room, radius=8.0).sample(20_000, rng)
 plan = np.array([[5.0, 0.0]] * 30 + [[0.0, np.pi / 2]] + [[5.0, 0.0]] * 30)
 
 # %%
-# The plan sensor counts how many planned steps collide from each pose.
+# From each pose, the plan sensor counts the planned steps that collide.
 
 sensor = PlanSensor(floor_plan=room, radius=8.0)
 feasible = sensor.collisions(particles.T.astype(np.float32), plan) == 0
 print(f"{feasible.mean():.1%} of the particles survive")
 
 # %%
-# Left: some of the particles with the way that the plan would take from there. Right: those that
-# survive. They lie where a robot can drive on and then turn left: round the block.
+# Left: some particles, with the path that the plan takes from there. Right: some that survive. From
+# them a robot can drive ahead and then turn left, round the block.
 
 
 def draw(axes, poses, colour, title):

@@ -2,11 +2,11 @@
 A policy that drives laps
 =========================
 
-PPO learns to drive laps by nine laser beams: ``python docs/examples/ppo.py``.
+PPO learns to drive laps with nine laser beams: ``python docs/examples/ppo.py``.
 
-Needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. The robot is not told where it is, nor
-its plan: it sees the nine ranges of ``deqmcl_gym/Sharp-v0``. Writes the learning curve and says how
-many of 20 laps it finishes: `Learning <../learning.html>`_ has the result.
+It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. The policy sees only the nine
+ranges of ``deqmcl_gym/Sharp-v0``, neither its pose nor its plan. The script draws the learning
+curve and prints how many of 20 laps are finished: `Learning <../learning.html>`_ has the result.
 
 .. image:: ../figures/ppo.svg
 """
@@ -33,13 +33,13 @@ except ModuleNotFoundError as missing:
     sys.exit(f"{missing.name} is not installed: pip install '.[rl]' in the clone.")
 
 ROOM = "deqmcl_gym/Sharp-v0"
-EPISODES = 20  # of an evaluation
+EPISODES = 20  # per evaluation
 UNSEEN = 1_000_000  # first seed of an evaluation
 ONE = np.float32(1)
 
 
 def normalised(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:
-    """Return the room with actions and ranges in [-1, 1] and rewards of the size of 1."""
+    """Return the room with actions and ranges in [-1, 1] and rewards of about 1."""
     env = wrappers.RescaleAction(wrappers.RescaleObservation(env, -ONE, ONE), -ONE, ONE)
     return wrappers.TransformReward(env, lambda reward: reward / 100)
 
@@ -62,9 +62,10 @@ def evaluated(policy: PPO) -> tuple[float, float]:
 
 
 class Curve(BaseCallback):
-    """Evaluates the policy every so many steps.
+    """Evaluates the policy at regular intervals.
 
     Attributes:
+        every: steps from one evaluation to the next.
         points: steps, share finished, mean return; (k, 3).
     """
 
@@ -104,7 +105,7 @@ def draw(points: list[tuple[int, float, float]], file: str) -> None:
 def main() -> None:
     """Train, evaluate, draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=60_000, help="of training")
+    parser.add_argument("--steps", type=int, default=60_000, help="training steps")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--curve", default="ppo.svg", help="file of the learning curve")
     given = parser.parse_args()

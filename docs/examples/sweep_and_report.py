@@ -2,8 +2,8 @@
 A sweep and its report
 ======================
 
-A sweep runs localizers on the same worlds and compares them in pairs. This is a small one, so its
-intervals are wide; `Sweeps <../sweeps.html>`_ has all that a sweep file may say.
+A sweep runs localizers on the same worlds and compares them world by world. This is a small one, so
+its intervals are wide. `Sweeps <../sweeps.html>`_ lists all keys of a sweep file.
 """
 
 import csv
@@ -28,7 +28,7 @@ command = [sys.executable, "-m", "benchmarks", "sweep", "plan.toml", "--out", "r
 subprocess.run(command, cwd=folder, check=True)
 
 # %%
-# ``results/report.html`` is the page to read; ``trials.csv`` has a line per run, to go on from.
+# Read ``results/report.html``. ``trials.csv`` has a line per run and offset, for your own analysis.
 
 with (folder / "results" / "trials.csv").open() as lines:
     rows = [row for row in csv.DictReader(lines) if row["offset"] == "0"]

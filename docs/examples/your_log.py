@@ -2,8 +2,8 @@
 Your log
 ========
 
-A recorded log is a Gymnasium environment, too: ``deqmcl_gym/Log-v0`` plays its records. It reads
-CARMEN logs, ROS 1 and 2 bags, CSV and npz; this log is recorded from a simulated robot.
+``deqmcl_gym/Log-v0`` plays a recorded log as a Gymnasium environment. It reads CARMEN logs, ROS 1
+and 2 bags, CSV and npz. The log in this script is recorded from a simulated robot.
 """
 
 import tempfile
@@ -40,7 +40,7 @@ while info["planned_count"]:
 logs.write(env.log, folder / "lap.log.gz")
 
 # %%
-# Play it: the actions are the odometry, the observations are the scans.
+# Play the log: actions are the odometry, observations the scans.
 
 env = gym.make(
     "deqmcl_gym/Log-v0",

@@ -2,7 +2,7 @@
 Your map
 ========
 
-A map of ROS' ``map_server`` (a yaml file and an image) is a room to drive in.
+The environment drives in a ROS map (a yaml file and an image, as for ``map_server``).
 """
 
 import tempfile
@@ -15,7 +15,7 @@ import numpy as np
 from deqmcl_gym import GridMap
 
 # %%
-# With a map of your own, leave this out: a hall of 9 m by 6 m with a pillar, in cells of 5 cm.
+# Skip this if you have a map: a hall of 9 m by 6 m with a pillar, in cells of 5 cm.
 
 folder = Path(tempfile.mkdtemp())
 cells = np.zeros((120, 180), np.int8)
@@ -24,7 +24,7 @@ cells[40:80, 50:120] = cells[0:14, 60:80] = 100
 GridMap(occupancy=cells, resolution=0.05).save(folder / "hall.yaml")
 
 # %%
-# It answers what localizers ask: ranges, distances to walls, whether a robot fits.
+# A map gives what localizers need: ranges, distances to walls, whether a robot fits.
 
 hall = GridMap.load(folder / "hall.yaml")
 x, y = np.meshgrid(np.arange(0.05, 9, 0.05), np.arange(0.05, 6, 0.05))

@@ -1,4 +1,4 @@
-"""How Sphinx makes the site: ``make site``. Its source is the whole clone, so that links hold."""
+"""Sphinx configuration for ``make site``. The source is the whole clone, so that links work."""
 
 import logging
 import re
@@ -82,7 +82,7 @@ ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[tuple\[.*?Any, \.\.\.\], [^[]*dtype\
 
 
 def _named(annotation, *arguments, **options):
-    """A type as it is written in the code, not as NumPy spells it out."""
+    """A type as written in the code, not expanded as NumPy does."""
     text = stringify_annotation(annotation, *arguments, **options)
     text = text.replace(stringify_annotation(ArrayLike, *arguments, **options), "ArrayLike")
     return ARRAY.sub(r"NDArray[\1]", text)
@@ -95,7 +95,7 @@ SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^
 
 
 def _tree(caption, *documents):
-    """A part of the table of contents; GitHub, which does not know it, is not shown it."""
+    """A part of the table of contents; not in the files, as GitHub does not know toctree."""
     options = [":hidden:", ":glob:", *([f":caption: {caption}"] if caption else [])]
     return "\n".join(["", "```{toctree}", *options, *documents, "```", ""])
 
@@ -143,7 +143,7 @@ def _with_contents(app, document, source):
 
 
 def _keep_cells_whole(app, document):
-    """Break the cells of tables nowhere but before an interval, as reports do."""
+    """Break table cells only before an interval, as reports do."""
     for cell in document.findall(nodes.entry):
         for text in cell.findall(lambda node: isinstance(node, nodes.Text)):
             if not isinstance(text.parent, nodes.literal | nodes.math):
@@ -151,7 +151,7 @@ def _keep_cells_whole(app, document):
 
 
 def _as_mathml(self, node, as_block):
-    """Formulas as browsers know them: no script, no network."""
+    """Formulas as MathML: no script, no network."""
     text = HATS.sub(r"{\\hat \1}", node.astext())
     for written, known in SPELLINGS:
         text = text.replace(written, known)
@@ -161,7 +161,7 @@ def _as_mathml(self, node, as_block):
 
 
 def setup(app):
-    """Add the contents, and formulas without a script."""
+    """Add the table of contents, and formulas as MathML."""
     app.connect("source-read", _with_contents)
     app.connect("doctree-read", _keep_cells_whole)
     app.add_html_math_renderer(
