@@ -124,7 +124,7 @@ def _board(title: str, rows: list[Row]) -> Table:
             f"{rank}. {marked_label(row.panel, row.of)}",
             _value(row.of, aim),
             "baseline" if row.of.is_baseline else _difference(row.of, aim),
-            "–" if row.of.is_baseline else percent(row.of.win_rate),
+            "–" if row.of.is_baseline or aim is not None else percent(row.of.win_rate),
             f"{significant(cost(row.panel, row.of), 2)} ×",
             str(row.of.worlds),
             row.digest,

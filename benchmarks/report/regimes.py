@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -10,24 +9,13 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.report.curves import (
-    DIFFERENCE,
-    ERROR,
-    Quantity,
-    coordinate_words,
-    place_of,
-    swept_charts,
-    swept_coordinates,
-)
-from benchmarks.report.style import Look
+from benchmarks.report.curves import coordinate_words, place_of, swept_coordinates
 from benchmarks.report.svg import Picture, picture
-from benchmarks.report.verdicts import done
 from benchmarks.report.words import estimated
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
-from benchmarks.tables.verdict import aim_of, standing
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 
 _CELL = 1.0, 0.66  # inches
@@ -37,38 +25,6 @@ _PALE = 0.6  # of the colours' range is used, so that black is legible on all
 _LEAST = {"share": 0.1, "m": 1.0}  # a difference that is drawn in full colour, at least
 
 Cells = Mapping[tuple[Any, ...], tuple[Comparison, Comparison]]  # a method and the baseline
-
-
-def charts_over(panels: Sequence[Panel], looks: Mapping[str, Look]) -> list[Picture]:
-    """Draw what was swept: maps where three numbers were and runs are scored whole, else curves.
-
-    They are of what all panels are about: a share of runs that succeed, or the error.
-    """
-    aims = {aim_of(panel) for panel in panels}
-    aim = aims.pop() if len(aims) == 1 else None
-    quantities = (ERROR, DIFFERENCE) if aim is None else _shares(aim)
-    curves = (swept_charts(panels, looks, quantity) for quantity in quantities)
-    return regime_maps(panels) or [chart for charts in curves for chart in charts]
-
-
-def _shares(aim: Score) -> tuple[Quantity, Quantity]:
-    share = replace(
-        ERROR,
-        title=f"Runs {done(aim)}",
-        axis=f"{done(aim)}, % of runs",
-        caption="Bars: Wilson's 95 % intervals. A method without this parameter has the same share "
-        "everywhere.",
-        of=lambda row: standing(row, aim).value.percent,
-    )
-    apart = replace(
-        DIFFERENCE,
-        axis="points above the baseline",
-        caption="Above 0: more often than the baseline on the same worlds. Bars: 95 % bootstrap "
-        "intervals over worlds.",
-        of=lambda row: standing(row, aim).diff.percent,
-        left_out="",
-    )
-    return share, apart
 
 
 def regime_maps(panels: Sequence[Panel]) -> list[Picture]:

@@ -9,9 +9,9 @@ import matplotlib as mpl
 from benchmarks.report.animations import Animator, Promise
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.parts import Block, blocks
-from benchmarks.report.regimes import charts_over
 from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
+from benchmarks.report.swept import charts_over
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from deqmcl_gym.validation import InputError

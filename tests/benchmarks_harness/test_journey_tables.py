@@ -210,6 +210,7 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     assert board.header[1] == f"{done}, %"
     assert [line[0].split()[1] for line in board.lines] == ["mcl-plan", "amcl", "mcl"]
     assert board.lines[0][1:3] == [f"92 ({ends[0]} to {ends[1]})", f"+{mean} ({low} to {high})"]
+    assert {line[3] for line in board.lines} == {"–"}  # wins are of the error
 
 
 NOT_CONFIRMED = {
