@@ -26,7 +26,7 @@ FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 4  # steps per frame
-_FRAME_MILLISECONDS = 80
+LAP_MILLISECONDS = 120
 _LONGEST = 560.0  # px of the paper's room
 _LEAST_SCALE = 0.01
 
@@ -73,7 +73,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
         small = camera_of(trials[0], scale=1.2)
         laps = [lap_frames(seen[method][1], small, method) for method in shown]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
-        contents["lap.webp"] = webp(frames, _FRAME_MILLISECONDS)
+        contents["lap.webp"] = webp(frames, LAP_MILLISECONDS)
     return contents
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.export import npz, trajectories
-from benchmarks.pictures.figures import LAP_STRIDE, camera_of
+from benchmarks.pictures.figures import LAP_MILLISECONDS, LAP_STRIDE, camera_of
 from benchmarks.pictures.film import Film
 from benchmarks.pictures.frames import webp
 from benchmarks.pictures.plots import error_plot, require_plots
@@ -47,7 +47,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     files = {
-        "lap.webp": webp(film.frames, 120),
+        "lap.webp": webp(film.frames, LAP_MILLISECONDS),
         "error.png": error_plot(curves, heading, unit),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
