@@ -131,7 +131,7 @@ def _promised(lap: Lap, pool: Processes) -> Promise:
 
 
 def _guest_of(lap: Lap) -> str:
-    return guest_of(lap.trials[0])  # and of the others: else it is in parts
+    return max(map(guest_of, lap.trials), default="")  # the same of all: else it is in parts
 
 
 def _digest(content: bytes) -> str:
