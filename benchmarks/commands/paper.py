@@ -59,6 +59,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report import load, write_report
+    from benchmarks.report.animations import Kept
     from benchmarks.report.verdicts import conclusion
     from benchmarks.sweeps.collecting import failed_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
@@ -74,7 +75,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
-            files = write_report(out, results)
+            # three more laps would take as long as all trials, and figures/lap.webp is one
+            files = write_report(out, results, Kept(out))
             if results.failures:
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(failed_sentence(results))

@@ -89,7 +89,8 @@ class Film:
 
     def _localized(self, drawing: Drawing) -> str:
         """Mark the place from where on it stays localized; say how far the robot had come."""
-        unit = metre(self._camera.view.floor_plan.unit)
+        name = self._camera.view.floor_plan.unit
+        unit = metre(name)
         truth = np.array([moment.truth for moment in self.moments], np.float64)
         off = np.array(self._best) - truth
         commands = [m.action[0] for m in self.moments if m.action is not None]
@@ -107,7 +108,7 @@ class Film:
             return ", never localized"
         place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
         cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
-        return f", localized after {metres:.1f} m"
+        return f", localized after {metres * unit:.{1 if unit == 1 else 0}f} {name}"
 
 
 def _present(moment: Moment) -> tuple[Reals, Floats]:

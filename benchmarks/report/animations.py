@@ -83,9 +83,9 @@ class Kept:
     def _of(self, lap: Lap) -> Lap:
         entry = self._index.get(lap.name)
         if entry is None or entry["trials"] != list(lap.keys):
-            raise InputError(f"{_NONE}; the sweep's own command draws them.")
+            raise InputError(f"{_NONE}; `deqmcl sweep` draws them.")
         if why := self._spoilt(lap.name):
-            raise InputError(f"{why}; the sweep's own command draws it again.")
+            raise InputError(f"{why}; `deqmcl sweep` draws it again.")
         return replace(
             lap, animation=self._read(lap.name, "webp"), still=self._read(lap.name, "png")
         )

@@ -51,12 +51,13 @@ def load() -> None:
         from benchmarks.report import html, story  # noqa: F401
 
 
-def write_report(out: Path, results: Results) -> list[Path]:
+def write_report(out: Path, results: Results, animator: "Animator | None" = None) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
-    results.csv and trials.csv depend on nothing but the trials; timings.csv, the page and
-    results.md also tell times and versions. Without the extra ``report`` there are the tables only.
-    Nothing is written if all is there and would come out the same.
+    Animations are drawn, unless an animator is given that has them. results.csv and trials.csv
+    depend on nothing but the trials; timings.csv, the page and results.md also tell times and
+    versions. Without the extra ``report`` there are the tables only. Nothing is written if all is
+    there and would come out the same.
 
     Raises:
         InputError: a file in the folder is in the way that is not ours.
@@ -64,7 +65,7 @@ def write_report(out: Path, results: Results) -> list[Path]:
     from benchmarks.report.animations import Drawing
 
     with doing(f"writing the report in {out}"):
-        return _written(out, "report", results, Drawing())
+        return _written(out, "report", results, animator or Drawing())
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
