@@ -25,7 +25,7 @@ _SPECIAL = str.maketrans(
         "<": r"\textless{}",
         ">": r"\textgreater{}",
         "|": r"\textbar{}",
-        '"': r"\textquotedbl{}",
+        '"': "''",
         **{char: f"\\{char}" for char in "&%$#_{}"},
         "−": "$-$",
         "×": r"$\times$",
@@ -112,7 +112,7 @@ def _stacked(name: str) -> str:
     """A column's name, on a second line what follows its comma or bracket."""
     for mark in (", ", " ("):
         first, found, rest = name.partition(mark)
-        if found:
+        if found and "(" not in first:
             upper, lower = escaped(first), escaped(mark.strip(", ") + rest)
             return rf"\shortstack[r]{{{upper}\\{lower}}}"
     return escaped(name)
@@ -132,8 +132,7 @@ def _document(results: Results) -> str:
     return "\n".join(
         (
             r"\documentclass{article}",
-            r"\usepackage[T1]{fontenc}",
-            r"\usepackage[margin=15mm,landscape]{geometry}",
+            r"\usepackage[margin=10mm,landscape]{geometry}",
             r"\usepackage{booktabs,graphicx}",
             rf"\title{{{escaped(results.title)}}}",
             r"\author{}",
