@@ -21,6 +21,8 @@ from benchmarks.tables.pairing import (
 from benchmarks.tables.thresholds import Thresholds, thresholds_of
 from benchmarks.trials.spec import Params
 
+_ASSUMED_OF = {"motion": "noise", "scan": "lidar"}  # parts of a scenario, and of its world
+
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
@@ -168,9 +170,21 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     for setting in settings:
         words = [f"scenario {setting.scenario}"]
         words += [f"{name} {short(name, value)}" for name, value in setting.world]
-        words += [f"assumed {name} {value}" for name, value in setting.assumed]
+        words += _assumed(setting)
         words += map(disturbance_words, setting.disturbance)
         words += [f"L {setting.lag}"] if several_lags else []
         words += [f"seed {setting.seed}"] if several_seeds else []
         titles[setting] = ", ".join(words)
     return titles
+
+
+def _assumed(setting: Setting) -> list[str]:
+    """What filters assume; in a few words what is as they assume."""
+    world = dict(setting.world)
+
+    def is_so(name: str, value: Any) -> bool:
+        part, _, rest = name.partition(".")
+        return bool(world.get(f"{_ASSUMED_OF.get(part, part)}.{rest}", ...) == value)
+
+    apart = [f"assumed {name} {value}" for name, value in setting.assumed if not is_so(name, value)]
+    return apart if len(apart) == len(setting.assumed) else [*apart, "filters assume the same"]
