@@ -22,17 +22,17 @@ _LOOKS = {
     "mcl-smoother": Look("sky", "#56b4e9", "#8fd0f7", "s"),
     "mcl-map": Look("green", "#009e73", "#2fc79b", "^"),
     "mcl-map-smoother": Look("amber", "#e69f00", "#f5b83d", "v"),
+    "mcl-plan": Look("purple", "#cc79a7", "#e6a3c7", "P"),
     "deq-mcl": Look("red", "#d55e00", "#ff8a3d", "D"),
     "dead-reckoning": Look("gray", "#777777", "#a8a8a8", "X"),
 }
 _MORE = (
-    Look("purple", "#cc79a7", "#e6a3c7", "P"),
-    Look("teal", "#117a8b", "#4cc3d6", "*"),
+    Look("brown", "#8c510a", "#d69a5b", ">"),
+    Look("slate", "#44596e", "#9db4cb", "d"),
     Look("olive", "#8a7a00", "#d1c04a", "h"),
     Look("violet", "#6a51a3", "#a994e0", "<"),
-    Look("brown", "#8c510a", "#d69a5b", ">"),
+    Look("teal", "#117a8b", "#4cc3d6", "*"),
     Look("rose", "#b2185d", "#f277ad", "p"),
-    Look("slate", "#44596e", "#9db4cb", "d"),
     Look("lime", "#6b9a00", "#b5e04a", "H"),
     Look("navy", "#1f3b8f", "#8aa6ff", "8"),
 )
