@@ -3,16 +3,18 @@
 import csv
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.cli import main
+from benchmarks.sweeps.sweepfile import sweep_of
 from deqmcl_gym import logs
 
 PAGE = (Path(__file__).parents[2] / "docs" / "your-map-your-log.md").read_text()
 RECORD, REPLAY = re.findall(r"^```python notest\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-(STARTS,) = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+STARTS, BUILDINGS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 (COMMANDS,) = re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -36,3 +38,12 @@ def test_the_page_works_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)
     true = logs.read_tum("lap.tum").poses[-1]
     assert np.hypot(*(estimate - true)[:2]) < 0.2
+
+
+def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():
+    given = tomllib.loads(STARTS)
+    for key, value in tomllib.loads(BUILDINGS).items():
+        given[key] = given[key] | value if isinstance(value, dict) else value
+    sweep = sweep_of(given, title="starts")
+    assert len(sweep.distinct()) == 3 * sweep.trials == 180
+    assert dict(sweep.world)["segment"] == 50.0

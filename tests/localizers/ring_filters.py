@@ -159,9 +159,12 @@ def z_scores(
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores, shown = {}, plans_shown(meant or ring, drive)
     switching = getattr((meant or ring).lookahead, "switching", None)
+    paths = [
+        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, switching)
+        for t in range(STEPS + 1)
+    ]
     for t, offset in runs[0]:
-        commands = drive.commands(t, looked_ahead(ring))
-        exact = gamma(t, commands, ring.feasibility.beta, shown, switching)[t + offset]
+        exact = paths[t][t + offset]
         seen = np.array([one[t, offset] for one in runs])
         error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
         # A value never seen must have no weight: an infinite score if it has some.
