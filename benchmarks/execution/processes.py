@@ -5,6 +5,7 @@ can neither tell whose call that was nor end a call that hangs. Here one thread 
 process: it sends a call, waits for the answer, and starts another process when there is none.
 """
 
+import atexit
 import queue
 import threading
 from collections.abc import Callable
@@ -72,6 +73,8 @@ class Processes(Executor):
         for thread in self._threads:
             thread.daemon = True
             thread.start()
+        # Ctrl-C may come in the midst of ``shutdown``: multiprocessing would wait for those left
+        atexit.register(self._kill)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Have ``fn(*args)`` run by the next free process; keyword arguments are not taken."""
@@ -84,15 +87,19 @@ class Processes(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
         del cancel_futures
-        with self._lock:
-            self._closed = True
-            for worker in self._living:
-                worker.kill()
+        self._kill()
+        atexit.unregister(self._kill)
         for _ in self._threads:
             self._calls.put(None)
         if wait:
             for thread in self._threads:
                 thread.join(_FAREWELL)
+
+    def _kill(self) -> None:
+        with self._lock:
+            self._closed = True
+            for worker in self._living:
+                worker.kill()
 
     def _look_after_one(self) -> None:
         held: dict[str, _Worker] = {}  # by guest, the one called last at the end

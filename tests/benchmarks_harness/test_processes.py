@@ -134,6 +134,15 @@ def test_workers_leave_when_their_parent_is_killed_even_in_mid_call(tmp_path):
     assert gone(pids)
 
 
+def test_a_command_that_ends_without_leaving_ends_its_workers_too(tmp_path):
+    # As when Ctrl-C comes in the midst of leaving; busy ones sleep for a quarter of an hour.
+    parent = script(tmp_path, ORPHANS.replace("    time.sleep(1000)\n", ""))
+    pids = [int(word) for word in parent.stdout.readline().split()]
+    assert parent.wait(timeout=60) == 0
+    assert pids
+    assert gone(pids)
+
+
 CANNOT_START = """
 import sys
 if __name__ != "__main__":
