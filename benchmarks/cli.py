@@ -5,22 +5,16 @@ import difflib
 import gc
 import io
 import os
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import NoReturn
 
 from benchmarks import console
 from benchmarks.commands import COMMANDS
+from benchmarks.stopping import Terminated, stoppable
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _RESUMED = "paper", "sweep"  # what they have finished, they need not run again
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM came: end as for Ctrl-C."""
 
 
 class _Version(argparse.Action):
@@ -74,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     options = _parse(given)
     try:
-        with _terminable(leaving=leaving):
+        with stoppable(leaving=leaving):
             _refuse_no_folder()
             print(options.run(options, given))
     except KeyboardInterrupt as how:
@@ -102,37 +96,6 @@ def _refuse_no_folder() -> None:
         from deqmcl_gym.validation import InputError
 
         raise InputError("the current folder is gone: change to one that exists.") from None
-
-
-@contextmanager
-def _terminable(*, leaving: bool) -> Iterator[None]:
-    """Let the first Ctrl-C or SIGTERM unwind the stack, so that what was started is also ended.
-
-    Later ones are ignored meanwhile; if ``leaving``, until the process is gone.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-    if before[signal.SIGINT] is not signal.default_int_handler:  # as for nohup
-        del before[signal.SIGINT]
-    ended = False
-
-    def end(number: int, _: object) -> NoReturn:
-        nonlocal ended
-        ended = True
-        for each in before:
-            signal.signal(each, signal.SIG_IGN)
-        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
-
-    for number in before:
-        signal.signal(number, end)
-    try:
-        yield
-    finally:
-        if not (ended and leaving):
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
 
 def _not_written(error: OSError) -> int:

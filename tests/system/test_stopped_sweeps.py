@@ -183,3 +183,34 @@ def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
     assert exit_code(*given, *(["--out", out] if command != "list" else [])) == 2
     assert "the current folder is gone: change to one that exists." in capsys.readouterr().err
     assert not out.exists()
+
+
+DROPPED = """
+import ctypes, os, signal, sys, time
+from benchmarks.stopping import Terminated, stoppable
+number = int(sys.argv[1])
+def callback():
+    os.kill(os.getpid(), number)
+    for _ in range(1000):  # here the handler raises, and what it raises is dropped
+        pass
+    return 0
+of_c = ctypes.CFUNCTYPE(ctypes.c_int)(callback)
+try:
+    with stoppable(leaving=True):
+        of_c()
+        time.sleep(60)
+except Terminated:
+    print("terminated")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "how"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+)
+def test_a_signal_that_comes_in_a_callback_of_c_is_not_lost(number, how):
+    script = [sys.executable, "-c", DROPPED, str(int(number))]
+    heard = {"preexec_fn": _hear_ctrl_c, "timeout": PATIENCE / 2}
+    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
+    assert (done.stdout, done.stderr) == (f"{how}\n", "")
