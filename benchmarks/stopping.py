@@ -28,7 +28,7 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
     if before[signal.SIGINT] is not signal.default_int_handler:  # as for nohup
         del before[signal.SIGINT]
-    ended, hook = False, sys.unraisablehook
+    ended, again, hook = False, None, sys.unraisablehook
 
     def end(number: int, _: object) -> NoReturn:
         nonlocal ended
@@ -38,9 +38,11 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
         raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
     def dropped(unraisable: "sys.UnraisableHookArgs") -> None:
+        nonlocal ended, again
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             hook(unraisable)
             return
+        ended = False
         for each in before:
             signal.signal(each, end)
         number = signal.SIGTERM if unraisable.exc_type is Terminated else signal.SIGINT
@@ -55,6 +57,8 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = hook
+        if again is not None:
+            again.cancel()  # it has come, or all is done
         if not (ended and leaving):
             for number, handler in before.items():
                 signal.signal(number, handler)

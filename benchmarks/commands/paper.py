@@ -75,7 +75,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
-            # three more laps would take as long as all trials, and figures/lap.webp is one
+            # figures/lap.webp is a lap; three more would be a second of waiting
             files = write_report(out, results, Kept(out))
             if results.failures:
                 print(summary(sweep, results, out, files))

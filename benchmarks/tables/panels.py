@@ -21,7 +21,10 @@ from benchmarks.tables.pairing import (
 from benchmarks.tables.thresholds import Thresholds, thresholds_of
 from benchmarks.trials.spec import Params
 
-_ASSUMED_OF = {"motion": "noise", "scan": "lidar"}  # parts of a scenario, and of its world
+# What a filter assumes of a world's numbers.
+_ASSUMED = {"lidar.sigma": "scan.sigma"} | {
+    f"noise.{name}": f"motion.{name}" for name in ("drive", "turn", "drift")
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,12 +182,9 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
 
 
 def _assumed(setting: Setting) -> list[str]:
-    """What filters assume; in a few words what is as they assume."""
-    world = dict(setting.world)
-
-    def is_so(name: str, value: Any) -> bool:
-        part, _, rest = name.partition(".")
-        return bool(world.get(f"{_ASSUMED_OF.get(part, part)}.{rest}", ...) == value)
-
-    apart = [f"assumed {name} {value}" for name, value in setting.assumed if not is_so(name, value)]
-    return apart if len(apart) == len(setting.assumed) else [*apart, "filters assume the same"]
+    """What filters assume; in a few words if they assume all that the world is told to be."""
+    told = {_ASSUMED[name]: value for name, value in setting.world if name in _ASSUMED}
+    alike = bool(told) and told.items() <= dict(setting.assumed).items()
+    apart = [(n, value) for n, value in setting.assumed if not (alike and n in told)]
+    words = [f"assumed {name} {value}" for name, value in apart]
+    return [*words, "filters assume the same"] if alike else words

@@ -165,6 +165,13 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
         finished("mcl", 0, 1.0, disturbance=[{"kind": "kidnap", "step": 100}]),
         finished("mcl", 0, 1.0, world={"lidar.sigma": 5.0}, assumed={"scan.sigma": 5.0}),
         finished("mcl", 0, 1.0, world={"lidar.sigma": 5.0}, assumed={"scan.sigma": 9.0}),
+        finished(
+            "mcl",
+            0,
+            1.0,
+            world={"lidar.sigma": 5.0, "noise.turn": 0.1},
+            assumed={"scan.sigma": 5.0},
+        ),
     ]
     assert [panel.title for panel in panels(records)] == [
         "scenario paper, noise.drive 0.1, L 20",
@@ -172,6 +179,7 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
         "scenario paper, kidnap step 100, L 20",
         "scenario paper, lidar.sigma 5.0, filters assume the same, L 20",
         "scenario paper, lidar.sigma 5.0, assumed scan.sigma 9.0, L 20",
+        "scenario paper, lidar.sigma 5.0, noise.turn 0.1, assumed scan.sigma 5.0, L 20",
     ]
 
 
