@@ -31,6 +31,14 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         "laser_likelihood_max_dist": 2.0,
     }
 )  # fmt: skip
+# of what ``amcl`` does not check, or takes by another name
+_RANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        **{name: {"low": 0} for name in ("alpha1", "alpha2", "alpha3", "update_min_d", "pf_z")},
+        **{name: {"low": 0, "above": True} for name in ("laser_max_range", "sigma_hit")},
+        "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
+    }
+)
 _PARAMS = (*tuple(_DEFAULTS)[-14:], "max_beams")  # which ``amcl`` takes by the same names
 _MODELS = MappingProxyType(
     {
@@ -40,6 +48,7 @@ _MODELS = MappingProxyType(
     }
 )
 _START = ("set_initial_pose", "initial_pose")
+_POSE = "initial_pose."
 _WITHOUT = MappingProxyType(
     {
         "alpha4": "drives are no noisier in a turn",
@@ -148,12 +157,10 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     said = {**_DEFAULTS, **{name: given[name] for name in _DEFAULTS if name in given}}
     for name, default in _DEFAULTS.items():
         if not isinstance(default, str):
-            said[name] = type(default)(number(name, said[name]))
+            said[name] = type(default)(number(name, said[name], **_RANGES.get(name, {})))
             if said[name] != given.get(name, default):
                 raise InputError(f"{name} is {given[name]!r}, but must be an integer.")
     one_of("laser_model_type", said["laser_model_type"], _MODELS)
-    for name in ("alpha1", "alpha2", "alpha3"):
-        number(name, said[name], low=0)
     unused = {name: why for name, why in _WITHOUT.items() if name in given}
     unused |= {name: _ROS for name in sorted(_OF_ROS) if name in given}
     known = {*_DEFAULTS, *_WITHOUT, *_OF_ROS, *_START}
@@ -172,9 +179,9 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
             drift=math.sqrt(2 * said["alpha2"]),
         ),
         sigma=said["sigma_hit"],
-        every=(number("update_min_d", said["update_min_d"], low=0), said["update_min_a"]),
+        every=(said["update_min_d"], said["update_min_a"]),
         max_beams=said["max_beams"],
-        max_range=number("laser_max_range", said["laser_max_range"], low=0, above=True),
+        max_range=said["laser_max_range"],
         start=_start(given),
         unused=unused,
     )
@@ -197,12 +204,14 @@ def _check(found: Amcl) -> None:
 def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:
     if not boolean("set_initial_pose", given.get("set_initial_pose", False)):
         return None
-    nested = given.get("initial_pose")
-    at = nested if isinstance(nested, Mapping) else {}
-    x, y, heading = (
-        number(f"initial_pose.{name}", given.get(f"initial_pose.{name}", at.get(name, 0.0)))
-        for name in ("x", "y", "yaw")
-    )
+    at = given.get("initial_pose", {})
+    if not isinstance(at, Mapping):
+        raise InputError(f"initial_pose is {at!r}, but must be a table with x, y, z and yaw.")
+    dotted = {n.removeprefix(_POSE): v for n, v in given.items() if n.startswith(_POSE)}
+    pose = {**at, **dotted}
+    for name in pose:
+        one_of("name in initial_pose", name, ("x", "y", "z", "yaw"))
+    x, y, heading = (number(f"{_POSE}{name}", pose.get(name, 0.0)) for name in ("x", "y", "yaw"))
     return x, y, heading
 
 

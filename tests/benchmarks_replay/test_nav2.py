@@ -148,6 +148,18 @@ BAD = [
     ("set_initial_pose: true", "set_initial_pose: 1", "set_initial_pose is 1"),
     ("x: 1.2", "x: here", "initial_pose.x"),
     ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
+    ("update_min_a: 0.2", "update_min_a: -0.2", "update_min_a is -0.2"),
+    ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
+    ("pf_z: 0.98", "pf_z: -1", "pf_z is -1"),
+    ("sigma_hit: 0.15", "sigma_hit: 0", "sigma_hit is 0"),
+    ("laser_max_range: 4.0", "laser_max_range: .nan", "laser_max_range is nan"),
+    ("{x: 1.2, y: 1.0, z: 0.0, yaw: 0.1}", "[1.2, 1.0, 0.1]", "initial_pose is [1.2"),
+    ("yaw: 0.1", "theta: 0.1", "name in initial_pose 'theta'"),
+    (
+        "set_initial_pose: true",
+        "set_initial_pose: true\n    initial_pose.jaw: 1",
+        "did you mean 'yaw'",
+    ),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "not valid YAML"),
 ]
