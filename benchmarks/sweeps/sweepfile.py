@@ -1,5 +1,6 @@
 """From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,9 @@ from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.trials.spec import Params, frozen, tuples
 from deqmcl_gym.validation import InputError, one_of
+from localizers import absolute_name
+from localizers.naming.registry import complete
+from localizers.naming.written import is_file
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
@@ -54,7 +58,7 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
 
 
 def sweep_of(
-    given: Mapping[str, Any], *, title: str, takes: Takes = takes, folder: Path = Path()
+    given: Mapping[str, Any], *, title: str, takes: Takes = takes, folder: Path | None = None
 ) -> Sweep:
     """Return the sweep that a TOML document says, or the manifest of a folder.
 
@@ -62,7 +66,8 @@ def sweep_of(
         given: the document.
         title: unless it has one.
         takes: see ``Sweep``.
-        folder: that files of scenarios are relative to.
+        folder: that files of scenarios and localizers are relative to; None: they are named as
+            they are to be.
 
     Raises:
         InputError: unknown key, wrong type or bad value.
@@ -71,16 +76,19 @@ def sweep_of(
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     if "scenario" in plain:
-        plain["scenario"] = absolute_scenario(plain["scenario"], folder)
+        plain["scenario"] = absolute_scenario(plain["scenario"], folder or Path())
+    if "baseline" in plain:
+        plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
+    methods = _list("localizers", given.get("localizers"))
     return Sweep(
         title=documents.text("title", given.get("title", title)),
-        localizers=tuple(_method(entry) for entry in _list("localizers", given.get("localizers"))),
+        localizers=tuple(_method(entry, folder) for entry in methods),
         world=frozen(documents.dotted("world", given.get("world", {}))),
         assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
         params=frozen(documents.dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
-        limits=_limits(given.get("limit", [])),
+        limits=_limits(given.get("limit", []), folder),
         takes=takes,
         **plain,
     )
@@ -111,39 +119,58 @@ def _refuse_idle(sweep: Sweep) -> None:
         one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 
-def _method(entry: Any) -> Method:
+def _method(entry: Any, folder: Path | None) -> Method:
     if isinstance(entry, str):
-        return Method(name=entry)
+        return Method(name=_localizer("name of a localizer", entry, folder))
     table = documents.table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
     for key in table:
         one_of("key in localizers", key, ("name", "params"))
-    return _named("an entry of localizers", table)
+    return _named("an entry of localizers", table, folder)
 
 
-def _limits(entry: Any) -> tuple[Limit, ...]:
+def _limits(entry: Any, folder: Path | None) -> tuple[Limit, ...]:
     """Return the limits of one table [limit], or of several [[limit]]."""
-    return tuple(map(_limit, entry if isinstance(entry, list) else [entry]))
+    return tuple(_limit(one, folder) for one in (entry if isinstance(entry, list) else [entry]))
 
 
-def _limit(entry: Any) -> Limit:
+def _limit(entry: Any, folder: Path | None) -> Limit:
     table = documents.table(
         "limit", entry, "a table [limit] with name, params, of, trials, filter_seeds"
     )
     for key in table:
         one_of("key in limit", key, ("name", "params", "of", "trials", "filter_seeds"))
-    of = [documents.text("of in limit", name) for name in _list("of in limit", table.get("of", []))]
+    listed = _list("of in limit", table.get("of", []))
+    of = tuple(_localizer("of in limit", name, folder) for name in listed)
     runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
-    return Limit(method=_named("limit", table), of=tuple(of), **runs)
+    return Limit(method=_named("limit", table, folder), of=of, **runs)
 
 
-def _named(what: str, table: Mapping[str, Any]) -> Method:
+def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
     if "name" not in table:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
     params = documents.table("params of a localizer", table.get("params", {}), "a table")
-    return Method(name=documents.text("name of a localizer", table["name"]), params=frozen(params))
+    name = _localizer("name of a localizer", table["name"], folder)
+    return Method(name=name, params=frozen(params))
 
 
-def _axis(table: Any, folder: Path) -> Axis:
+def _localizer(what: str, value: Any, folder: Path | None) -> str:
+    """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
+    name = documents.text(what, value)
+    if folder is None:
+        return name
+    if is_file(name):
+        return complete(_absolute(folder, name))
+    if name == absolute_name(name):  # a name without a path, or with an absolute one
+        return name
+    path, colon, attribute = name.rpartition(":")
+    return _absolute(folder, path) + colon + attribute
+
+
+def _absolute(folder: Path, path: str) -> str:
+    return os.path.abspath(folder / Path(path).expanduser())
+
+
+def _axis(table: Any, folder: Path | None) -> Axis:
     values = documents.dotted("vary", documents.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
@@ -152,10 +179,10 @@ def _axis(table: Any, folder: Path) -> Axis:
     return Axis(values=axis)
 
 
-def _point(name: str, value: Any, folder: Path) -> Any:
+def _point(name: str, value: Any, folder: Path | None) -> Any:
     if name == "disturbance":
         return _wrappers(name, value)
-    return absolute_scenario(value, folder) if name == "scenario" else tuples(value)
+    return absolute_scenario(value, folder or Path()) if name == "scenario" else tuples(value)
 
 
 def _wrappers(what: str, value: Any) -> tuple[Params, ...]:

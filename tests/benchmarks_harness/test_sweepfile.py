@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
+from benchmarks.sweeps.suites import with_localizers
 from benchmarks.sweeps.sweepfile import read_sweep, sweeps_named
 from deqmcl_gym.validation import InputError
 
@@ -93,6 +94,45 @@ def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     assert sweep.combinations == 1440
     assert f"= {sweep.combinations} trials" in document.read_text()
     check(sweep)
+
+
+OWN = """
+class Own:
+    def __init__(self, robot, {parameter}=1):
+        pass
+
+    def reset(self, prior, plan, rng): ...
+
+    def update(self, ranges, action, plan): ...
+"""
+NAMING_OWN = """
+localizers = ["{name}", {{ name = "mcl" }}]
+baseline = "{name}"
+params = {{ theirs = 3 }}
+
+[limit]
+name = "{name}"
+of = ["{name}"]
+trials = 1
+"""
+
+
+@pytest.mark.parametrize(
+    "name", ["own.py:Own", "./own.py:Own", "sub/../own.py:Own", "{}/own.py:Own", "own.py"]
+)
+def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monkeypatch, name):
+    folder, elsewhere = tmp_path / "file's", tmp_path / "current"
+    for place, parameter in ((folder, "theirs"), (elsewhere, "other")):
+        place.mkdir()
+        (place / "own.py").write_text(OWN.format(parameter=parameter))
+    monkeypatch.chdir(elsewhere)
+    found = read(folder, NAMING_OWN.format(name=name.format(folder)))
+    own = f"{folder}/own.py:Own"
+    assert found.names == [own, "mcl"]
+    assert (found.baseline, found.limits[0].method.name, *found.limits[0].of) == (own, own, own)
+    assert dict(found.distinct()[0].params) == {"theirs": 3}
+    monkeypatch.chdir(folder)
+    assert with_localizers(found, ["./own.py:Own"]).names == [own, "mcl"]  # it is there already
 
 
 BAD = [  # a file, and what the sentence must name

@@ -11,6 +11,7 @@ from benchmarks.sweeps.suites.lost import LOST_SUITES
 from benchmarks.sweeps.suites.paper import PAPER_METHODS, PAPER_SUITES, paper_suite, paper_sweep
 from benchmarks.sweeps.suites.parts import methods
 from benchmarks.sweeps.suites.study import STUDY_SUITES
+from localizers import absolute_name
 
 __all__ = [
     "FAMILIES",
@@ -26,6 +27,6 @@ SUITES = MappingProxyType({**PAPER_SUITES, **AUTHOR_SUITES, **LOST_SUITES, **STU
 
 def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
     """Return a sweep with further localizers; one that it has already is not added."""
-    known = {method.name for method in sweep.localizers}
-    added = [name for name in dict.fromkeys(names) if name not in known]
+    known = {absolute_name(method.name) for method in sweep.localizers}
+    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
     return replace(sweep, localizers=(*sweep.localizers, *methods(*added)))
