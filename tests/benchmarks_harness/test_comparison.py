@@ -26,14 +26,6 @@ def test_runs_on_a_world_are_averaged_before_worlds_are():
     assert row.errors == {0: 2.0, 1: 10.0}
 
 
-def test_a_difference_is_paired_by_world_and_filter_seed():
-    records = [finished("mcl", w, 10.0 * w + s, filter_seed=s) for w in (0, 1) for s in (0, 1)]
-    # it lacks a run in each world, and 10 more is not its merit
-    records += [finished("x", 0, 5.0), finished("x", 1, 14.0, filter_seed=1)]
-    row = by_name(records)["x", 0]
-    assert (row.diff.mean, row.paired_worlds) == (4.0, 2)  # (5 - 0 + 14 - 11) / 2
-
-
 def test_the_statistics_are_those_of_the_differences():
     base = [10.0, 30.0, 50.0, 20.0, 25.0]
     own = [9.0, 31.0, 40.0, 15.0, 25.0]
@@ -129,23 +121,6 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
         assert list(panel.labels.values()) == ["mcl-map", "ekf", "grid"]
         assert panel.present[1].baseline == method("mcl-map", particles=n)
         assert panel.present[1].diff.mean == difference
-
-
-def test_holms_family_is_the_tests_of_one_panel_at_one_offset():
-    luck = np.arange(8.0)
-    records = swept(8) + trials("a", 10.0 + 2 * luck) + trials("b", [8.0] * 8)
-    records += trials("c", [{-20: 0.5 * i} for i in luck])
-    records += trials("a", 0.1 * luck, scenario="sharp")
-    first, second, sharp = panels(records)
-    single = 2 / 2**8
-    for panel in (first, second):
-        now = [row for row in panel.present if not row.is_baseline]
-        assert [row.p_holm for row in now] == pytest.approx(stats.holm([row.p for row in now]))
-        assert len(now) == 3  # ekf, a, b
-        (past,) = (row for row in panel.rows if row.offset == -20)
-        assert past.p_holm == past.p == pytest.approx(single, rel=1e-5)
-    assert [row.p_holm for row in first.present[2:]] == pytest.approx([3 * single] * 2, rel=1e-5)
-    assert math.isnan(sharp.rows[0].p_holm)
 
 
 def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number():

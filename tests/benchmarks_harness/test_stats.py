@@ -61,19 +61,6 @@ def test_the_interval_is_that_of_resampling_one_after_the_other(differences):
     assert seen == pytest.approx((low, high), rel=1e-12, abs=1e-14 * size)
 
 
-@settings(deadline=None, max_examples=20)
-@given(st.integers(20, 60), st.integers(0, 2**32 - 1))
-def test_the_interval_is_scipys_but_for_its_draws(n, seed):
-    # A quantile of 10,000 means at 2.5 % has a standard error of √(0.025 · 0.975 / 10⁴) / φ(1.96)
-    # = 0.027 standard deviations of the mean; two of them differ by 6 times √2 of that: never
-    differences = np.random.default_rng(seed).normal(1, 5, n)
-    theirs = scipy_stats.bootstrap(
-        (differences,), np.mean, method="percentile", n_resamples=10_000, rng=1
-    )
-    apart = np.subtract(stats.paired_bootstrap(differences), theirs.confidence_interval)
-    assert (np.abs(apart) < 6 * 1.5 * 0.027 * differences.std() / math.sqrt(n)).all()
-
-
 @given(worlds(1))
 def test_a_win_is_a_smaller_error_and_a_tie_half_a_win(differences):
     points = [1.0 if d < 0 else 0.5 if d == 0 else 0.0 for d in differences]

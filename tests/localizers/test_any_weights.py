@@ -67,6 +67,7 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
         assert after.points()[1] == pytest.approx(expected, rel=1e-12, abs=1e-300)
     else:
         assert after.log_weights.tolist() == before
+        assert after.log_evidence == belief.log_evidence
 
 
 @settings(deadline=None)
@@ -125,6 +126,8 @@ def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_
             chosen = scheme(weights, Same(place))
             assert (weights[chosen] > 0).all()
             copies += np.bincount(chosen, minlength=n) / 200
+        for extreme in (0.0, math.nextafter(1.0, 0.0)):  # (n - 1 + u) / n is rounded to 1
+            assert (weights[scheme(weights, Same(extreme))] > 0).all()
         per_pointer = n if scheme is SCHEMES["multinomial"] else 1
         assert np.abs(copies - n * weights).max() <= per_pointer / 200 + 1e-9
 

@@ -65,37 +65,6 @@ def test_n_valid_indices_come_out_in_ascending_order_and_none_of_weight_zero(nam
         assert (weights[chosen] > 0).all()
 
 
-class Extreme:
-    """A generator that draws one number only: the least or the greatest there is."""
-
-    def __init__(self, number: float) -> None:
-        self.number = number
-
-    def random(self, size: int | None = None):
-        return self.number if size is None else np.full(size, self.number)
-
-
-@pytest.mark.parametrize("number", [0.0, np.nextafter(1.0, 0.0)])
-@pytest.mark.parametrize("name", SCHEMES)
-@pytest.mark.parametrize("n", [2, 1000])
-def test_not_even_an_extreme_number_copies_a_particle_of_weight_zero(name, number, n):
-    # (n - 1 + u) / n rounds to 1 for the greatest u: the pointer stands at the very end.
-    weights = np.full(n + 2, 1 / n)
-    weights[[0, -1]] = 0.0
-    assert (weights[SCHEMES[name](weights, Extreme(number))] > 0).all()
-
-
-@pytest.mark.parametrize("name", SCHEMES)
-def test_each_particle_is_copied_n_w_times_in_the_mean(name):
-    # 10,000 draws of 6 particles: 18 statistics at 5 standard errors, false alarms 1e-5 together
-    weights, draws = np.array([0.02, 0.5, 0.0, 0.13, 0.05, 0.3]), 10_000
-    rng = np.random.default_rng(4)
-    copies = np.array([counts(SCHEMES[name](weights, rng)) for _ in range(draws)])
-    error = copies.std(axis=0, ddof=1) / math.sqrt(draws)
-    assert (np.abs(copies.mean(axis=0) - 6 * weights) <= 5 * error + 1e-12).all()
-    assert error.max() > 0
-
-
 def test_multinomial_resampling_has_the_multinomial_variance():
     # n w (1 - w); its estimate from 10,000 draws has a relative standard error of about √(2/10⁴)
     weights, rng = np.array([0.1, 0.2, 0.3, 0.4]), np.random.default_rng(5)

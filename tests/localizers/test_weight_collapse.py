@@ -10,8 +10,6 @@ from following import follow, updated
 
 import localizers
 from deqmcl_gym.maps import Lidar
-from localizers.inference.belief import ParticleBelief
-from localizers.inference.queue import Queue
 
 INF = math.inf
 INTO_THE_WALL = np.tile([-80.0, 0.0], (6, 1))  # from (50, 50, 0): x = -30 after the first step
@@ -44,35 +42,6 @@ def assert_sound(belief) -> None:
             assert np.isfinite(points[0]).all()
             assert (points[1] >= 0).all()
             assert points[1].sum() == pytest.approx(1.0)
-
-
-def cloud(log_weights: list[float]) -> ParticleBelief:
-    n = len(log_weights)
-    return ParticleBelief(Queue((np.zeros((3, n)),)), np.array(log_weights), np.empty((0, 2)))
-
-
-@pytest.mark.parametrize(
-    ("held", "factor", "kept", "collapses"),
-    [
-        ([0.0, 0.0, -INF], [-INF, -INF, -INF], [0.5, 0.5, 0.0], 1),
-        ([0.0, -INF], [-INF, 0.0], [1.0, 0.0], 1),  # only those still alive are denied
-        ([-5.0, 0.0], [-700.0, -INF], [1.0, 0.0], 0),  # one that can explain it is enough
-    ],
-)
-def test_a_factor_that_leaves_no_weight_is_dropped_and_counted(held, factor, kept, collapses):
-    before = cloud(held)
-    after = before.reweighted(np.array(factor))
-    assert after.weights.tolist() == kept
-    assert after.events.weight_collapses == collapses
-    if collapses:
-        assert after.log_weights.tolist() == held
-        assert after.log_evidence == before.log_evidence
-
-
-def test_evidence_however_unlikely_keeps_its_ratios_in_log_space():
-    # β C up to 200 steps of 10 each, far below the smallest float64: exp(-2000) = 0
-    after = cloud([0.0, 0.0]).reweighted(np.array([-2000.0, -2001.0]))
-    assert after.weights == pytest.approx([1 / (1 + math.exp(-1)), 1 / (1 + math.e)])
 
 
 @pytest.mark.parametrize("name", ["mcl-map", "mcl-map-smoother", "deq-mcl"])

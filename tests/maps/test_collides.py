@@ -84,23 +84,6 @@ def test_a_point_without_a_radius_collides_iff_it_crosses_a_wall_or_ends_outside
     assert np.flatnonzero((seen != answers[0]) & clear_cut).tolist() == []
 
 
-@pytest.mark.parametrize(
-    ("start", "end", "collides"),
-    [
-        ((50, 50), (60, 50), False),  # down the corridor
-        ((50, 150), (300, 150), True),  # through the solid rectangle, ends free
-        ((120, 120), (130, 120), True),  # wholly in the solid, 20 px from its walls
-        ((175, 150), (50, 150), True),  # out of the solid
-        ((-50, 150), (-60, 150), True),  # wholly outside
-        ((50, 150), (-50, 150), True),  # leaves
-        ((92, 92), (92, 92), False),  # diagonal to a corner at 11.3 px
-        ((95, 95), (95, 95), True),  # diagonal to a corner at 7.1 px
-    ],
-)
-def test_the_steps_of_the_papers_room(start, end, collides):
-    assert PLANS["room"].collides([start], [end], 8.0).tolist() == [collides]
-
-
 def test_neither_further_columns_nor_the_number_of_steps_change_an_answer():
     plan = PLANS["hall"]
     starts, ends = random_steps(plan, 200, np.random.default_rng(4))
