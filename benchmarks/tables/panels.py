@@ -104,11 +104,6 @@ def panels(
     return found
 
 
-def comparisons(records: Iterable[Record], baseline: str = BASELINE) -> list[Comparison]:
-    """Return the rows of all panels."""
-    return [row for panel in panels(records, baseline) for row in panel.rows]
-
-
 def short_name(localizer: str) -> str:
     """A name for pictures: a plug-in's class or file without the way to it."""
     return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.report import animations, story, write_report
 from benchmarks.sweeps.results import Failure, Results
+from benchmarks.tables.panels import panels
 from benchmarks.trials.scoring import SCORE_NAMES
 
 STEPS = 60
@@ -58,6 +59,11 @@ def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=Non
 def trials(localizer, errors, **how):
     """Finished trials with these errors on worlds 0, 1, …"""
     return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
+
+
+def comparisons(records):
+    """Rows of all panels."""
+    return [row for panel in panels(records) for row in panel.rows]
 
 
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):

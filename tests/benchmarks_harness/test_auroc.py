@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import finished
+from report_cases import comparisons, finished
 
 from benchmarks.report.tables import detection_glance, detection_table
 from benchmarks.tables.auroc import auroc_of, rated_steps
-from benchmarks.tables.panels import comparisons, panels
+from benchmarks.tables.panels import panels
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
 

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import finished, parsed, trials
+from report_cases import comparisons, finished, parsed, trials
 
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import baseline_of
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.pairing import Method, method_of, setting_of
-from benchmarks.tables.panels import comparisons, panels
+from benchmarks.tables.panels import panels
 from benchmarks.trials.spec import frozen
 
 

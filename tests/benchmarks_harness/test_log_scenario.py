@@ -3,11 +3,10 @@
 import csv
 import math
 
-import gymnasium as gym
 import numpy as np
 import pytest
+from hall import recorded_in_a_hall
 
-import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.cli import main
 from benchmarks.setup.motion_noise import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
@@ -15,9 +14,7 @@ from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from deqmcl_gym import logs
-from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.logs.motion import actions_of
-from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 
 WORLD = """
@@ -47,24 +44,7 @@ particles = 100
 @pytest.fixture(scope="module")
 def drive():
     """A hall, and what a robot saw in it."""
-    cells = np.zeros((68, 88), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
-    cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
-    hall = GridMap(occupancy=cells, resolution=0.05)
-    env = RecordLog(
-        gym.make(
-            "deqmcl_gym/Room-v0",
-            floor_plan=hall,
-            lap={"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
-            lidar={"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
-            noise={"drive": 0.1, "turn": 0.1, "drift": 0.1},
-            driver={},
-        )
-    )
-    _, info = env.reset(seed=0)
-    for _ in range(60):
-        *_, info = env.step(info["planned_actions"][0])
-    return hall, env.log
+    return recorded_in_a_hall(steps=60)
 
 
 @pytest.fixture

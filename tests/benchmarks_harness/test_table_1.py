@@ -1,10 +1,9 @@
 """Table 1 with the paper's values and the sentence on dead reckoning; trials.csv, timings.csv."""
 
 import pytest
-from report_cases import finished, paired, parsed, trials
+from report_cases import comparisons, finished, paired, parsed, trials
 
 from benchmarks.tables.csv_files import timings_csv, trials_csv
-from benchmarks.tables.panels import comparisons
 from benchmarks.tables.table_1 import TITLES, reading, table_1
 from benchmarks.tables.text import csv_text
 

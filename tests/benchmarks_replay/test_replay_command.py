@@ -5,17 +5,15 @@ import math
 import statistics
 from types import SimpleNamespace
 
-import gymnasium as gym
 import numpy as np
 import pytest
+from hall import recorded_in_a_hall
 
-import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.cli import main
 from benchmarks.replay.playing import Track
 from benchmarks.replay.scoring import Played, Row
 from benchmarks.replay.tables import results_table
 from deqmcl_gym import logs
-from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.maps import GridMap
 
 COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--max-beams", "20")
@@ -33,24 +31,8 @@ class Broken:
 def recorded(tmp_path, monkeypatch):
     """The current folder, with a hall, a log without poses, and its reference."""
     monkeypatch.chdir(tmp_path)
-    cells = np.zeros((68, 88), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
-    cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
-    GridMap(occupancy=cells, resolution=0.05).save("hall.yaml")
-    env = RecordLog(
-        gym.make(
-            "deqmcl_gym/Room-v0",
-            floor_plan="hall.yaml",
-            lap={"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
-            lidar={"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
-            noise={"drive": 0.1, "turn": 0.1, "drift": 0.1},
-            driver={},
-        )
-    )
-    _, info = env.reset(seed=0)
-    for _ in range(40):
-        *_, info = env.step(info["planned_actions"][0])
-    log = env.log
+    hall, log = recorded_in_a_hall(steps=40)
+    hall.save("hall.yaml")
     logs.Trajectory(log.times, log.reference).write("lap.tum")
     logs.write(logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m"), "lap.csv")
     return tmp_path

@@ -128,14 +128,3 @@ def test_without_matplotlib_there_is_no_picture_but_all_else(monkeypatch, few, t
     assert {path.name for path in tmp_path.iterdir()} == FILES - {"scaling.png"}
     assert "deqmcl-gym[plots]" in capsys.readouterr().out
     assert ".png" not in (tmp_path / "speed.md").read_text()
-
-
-def test_an_output_folder_that_is_a_file_is_refused_before_anything_is_measured(
-    monkeypatch, tmp_path, capsys
-):
-    monkeypatch.setattr(command, "FIGURES", None)  # would raise
-    file = tmp_path / "file"
-    file.write_text("mine")
-    assert main(["speed", "--quick", "--out", str(file)]) == 2
-    assert str(file) in capsys.readouterr().err
-    assert file.read_text() == "mine"

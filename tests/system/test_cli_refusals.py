@@ -7,6 +7,7 @@ from deqmcl_command import exit_code, python
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 PHASE = ("phase", "--out", "out")
+WRITERS = ("paper", "run --localizer mcl", "phase", "sweep quick", "speed")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -73,12 +74,12 @@ def test_a_misspelt_suite_is_refused_before_anything_heavy_is_loaded_or_started(
 
 
 @pytest.mark.parametrize(
-    "command", [("paper",), ("run", "--localizer", "mcl"), ("phase",), ("sweep", "quick")]
+    "command", ["paper", "run --localizer mcl", "phase", "sweep quick", "speed"]
 )
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
     (tmp_path / "file").write_text("precious")
-    assert exit_code(*command, "--out", tmp_path / out) == 2
+    assert exit_code(*command.split(), "--out", tmp_path / out) == 2
     assert_one_sentence(capsys.readouterr().err, ["output folder", str(tmp_path / out), "file"])
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "precious"
