@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +50,7 @@ def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
     given = documents.read(path, "sweep")
     with documents.errors_name(path):
         title = utf8(path.stem).decode()
-        sweep = sweep_of(given, title=title, folder=path.parent)
-        sweep = _beside(path.parent, with_localizers(sweep, added))
+        sweep = with_localizers(sweep_of(given, title=title, folder=path.parent), added)
         _refuse_idle(sweep)
         return sweep
 
@@ -66,8 +64,7 @@ def sweep_of(
         given: the document.
         title: unless it has one.
         takes: see ``Sweep``.
-        folder: that files of scenarios and localizers are relative to; None: they are named as
-            they are to be.
+        folder: that paths are relative to; None: they stay as they are.
 
     Raises:
         InputError: unknown key, wrong type or bad value.
@@ -79,11 +76,12 @@ def sweep_of(
         plain["scenario"] = absolute_scenario(plain["scenario"], folder or Path())
     if "baseline" in plain:
         plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
+    world = documents.dotted("world", given.get("world", {}))
     methods = _list("localizers", given.get("localizers"))
     return Sweep(
         title=documents.text("title", given.get("title", title)),
         localizers=tuple(_method(entry, folder) for entry in methods),
-        world=frozen(documents.dotted("world", given.get("world", {}))),
+        world=frozen(world if folder is None else beside(folder, world)),
         assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
         params=frozen(documents.dotted("params", given.get("params", {}))),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
@@ -91,20 +89,6 @@ def sweep_of(
         limits=_limits(given.get("limit", []), folder),
         takes=takes,
         **plain,
-    )
-
-
-def _beside(folder: Path, sweep: Sweep) -> Sweep:
-    """Make the paths of the files of worlds absolute, from the folder of the sweep file."""
-
-    def axis(values: Mapping[str, Any]) -> Axis:
-        world = beside(folder, {n.removeprefix("world."): value for n, value in values.items()})
-        return Axis(values=dict(zip(values, world.values(), strict=True)))
-
-    return replace(
-        sweep,
-        world=frozen(beside(folder, dict(sweep.world))),
-        vary=tuple(axis(one.values) for one in sweep.vary),
     )
 
 
@@ -182,7 +166,10 @@ def _axis(table: Any, folder: Path | None) -> Axis:
 def _point(name: str, value: Any, folder: Path | None) -> Any:
     if name == "disturbance":
         return _wrappers(name, value)
-    return absolute_scenario(value, folder or Path()) if name == "scenario" else tuples(value)
+    if name == "scenario":
+        return absolute_scenario(value, folder or Path())
+    key = name.removeprefix("world.")
+    return tuples(value if folder is None else beside(folder, {key: value})[key])
 
 
 def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
