@@ -99,22 +99,6 @@ def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed):
     assert hits
 
 
-def test_many_rooms_agree_with_one(path):
-    parts = {"floor_plan": path, "lap": {"waypoints": WAYPOINTS}, "lidar": {"beams": 8}}
-    rooms = gym.make_vec("deqmcl_gym/Room-v0", num_envs=3, **parts)
-    ranges, info = rooms.reset(seed=4)
-    alone = gym.make("deqmcl_gym/Room-v0", **parts)
-    scan, told = alone.reset(seed=5)
-    for _ in range(120):
-        np.testing.assert_allclose(ranges[1], scan, atol=1e-3)
-        np.testing.assert_allclose(info["truth"][1], told["truth"], atol=1e-6)
-        assert info["collided"][1] == told["collided"]
-        ranges, _, _, _, info = rooms.step(info["planned_actions"][:, 0])
-        scan, _, ended, _, told = alone.step(told["planned_actions"][0])
-        if ended:
-            break
-
-
 @pytest.mark.parametrize(("scale", "yaw"), [(1, 0.0), (30, 0.0), (3, 0.7)])
 def test_a_frame_has_a_sensible_size_however_many_cells_there_are(scale, yaw):
     grid = GridMap(occupancy=hall(scale=scale), resolution=0.05, origin=(0, 0, yaw))

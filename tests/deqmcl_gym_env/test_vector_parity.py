@@ -95,12 +95,6 @@ def test_laps_agree_to_their_end_and_into_the_next(preset, mode):
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_the_time_limit_agrees(mode):
-    native, loop = both(3, mode, max_episode_steps=7)
-    assert run_beside(native, loop, 20, planned=0.5, seed=4)[1] >= 6
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_dict_observations_agree(mode):
     native, loop = both(3, mode, observation="dict", horizon=5, max_episode_steps=30)
     assert native.observation_space == loop.observation_space

@@ -49,8 +49,3 @@ def test_a_name_that_is_taken_or_has_a_colon_is_refused_and_the_first_one_stays(
     with pytest.raises(InputError, match=f"{name!r}.*{words}"):
         localizers.register(name, lambda robot: None)
     assert before == registry._FACTORIES
-
-
-def test_an_unknown_name_is_refused_also_where_its_parameters_are_asked_for():
-    with pytest.raises(InputError, match="did you mean 'mcl-map-smoother'"):
-        localizers.parameters("mcl-map-smother")
