@@ -1,13 +1,11 @@
 """``deqmcl sweep``."""
 
 import argparse
-import difflib
 from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.commands.shared import add_jobs, add_timeout, checking, folder, localizers_named
 from benchmarks.console import doing
-from benchmarks.sweeps.names import FAMILIES, SUITE_NAMES
 
 NAME = "sweep"
 HELP = "run a suite or a sweep file; resumable, on one or many machines"
@@ -20,12 +18,7 @@ DESCRIPTION = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add(
-        "suite",
-        type=suite,
-        metavar="SUITE|FILE.toml",
-        help="a suite, a family of suites or a sweep file",
-    )
+    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of suites or a sweep file")
     add("--out", type=folder, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
@@ -44,21 +37,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--fail-fast", action="store_true", help="stop at the first failed trial")
     add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
-
-
-def suite(text: str) -> str:
-    """Return the name of a suite or a sweep file; others are refused before anything is loaded."""
-    known = sorted((*SUITE_NAMES, *FAMILIES))
-    if text in known or (text.endswith(".toml") and Path(text).exists()):
-        return text
-    if text.endswith(".toml"):
-        raise argparse.ArgumentTypeError(f"the sweep file {text} is not there")
-    nearest = difflib.get_close_matches(text, known, n=1, cutoff=0.4)
-    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-    raise argparse.ArgumentTypeError(
-        f"unknown suite {text!r}: {hint}allowed values: {', '.join(known)}, or a file that ends "
-        "in .toml"
-    )
 
 
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:

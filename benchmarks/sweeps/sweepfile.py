@@ -28,17 +28,27 @@ _KEYS = (
 def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
     """Return the sweeps of a name by their folder within --out: one, or those of a family.
 
-    Args:
-        name: of a suite, of a family of suites, or of a TOML file.
-        added: localizers that each of them is to have, too.
+    Raises:
+        InputError: there is no such suite, family or file.
+    """
+    if name in FAMILIES:
+        return {member: sweep_named(member, added) for member in FAMILIES[name]}
+    return {"": sweep_named(name, added)}
+
+
+def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
+    """Return the suite of that name, or what the TOML file says, with localizers added.
 
     Raises:
-        InputError: the file is refused, or there is no localizer of an added name.
+        InputError: there is neither, or no localizer of an added name.
     """
     if name.endswith(".toml"):
-        return {"": read_sweep(Path(name), added)}
-    folders = {part: part for part in FAMILIES[name]} if name in FAMILIES else {"": name}
-    return {part: with_localizers(SUITES[one], added) for part, one in folders.items()}
+        return read_sweep(Path(name), added)
+    try:
+        suite = SUITES[one_of("suite", name, (*SUITES, *FAMILIES))]
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+    return with_localizers(suite, added)
 
 
 def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.sweeps.names import SUITE_NAMES
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.sweeps.sweepfile import sweeps_named
@@ -17,10 +16,6 @@ from benchmarks.trials.spec import Trial
 @pytest.mark.parametrize("name", SUITES)
 def test_every_built_in_suite_can_be_made(name):
     check(SUITES[name])
-
-
-def test_the_names_that_a_command_line_is_checked_against_are_those_of_the_suites():
-    assert tuple(SUITES) == SUITE_NAMES
 
 
 def test_the_documents_name_every_suite_of_the_study():

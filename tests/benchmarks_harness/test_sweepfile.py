@@ -9,7 +9,7 @@ import pytest
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import with_localizers
-from benchmarks.sweeps.sweepfile import read_sweep, sweeps_named
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_named
 from deqmcl_gym.validation import InputError
 
 ALL = """
@@ -230,7 +230,9 @@ def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tm
         read(tmp_path, f"{text}100000\n{axis}")
 
 
-def test_a_misspelt_localizer_added_to_a_suite_is_refused_with_the_nearest():
+def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest():
+    with pytest.raises(InputError, match=r"'quik': did you mean 'quick'\?.*\.toml"):
+        sweep_named("quik")
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
-        sweeps_named("quick", ["dec-mcl"])
+        sweep_named("quick", ["dec-mcl"])
     assert "toml" not in str(caught.value)

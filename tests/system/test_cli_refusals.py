@@ -3,11 +3,10 @@
 import sys
 
 import pytest
-from deqmcl_command import exit_code, python
+from deqmcl_command import exit_code
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 PHASE = ("phase", "--out", "out")
-WRITERS = ("paper", "run --localizer mcl", "phase", "sweep quick", "speed")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -30,8 +29,6 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
-    (["sweep", "quik"], ["'quik'", "did you mean 'quick'?", ".toml"]),
-    (["sweep", "gone.toml"], ["sweep file gone.toml is not there"]),
     (["run", "--localizer", "mcl"], ["--out"]),
     (["run", "--out", "out"], ["--localizer"]),
 ]
@@ -59,18 +56,6 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert printed.out == ""
     assert_one_sentence(printed.err, named)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_misspelt_suite_is_refused_before_anything_heavy_is_loaded_or_started():
-    done = python(
-        "import sys\n"
-        "from benchmarks.cli import main\n"
-        "code = main(['sweep', 'quik'])\n"
-        "heavy = {'numpy', 'multiprocessing', 'deqmcl_gym'} & sys.modules.keys()\n"
-        "raise SystemExit(code if not heavy else str(heavy))"
-    )
-    assert done.returncode == 2, done.stderr
-    assert "did you mean 'quick'?" in done.stderr
 
 
 @pytest.mark.parametrize(

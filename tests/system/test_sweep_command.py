@@ -79,8 +79,8 @@ def test_a_family_writes_each_of_its_suites_into_a_folder_of_its_name(
     small = replace(SUITES["quick"], localizers=SUITES["quick"].localizers[-1:], trials=1)
     suites = {"one": small, "two": replace(small, seed=1)}
     monkeypatch.setattr(sweepfile, "SUITES", suites)
-    monkeypatch.setattr(sweepfile, "FAMILIES", {"study": tuple(suites)})
-    assert sweep("study", tmp_path / "out") == 0
+    monkeypatch.setattr(sweepfile, "FAMILIES", {"both": tuple(suites)})
+    assert sweep("both", tmp_path / "out") == 0
     said = capsys.readouterr().out
     for name in suites:
         assert str(tmp_path / "out" / name) in said

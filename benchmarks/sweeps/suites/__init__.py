@@ -5,7 +5,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.names import FAMILIES
 from benchmarks.sweeps.suites.authors import AUTHOR_SUITES
 from benchmarks.sweeps.suites.lost import LOST_SUITES
 from benchmarks.sweeps.suites.paper import PAPER_METHODS, PAPER_SUITES, paper_suite, paper_sweep
@@ -23,6 +22,9 @@ __all__ = [
 ]
 
 SUITES = MappingProxyType({**PAPER_SUITES, **AUTHOR_SUITES, **LOST_SUITES, **STUDY_SUITES})
+
+# suites that are run one after the other under one name
+FAMILIES = MappingProxyType({"study": tuple(STUDY_SUITES)})
 
 
 def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
