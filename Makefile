@@ -7,10 +7,12 @@ ARGS ?=
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help
-.PHONY: help paper test test-slow check format lint types contracts docs site release clean
+.PHONY: help setup paper test test-slow check format lint types contracts docs site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+setup: $(READY)  ## Make .venv and install into it
 
 paper: $(READY)  ## Run the paper's experiment into results/paper (more arguments: ARGS="--trials 20")
 	$(BIN)/deqmcl paper $(ARGS)

@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
@@ -27,6 +27,14 @@ def doing(what: str) -> Iterator[None]:
     finally:
         done.set()
         teller.join()
+
+
+def warn(sentences: Iterable[str | None]) -> list[str]:
+    """Say on stderr what is not None; return it, with the word Warning."""
+    said = [f"Warning: {sentence.rstrip('.')}." for sentence in sentences if sentence is not None]
+    for warning in said:
+        print(f"deqmcl: {warning}", file=sys.stderr)
+    return said
 
 
 @contextmanager

@@ -1,14 +1,13 @@
 """What commands share: arguments, warnings, and the setting of ``paper``, ``run``, ``phase``."""
 
 import argparse
-import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.console import doing
+from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
@@ -32,7 +31,7 @@ def _path(text: str, what: str) -> Path:
 
 @contextmanager
 def log_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of log readers, each sentence once."""
+    """Collect the warnings of log readers, each sentence once; if all fails, say them."""
     from deqmcl_gym.logs import LogWarning
 
     said: list[str] = []
@@ -40,9 +39,17 @@ def log_warnings() -> Iterator[list[str]]:
         warnings.simplefilter("always", LogWarning)
         try:
             yield said
-        finally:
-            words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-            said += dict.fromkeys(words)
+        except Exception:
+            warn(_sentences(caught))
+            raise
+        said += _sentences(caught)
+
+
+def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
+    from deqmcl_gym.logs import LogWarning
+
+    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
+    return list(dict.fromkeys(words))
 
 
 @contextmanager
@@ -50,8 +57,7 @@ def checking() -> Iterator[None]:
     """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
     with doing("checking every world and localizer"), log_warnings() as said:
         yield
-    for sentence in said:
-        print(f"deqmcl: Warning: {sentence}", file=sys.stderr)
+    warn(said)
 
 
 def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:

@@ -45,7 +45,12 @@ def disagreement(setting: Setting) -> str | None:
 
 def misfit_words(share: float, where: str) -> str | None:
     """Return the warning for a share of beams that agree with the map; None if they are enough."""
-    if not share < FEW:
+    if math.isnan(share):
+        return (
+            "no beam has a measurement: every range is beyond max_range or not a number; check "
+            "that ranges and max_range are in m."
+        )
+    if share >= FEW:
         return None
     return (
         f"log and map do not fit: seen {where}, only {share:.0%} of the beams are within "

@@ -2,11 +2,10 @@
 
 import contextlib
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from benchmarks.console import doing
+from benchmarks.console import doing, warn
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.files import own_folder, utf8, write_part
@@ -46,10 +45,10 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     own_folder(out, "replay")
-    said = _warned([*warnings, disagreement(setting)])
+    said = warn([*warnings, disagreement(setting)])
     played, failures = _played(runs, out, where)
     rows = rows_of(runs, played)
-    said += _warned([_misfit(setting, rows)])
+    said += warn([_misfit(setting, rows)])
     failed = [f"{key}: {why}" for key, why in failures.items()]
     with doing(f"writing the report in {out}"):
         files = write_part(out, "replay", _contents(setting, rows, said, failed, command))
@@ -85,14 +84,6 @@ def _played(
                 played[key] = Played(run=runs[key], **outcome.record)
             count(outcome.record is None)
     return played, {key: failures[key] for key in runs if key in failures}
-
-
-def _warned(warnings: Sequence[str | None]) -> list[str]:
-    """Say on stderr what is not None, and return it."""
-    said = [f"Warning: {warning.rstrip('.')}." for warning in warnings if warning is not None]
-    for warning in said:
-        print(f"deqmcl: {warning}", file=sys.stderr)
-    return said
 
 
 def _misfit(setting: Setting, rows: Sequence[Row]) -> str | None:

@@ -143,6 +143,11 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
         name, equals, value = word.partition("=")
         if not equals:
             raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
+        if name.strip() == "scanner":
+            raise InputError(
+                "--read takes no scanner: write it into the file, as "
+                '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
+            )
         numbers = None if name.strip().endswith(("_topic", "_frame")) else _numbers(value)
         one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
         found[name.strip()] = value.strip() if one is None else one
@@ -193,12 +198,14 @@ def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | No
 
 def _motion(log: Log, given: str | None) -> tuple[OdometryMotion, str]:
     """Return the motion's noise, and where it is from."""
-    if given is not None:
-        keys = _keys("--motion", given, [field.name for field in fields(OdometryMotion)])
-        return replace(_unknown_motion(log), **keys), "given"
+    names = [field.name for field in fields(OdometryMotion)]
+    keys = {} if given is None else _keys("--motion", given, names)
+    if len(keys) == len(names):
+        return OdometryMotion(**keys), "given"
+    noise, origin = _unknown_motion(log), "assumed, as there is no reference"
     if log.reference is not None:
-        return motion_noise(log), "estimated from the log's odometry and its reference"
-    return _unknown_motion(log), "assumed, as there is no reference: --motion says otherwise"
+        noise, origin = motion_noise(log), "estimated from the log's odometry and its reference"
+    return replace(noise, **keys), f"{', '.join(keys)} given; the rest {origin}" if keys else origin
 
 
 def _unknown_motion(log: Log) -> OdometryMotion:

@@ -49,9 +49,10 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A method of a source."""
+    """A method of a source, and the numbers of all runs that have it."""
 
     source: Source
+    runs: list[int]
     panel: Panel
     of: Comparison
 
@@ -67,9 +68,12 @@ def sources(folders: Sequence[Path]) -> list[Source]:
     """Read folders that may stand in one table.
 
     Raises:
-        InputError: one is no folder of results, is incomplete, or has other worlds than the first;
-            the message names it and the differences.
+        InputError: one is given twice, is no folder of results, is incomplete, or has other worlds
+            than the first; the message names it and the differences.
     """
+    for place, folder in enumerate(folders):
+        if folder.resolve() in {one.resolve() for one in folders[:place]}:
+            raise InputError(f"{folder} is given twice: name each folder once.")
     read = [
         Source(number=n, folder=one, made=manifest.read(one), results=results_in(one))
         for n, one in enumerate(folders, 1)
@@ -83,7 +87,7 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 
 def boards(read: Sequence[Source]) -> list[Table]:
-    """Return a table for each setting; what two folders have of one code is listed once."""
+    """Return a table for each setting; what several runs have of one code is listed once."""
     found: dict[tuple[Setting, Params], dict[tuple[object, str], Row]] = {}
     titles: dict[tuple[Setting, Params], str] = {}
     for source in read:
@@ -91,8 +95,10 @@ def boards(read: Sequence[Source]) -> list[Table]:
             place = (panel.setting, panel.swept)
             titles.setdefault(place, panel.title)
             for one in panel.present:
-                row = Row(source=source, panel=panel, of=one)
-                found.setdefault(place, {}).setdefault((one.method, row.digest), row)
+                row = Row(source=source, runs=[], panel=panel, of=one)
+                found.setdefault(place, {}).setdefault((one.method, row.digest), row).runs.append(
+                    source.number
+                )
     return [_board(titles[place], list(rows.values())) for place, rows in found.items()]
 
 
@@ -128,7 +134,7 @@ def _board(title: str, rows: list[Row]) -> Table:
             f"{significant(cost(row.panel, row.of), 2)} ×",
             str(row.of.worlds),
             row.digest,
-            str(row.source.number),
+            ", ".join(map(str, row.runs)),
         ]
         for rank, row in enumerate(rows, 1)
     ]

@@ -41,7 +41,7 @@ def counted(
             bar.update()
 
         if bar.disable and shown:
-            with doing(f"{name}: running {waiting:,} trials"):
+            with doing(f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"):
                 yield count
         else:
             bar.set_postfix_str("starting; kernels are compiled at first use")

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 import statistics
 from types import SimpleNamespace
 
@@ -145,6 +146,27 @@ def test_a_map_that_does_not_fit_is_noticed(recorded, capsys, wrong, known):
     assert "Warning: log and map do not fit" in (recorded / "o/report.html").read_text()
 
 
+@pytest.mark.parametrize("told", [KNOWN, (*BLIND, "--start=2.3,1,0")])
+def test_a_log_without_a_measurement_in_range_is_noticed(recorded, capsys, told):
+    log = logs.read("lap.csv")
+    mm = np.nan_to_num(log.ranges, posinf=np.nan) * 1000
+    logs.write(logs.Log(log.scanner, log.times, log.odometry, mm, None, "m"), "lap.csv")
+    assert replay(*told, "--localizers", "mcl", "--out", "o") == 0
+    assert "Warning: no beam has a measurement" in capsys.readouterr().err
+
+
+def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, capsys):
+    noises = []
+    for words in ((), ("--motion", "drive=0.5"), ("--motion", "drive=0.5,turn=0.1,drift=0")):
+        assert replay(*KNOWN, *words, "--localizers", "dead-reckoning", "--out", "o") == 0
+        noises.append(capsys.readouterr().out)
+    estimated, part, whole = (re.search(r"drive (\S+).*?\)", text, re.S)[0] for text in noises)
+    assert part == estimated.replace(estimated.split()[1], "0.5,").replace(
+        "(estimated", "(drive given; the rest estimated"
+    )
+    assert whole.endswith("(given)")
+
+
 def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, capsys):
     (recorded / "broken.py").write_text(BROKEN)
     assert replay(*KNOWN, "--localizers", "mcl,broken.py:Broken", "--out", "o") == 3
@@ -188,6 +210,8 @@ def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
         (("--start=2.1,1.6,0",), "no free space"),
         (("--start=40,1,0",), "no free space"),
         (("--start=2.3,1",), "must be reference, global"),
+        (("--start", "-1,0,0"), "--start=VALUE if it begins with -"),
+        (("--read", "scanner=front"), "write it into the file"),
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
         (("--motion", "dive=1"), "'drive'"),

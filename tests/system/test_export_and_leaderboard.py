@@ -92,6 +92,7 @@ def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(s
     errors = [float(line[1].split()[0]) for line in board]
     assert errors == sorted(errors)
     assert board[names.index("dead-reckoning")][7] == "2"
+    assert board[names.index("mcl (baseline)")][7] == "1, 2"
     made = [json.loads((one / "manifest.json").read_text()) for one in folders]
     for line, one in zip(runs, made, strict=True):
         assert line[4] == one["identity"]["code"]
@@ -116,11 +117,12 @@ def test_a_leaderboard_refuses_other_worlds_and_says_which(why, swept, tmp_path,
     assert not (tmp_path / "board").exists()
 
 
-def test_a_leaderboard_refuses_a_folder_without_the_baseline_or_with_trials_missing(
+def test_a_leaderboard_refuses_folders_twice_without_the_baseline_or_with_trials_missing(
     swept, tmp_path, capsys
 ):
     first, without = swept("mcl", "mcl-map"), swept("mcl-map")
     board = tmp_path / "board"
+    assert "given twice" in refused(capsys, "leaderboard", first, first, "--out", board)
     said = refused(capsys, "leaderboard", first, without, "--out", board)
     assert f"{without} has no trial of the baseline mcl" in said
     part = tmp_path / "part"
