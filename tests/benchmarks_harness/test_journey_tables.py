@@ -206,13 +206,25 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     assert better == f"{often}: map-based MCL with the plan as a sensor."
     assert doubtful == f"{often}, but not confirmed by the sign test: AMCL."
     assert power_hint(panel) == ""
-    made = SimpleNamespace(made=SimpleNamespace(code="0" * 64, plug_ins={}))
-    folder = Source(number=1, folder=Path("x"), made=made, results=SimpleNamespace(panels=[panel]))
-    (board,) = boards([folder])
+    board = board_of(panel)
     assert board.header[1] == f"{done}, %"
     assert [line[0].split()[1] for line in board.lines] == ["mcl-plan", "amcl", "mcl"]
     assert board.lines[0][1:3] == [f"92 ({ends[0]} to {ends[1]})", f"+{mean} ({low} to {high})"]
     assert "wins" not in board.header  # they are of the error
+
+
+def board_of(panel):
+    made = SimpleNamespace(made=SimpleNamespace(code="0" * 64, plug_ins={}))
+    folder = Source(number=1, folder=Path("x"), made=made, results=SimpleNamespace(panels=[panel]))
+    (board,) = boards([folder])
+    return board
+
+
+def test_equally_good_methods_share_a_rank_of_the_leaderboard():
+    (panel,) = panels([*sought("mcl", 6), *sought("amcl", 6), *sought("mcl-plan", 2)])
+    board = board_of(panel)
+    assert [line[0].split()[0] for line in board.lines] == ["1.", "1.", "3."]
+    assert board.strong == [(0, 0), (0, 1), (1, 0), (1, 1)]
 
 
 NOT_CONFIRMED = {
