@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib as mpl
 
@@ -38,7 +39,7 @@ def report(
         localized = localized_chart(there, look) if errors else None
     return page(
         "replay/page.html.jinja",
-        title=f"Replay of {setting.log.source}",
+        title=f"Replay of {Path(setting.log.source).name}",
         overview=overview(setting),
         facts=facts(setting),
         warnings=warnings,

@@ -8,7 +8,7 @@ from tabulate import tabulate
 
 from benchmarks.replay.scoring import Row
 from benchmarks.report.tables import Table
-from benchmarks.tables.text import csv_text
+from benchmarks.tables.text import csv_text, percent
 
 _RESULTS = (
     "position_median", "position_p95", "heading_median", "success_1m", "success_1m_low",
@@ -109,5 +109,5 @@ def _word(name: str, value: float, runs: int) -> str:
     if name.startswith("heading"):
         return f"{math.degrees(value):.2f}°"
     if name.startswith("agreement"):
-        return f"{value:.0%}"
+        return percent(value)
     return f"{value:.2f}" if name.startswith("ms") else f"{value:.3f} m"

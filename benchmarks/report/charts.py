@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from textwrap import wrap
 
+from matplotlib.ticker import MaxNLocator
+
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, estimates, picture
 from benchmarks.tables.panels import Panel
@@ -65,13 +67,15 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
     drawn = {row.method: lap_errors(panel.records[row.method]) for row in panel.present}
     tops = (float(errors.high.max()) for errors in drawn.values() if errors is not None)
     top = max(tops, default=1.0)
+    titles = {method: wrap(label, _LETTERS) for method, label in panel.labels.items()}
+    above = 0.1 + 0.18 * max(map(len, titles.values()))
     charts: list[Picture] = []
     for row in panel.present:
         errors, label = drawn[row.method], panel.labels[row.method]
         if errors is None:
             continue
         color = looks[label].color
-        figure, axes = canvas(3.2, 2.3, top=0.28)
+        figure, axes = canvas(3.2, 2.02 + above, top=above)
         axes.fill_between(errors.states, errors.low, errors.high, color=color, alpha=0.25, lw=0)
         theirs = drawn.get(row.baseline)
         if theirs is not None and not row.is_baseline:
@@ -81,7 +85,7 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
         if past is not None and panel.setting.lag:
             axes.plot(past.states, past.mean, ":", color=color)
         axes.set(ylim=(0, 1.05 * top), xlim=(0, None), xlabel="step of the state", ylabel="error e")
-        axes.set_title(label, loc="left")
+        axes.set_title("\n".join(titles[row.method]), loc="left")
         charts.append(
             picture(
                 figure,
@@ -106,6 +110,7 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
     axes.axvline(0, color=INK, linewidth=0.8)
     axes.set(xlabel="offset k of the state x[t+k] (past < 0 < future)", ylabel="error e")
     axes.set_ylim(0, None)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return picture(
         figure,
         name=f"offsets-{panel.number}",

@@ -46,7 +46,7 @@ DIFFERENCE = Quantity(
     title="Difference to the baseline",
     axis="error e of x[t] - the baseline's",
     caption="Below 0: better than the baseline on the same worlds. Bars: 95 % bootstrap intervals "
-    "over worlds. Dead reckoning is not shown: its scale would hide the others.",
+    "over worlds.",
     of=lambda row: row.diff,
     left_out="dead-reckoning",
 )
@@ -170,18 +170,21 @@ def _drawn(
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
         axes.set_xticks([], minor=True)
     words = coordinate_words(chart.key)
-    axes.set(xlabel=f"{words} …" if chart.followers else words, ylabel=quantity.axis)
+    axes.set(xlabel=words, ylabel=quantity.axis)
     margin = 0.05 * (max(ends) - min(ends))
     lowest = min(ends) - margin if quantity.lowest is None else quantity.lowest
     axes.set_ylim(lowest, max(ends) + margin or None)
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
-    also = (
-        f" … and with it {', '.join(map(coordinate_words, chart.followers))}."
-        if chart.followers
-        else ""
-    )
-    return picture(figure, name=name, title=title, caption=quantity.caption + also, alt=title)
+    caption = quantity.caption
+    run = {row.method.localizer for panel in chart.panels.values() for row in panel.present}
+    if quantity.left_out in run:
+        caption += " Dead reckoning is left out, as its scale would hide the others."
+    if chart.followers:
+        caption += (
+            f" Together with {words} change: {', '.join(map(coordinate_words, chart.followers))}."
+        )
+    return picture(figure, name=name, title=title, caption=caption, alt=title)
 
 
 def _where(rest: Coordinates, others: Iterable[Coordinates]) -> str:

@@ -1,26 +1,28 @@
-"""How each method of a panel compares with its baseline, in a sentence each."""
+"""How the methods of a panel compare with their baseline: a sentence per outcome."""
 
 import math
 from collections.abc import Sequence
 
 from benchmarks.report.verdicts import done
-from benchmarks.report.words import capital, counted, estimated, interval, named, p_value
+from benchmarks.report.words import capital, counted, named
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import least_p
-from benchmarks.tables.stats import ALPHA, Estimate
+from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.table_1 import full_name, reading
-from benchmarks.tables.text import percent
-from benchmarks.tables.verdict import aim_of, standing
+from benchmarks.tables.verdict import aim_of, ranked, standing
 from benchmarks.trials.journeys import Score
 
 FEW = 20  # worlds below which an interval is called rough
 
 
 def findings(panel: Panel) -> list[str]:
-    """A sentence per method on how it compares with its baseline, and what to mind."""
-    compared = [row for row in panel.present if not row.is_baseline]
-    sentences = [capital(_finding(row, panel)) for row in compared]
+    """Which methods are better or worse than their baseline, or neither, and what to mind."""
+    outcomes: dict[str, list[str]] = {}
+    for row in ranked(panel):
+        if not row.is_baseline:
+            outcomes.setdefault(_outcome(row, aim_of(panel)), []).append(named(row, panel))
+    sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
     if warning := _few(panel.present):
         sentences.append(warning)
     if said := reading(panel.rows):
@@ -28,44 +30,27 @@ def findings(panel: Panel) -> list[str]:
     return sentences
 
 
-def _finding(row: Comparison, panel: Panel) -> str:
-    name, other, aim = named(row, panel), full_name(row.baseline.localizer), aim_of(panel)
-    own = standing(row, aim)
-    diff = own.diff if aim is None else own.diff.percent
+def _outcome(row: Comparison, aim: Score | None) -> str:
+    """What is known of a method beside its baseline."""
+    other, own = full_name(row.baseline.localizer), standing(row, aim)
+    diff = own.diff
     if math.isnan(diff.mean):
-        unknown, none = "share a world whose error is unknown", "have no finished world in common"
-        why = unknown if row.paired_worlds else none
-        return f"{name} and {other} {why}, so they are not compared."
+        unknown, none = "a shared world's error is unknown", "no finished world in common"
+        return f"Not compared with {other} ({unknown if row.paired_worlds else none})"
     if math.isnan(diff.low):
-        found = f"{_apart(diff, aim)} against {other}"
-        return f"{name}: {found}, but one world is too few to compare them."
+        return f"Not compared with {other} (one world is too few)"
     if diff == (0, 0, 0):
         if aim is None:
-            return f"{name} has exactly the error of {other} at x[t] in every world."
-        return f"{name} {done(aim)} exactly as often as {other} in every world."
-    wins = f"; smaller in {percent(row.win_rate)} of {row.paired_worlds} worlds"
-    numbers = (
-        f"({_apart(Estimate(diff.mean), aim)}, 95 % interval {interval(diff, _form(aim))}"
-        f"{wins if aim is None else ''}; p = {p_value(own.p_holm)})"
-    ).replace("p = <", "p <")
+            return f"Exactly the error of {other} at x[t] in every world"
+        return f"{capital(done(aim))} exactly as often as {other}"
     if diff.low <= 0 <= diff.high:
-        return f"{name} is statistically indistinguishable from {other} {numbers}."
+        return f"Statistically indistinguishable from {other}"
     if aim is None:
-        size, mean = "smaller" if diff.mean < 0 else "larger", "" if own.significant else "mean "
-        said, test = f"has a {size} {mean}error than {other}", "signed-rank"
+        said, test = f"{'Smaller' if diff.mean < 0 else 'Larger'} error than {other}", "signed-rank"
     else:
-        often = "more often" if diff.mean > 0 else "less often"
-        said, test = f"{done(aim)} {often} than {other}", "sign"
-    doubt = "" if own.significant else f", but the {test} test does not confirm it"
-    return f"{name} {said}{doubt} {numbers}."
-
-
-def _apart(diff: Estimate, aim: Score | None) -> str:
-    return estimated(diff, f"+{_form(aim)}", "" if aim is None else " points")
-
-
-def _form(aim: Score | None) -> str:
-    return ".2f" if aim is None else ".0f"
+        often = "more" if diff.mean > 0 else "less"
+        said, test = f"{capital(done(aim))} {often} often than {other}", "sign"
+    return said if own.significant else f"{said}, but not confirmed by the {test} test"
 
 
 def _few(rows: Sequence[Comparison]) -> str:

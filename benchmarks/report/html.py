@@ -65,6 +65,7 @@ def page(template: str, **values: Any) -> str:
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
     engine.filters["whole"] = whole
+    engine.filters["capital"] = words.capital
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
     return engine.get_template(template).render(style=Markup(_variables() + css), **values)
 

@@ -11,7 +11,7 @@ from benchmarks.report.html import page
 from benchmarks.report.markdown import plain, table_text
 from benchmarks.report.tables import Table
 from benchmarks.report.verdicts import done
-from benchmarks.report.words import estimated, significant
+from benchmarks.report.words import capital, estimated, significant
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.manifest import Manifest
@@ -122,23 +122,29 @@ def _board(title: str, rows: list[Row]) -> Table:
     panel = rows[0].panel
     aim = aim_of(panel)
     rows.sort(key=lambda row: worse(row.of, aim))
+    values = [worse(row.of, aim) for row in rows]
     ranked_by = f"error e, {panel.thresholds.unit} (SD)" if aim is None else f"{done(aim)}, %"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
-    header += ["wins", "cost (baseline = 1)", "worlds", "code", "run"]
+    header += [*(["wins"] if aim is None else []), "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
         [
-            f"{rank}. {marked_label(row.panel, row.of)}",
+            f"{1 + values.index(value)}. {marked_label(row.panel, row.of)}",
             _value(row.of, aim),
             "baseline" if row.of.is_baseline else _difference(row.of, aim),
-            "–" if row.of.is_baseline or aim is not None else percent(row.of.win_rate),
+            *([_wins(row.of)] if aim is None else []),
             f"{significant(cost(row.panel, row.of), 2)} ×",
             str(row.of.worlds),
             row.digest,
             ", ".join(map(str, row.runs)),
         ]
-        for rank, row in enumerate(rows, 1)
+        for value, row in zip(values, rows, strict=True)
     ]
-    return Table(f"{title[:1].upper()}{title[1:]}.", header, lines, strong=[(0, 0), (0, 1)])
+    strong = [(line, column) for line in range(values.count(values[0])) for column in (0, 1)]
+    return Table(f"{capital(title)}.", header, lines, strong=strong)
+
+
+def _wins(row: Comparison) -> str:
+    return "–" if row.is_baseline else percent(row.win_rate)
 
 
 def _value(row: Comparison, aim: Score | None) -> str:

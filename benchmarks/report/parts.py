@@ -74,18 +74,21 @@ def _of_journeys(group: Group) -> Part:
 
 PARTS: Sequence[Part] = (
     *map(_of_journeys, GROUPS),
-    Part(pictures=journey_charts),
     Part(
         pictures=lambda panel, looks: [
-            chart(panel, looks)
-            for chart in (points_chart, offset_chart, calibration_chart, speed_chart)
+            *journey_charts(panel, looks),
+            points_chart(panel, looks),
+            offset_chart(panel, looks),
+            calibration_chart(panel, looks),
+            speed_chart(panel, looks),
         ]
     ),
     Part(
         heading="Error over the lap",
         note=lambda panel: (
-            "Solid: mean over worlds at x[t]; band: the middle 80 % of runs; dotted: past states, "
-            f"x[t-{panel.setting.lag}]; dashed: the baseline's mean."
+            "Solid: mean over worlds at x[t]; band: the middle 80 % of runs; dashed: the "
+            "baseline's mean"
+            + (f"; dotted: x[t-{lag}], a past state." if (lag := panel.setting.lag) else ".")
         ),
         pictures=time_charts,
         small=True,

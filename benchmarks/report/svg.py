@@ -6,17 +6,19 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import wrap
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.report.style import FAINT, INK, LOOKS, Look
 from benchmarks.tables.stats import Estimate
 
-_LONG = 16  # characters of which three do not fit beside each other
+_LETTER, _MARK = 0.082, 0.46  # inches: of a letter in a legend, of a mark with its spacing
 HOUSE_STYLE: Any = {  # matplotlib's parameters while charts are made
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
@@ -122,7 +124,7 @@ def canvas(
         left, top: margins, inches.
         legend_of: labels of what is to be drawn, for which ``picture`` makes a legend.
     """
-    names = 0.225 * math.ceil(len(legend_of) / _columns(legend_of))
+    names = 0.225 * max(map(_lines, _columns(legend_of, width)), default=0)
     bottom, height = 0.5 + names, height + names
     figure = Figure(figsize=(width, height))
     box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
@@ -164,11 +166,12 @@ def _legend(figure: Figure) -> None:
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if not labels:
         return
+    columns = _columns(labels, figure.get_figwidth())
     figure.legend(
         handles,
-        labels,
+        [label for column in columns for label in column],
         loc="lower center",
-        ncols=_columns(labels),
+        ncols=len(columns),
         handlelength=1.6,
         frameon=False,
         columnspacing=0.9,
@@ -177,5 +180,16 @@ def _legend(figure: Figure) -> None:
     )
 
 
-def _columns(labels: Collection[str]) -> int:
-    return 2 if len(labels) in (2, 4) or max(map(len, labels), default=0) > _LONG else 3
+def _columns(labels: Collection[str], width: float) -> list[list[str]]:
+    """Labels in up to three columns that fit side by side; in one, those too long are wrapped."""
+    listed = list(labels)
+    for count in (2 if len(listed) == 4 else 3, 2):
+        columns = [part.tolist() for part in np.array_split(listed, count) if part.size]
+        if sum(_MARK + _LETTER * max(map(len, column)) for column in columns) <= width:
+            return columns
+    fitting = int((width - _MARK) / _LETTER)
+    return [["\n".join(wrap(label, fitting)) for label in listed]]
+
+
+def _lines(column: Sequence[str]) -> int:
+    return sum(1 + label.count("\n") for label in column)

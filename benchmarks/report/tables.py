@@ -8,6 +8,7 @@ from benchmarks.report.words import estimated
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
+from benchmarks.tables.stats import Estimate
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.metrics import LEVELS
@@ -44,7 +45,7 @@ def calibration_table(panel: Panel) -> Table:
                 state_name(row.offset),
                 fixed(scores["energy_score"].mean),
                 *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
-                estimated(scores["nees"], ".1f"),
+                _nees(scores["nees"]),
                 fixed(scores["entropy"].mean),
                 percent(scores["wall_share"].mean, 1),
             ]
@@ -53,6 +54,13 @@ def calibration_table(panel: Panel) -> Table:
         "Calibration, with 95 % intervals over worlds; n/a: the method's belief has no spread."
     )
     return Table(caption, header, lines)
+
+
+def _nees(found: Estimate) -> str:
+    """With one decimal; a large one, which is far from 3 anyhow, with three digits."""
+    if not found.mean >= 100:
+        return estimated(found, ".1f")
+    return estimated(Estimate(*(float(f"{value:.3g}") for value in found)), ",.0f")
 
 
 def detection_table(panel: Panel) -> Table | None:
@@ -114,7 +122,7 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
             [
                 ", ".join([scenarios, *first.title.split(", ")[1:]]),
                 row.label,
-                *(_auroc(row.signals.get(name, Auroc())) for name in names),
+                *(_signal(row.signals.get(name)) for name in names),
                 percent(found.far_steps, 1),
             ]
         )
@@ -128,6 +136,10 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     )
     header = ["scenarios", "method", *names, "steps in conflict"]
     return Table(caption, header, lines)
+
+
+def _signal(found: Auroc | None) -> str:
+    return "–" if found is None or not _tells(found) else _auroc(found)
 
 
 def _tells(found: Auroc) -> bool:
@@ -152,5 +164,5 @@ def all_labels(panels: Sequence[Panel]) -> list[str]:
 
 
 def numbered(panel: Panel) -> str:
-    """The title of a panel, behind its number."""
-    return f"{panel.number}. {panel.title}"
+    """The title of a panel in a column of settings, behind its number."""
+    return f"{panel.number}. {panel.title.removeprefix('scenario ')}"

@@ -40,15 +40,13 @@ def conclusion(results: Results) -> str:
     if not found:
         return "No trial is finished."
     best = Counter(named(one.best, panel) for panel, one in found if one.best is not None)
-    parts = [f"{name} in {count}" for name, count in best.most_common()]
-    baseline = full_name(results.baseline)
-    if not parts:
-        return (
-            f"In none of {len(found)} settings is a method confirmed to be better than {baseline}."
-        )
-    if none := len(found) - best.total():
-        parts.append(f"no method is confirmed to be better than {baseline} in {none}")
-    return f"Best in {len(found)} settings: {'; '.join(parts)}."
+    none, baseline = len(found) - best.total(), full_name(results.baseline)
+    if not best:
+        return f"In none of {none} settings is a method confirmed to be better than {baseline}."
+    (leader, most), *others = best.most_common()
+    said = ", ".join([f"{leader} is best in {most}", *(f"{one} in {n}" for one, n in others)])
+    rest = f"; in {none} no method is confirmed to be better than {baseline}" if none else ""
+    return f"Of {len(found)} settings, {said}{rest}."
 
 
 def spoken(panel: Panel) -> str:
@@ -60,7 +58,7 @@ def spoken(panel: Panel) -> str:
     filters = verdict(panel, filters=True)
     if found.best and found.best.method.localizer == BLIND and filters is not None:
         scanning = _sentence(panel, filters).replace("No method", "none", 1)
-        said += f" Of the methods that use scans: {scanning}"
+        said += f" Of the methods that use scans, {scanning}"
     return said
 
 
@@ -95,8 +93,8 @@ def power_hint(panel: Panel) -> str:
         for row in rows
     )
     return (
-        f"To see a difference of {small:g} {panel.thresholds.unit} to {named(base, panel)} in "
-        f"four of five repetitions, about so many worlds are needed: {needed}."
+        f"Worlds needed to detect a difference of {small:g} {panel.thresholds.unit} to "
+        f"{named(base, panel)} with 80 % power: about {needed}."
     )
 
 
@@ -113,20 +111,20 @@ def _sentence(panel: Panel, found: Verdict) -> str:
         if found.first is not row:
             more = _brief(panel, found.first, aim)
             aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
-        return f"{name} is best: {reached}, {_against(panel, row, aim)}{_price(panel, row)}{aside}."
+        apart = _against(row, aim, f" {named(baseline_row(panel, row), panel)}")
+        return f"{name} is best: {reached}, {apart}{_price(panel, row)}{aside}."
     if row.is_baseline:
         if found.tests == 0:
             return f"{name}: {reached}; nothing to compare it with."
         return f"No method is better than the baseline, {name}: {reached}."
-    base = baseline_row(panel, row)
-    theirs = f"{named(base, panel)} ({_brief(panel, base, aim)})"
-    ahead = "has the smallest error" if aim is None else "has the largest share"
-    own = standing(row, aim)
+    base, own = baseline_row(panel, row), standing(row, aim)
+    ahead = f"{'smallest error' if aim is None else 'largest share'}: {name}, {reached}"
     if math.isnan(own.diff.low):
-        return f"{name} {ahead}, {reached}, on too few worlds to compare it."
+        return f"{ahead}, on too few worlds to compare it."
     return (
-        f"No method is confirmed to be better than {theirs}: {name} {ahead}, {reached}, "
-        f"{_against(panel, row, aim)}; {_doubt(row.paired_worlds, own.p_holm, found.tests)}."
+        f"No method is confirmed to be better than {named(base, panel)} "
+        f"({_brief(panel, base, aim)}). {capital(ahead)}, {_against(row, aim)}; "
+        f"{_doubt(row.paired_worlds, own.p_holm, found.tests)}."
     )
 
 
@@ -152,25 +150,24 @@ def done(aim: Score) -> str:
     return aim.words.partition(" (")[0]
 
 
-def _against(panel: Panel, row: Comparison, aim: Score | None) -> str:
+def _against(row: Comparison, aim: Score | None, base: str = "") -> str:
     """How far a method is from its baseline, and how often its error is the smaller one."""
-    base = named(baseline_row(panel, row), panel)
     if aim is not None:
         points = standing(row, aim).diff.percent
-        return f"{points.mean:.0f} points above {base} (95 %: {interval(points, '.0f')})"
-    worlds = f"in {row.wins:g} of {row.paired_worlds} worlds"
+        return f"{points.mean:.0f} points above{base} (95 %: {interval(points, '.0f')})"
+    worlds = f"smaller in {row.wins:g} of {row.paired_worlds} worlds"
     if math.isnan(row.relative.low):
         return worlds
     below = Estimate(-row.relative.mean, -row.relative.high, -row.relative.low).percent
     form = ".0f" if abs(below.mean) >= 10 else ".1f"
     ends = interval(below, form)
     share = f"{below.mean:{form}}".replace("-", "−")
-    return f"{share} % below {base} (95 %: {ends}), {worlds}"
+    return f"{share} % below{base} (95 %: {ends}), {worlds}"
 
 
 def _price(panel: Panel, row: Comparison) -> str:
     ratio = cost(panel, row)
-    return "" if math.isnan(ratio) else f"; costs {significant(ratio, 2)} ×"
+    return "" if math.isnan(ratio) else f"; costs {significant(ratio, 2)} × the time"
 
 
 def _doubt(worlds: int, p_holm: float, tests: int) -> str:

@@ -43,9 +43,11 @@ def capital(sentence: str) -> str:
 
 
 def named(row: Comparison, panel: Panel) -> str:
-    """The method's name in words, with its label where that says more."""
-    name, label = full_name(row.method.localizer), panel.labels[row.method]
-    return name if label in (name, row.method.localizer) else f"{name} ({label})"
+    """The method's name in words, with the parameters that tell it from others of the name."""
+    localizer, label = row.method.localizer, panel.labels[row.method]
+    name = full_name(localizer)
+    variant = label.removeprefix(localizer).removeprefix(name).strip()
+    return f"{name} ({variant})" if variant else name
 
 
 def p_value(p: float) -> str:

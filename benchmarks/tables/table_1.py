@@ -19,12 +19,16 @@ _VARIANCES = {  # score: words, digits
 }
 
 TITLES = {name: row.title for name, row in TABLE_1.items()} | {
+    "mcl-map": "map-based MCL",
     "mcl-map-smoother": "map-based MCL with smoother",
-    "deq-mcl-rejuvenated": "DEQ-MCL, rejuvenated",
+    "deq-mcl-rejuvenated": "rejuvenated DEQ-MCL",
     "mcl-h": "map-based MCL with tabulated look-ahead",
     "mcl-pilots": "map-based MCL with pilots",
-    "mcl-plan": "map-based MCL, the plan as a sensor",
+    "mcl-plan": "map-based MCL with the plan as a sensor",
     "dead-reckoning": "dead reckoning on the plan",
+    "grid": "grid filter",
+    "amcl": "AMCL",
+    "ekf": "EKF",
 }
 
 
@@ -34,9 +38,9 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     Args:
         rows: of one panel.
         style: a format of tabulate: "simple" for a terminal, at most 120 columns; "github" for
-            Markdown, with the methods' full names and the variances.
+            Markdown, with the methods' names as printed and the variances.
     """
-    named, variances = (full_name, _VARIANCES) if style == "github" else (short_name, {})
+    named, variances = (_name_as_printed, _VARIANCES) if style == "github" else (short_name, {})
     baseline = named(rows[0].baseline.localizer) if rows else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
@@ -75,6 +79,10 @@ def state_name(offset: int) -> str:
 def full_name(localizer: str) -> str:
     """The method's name in words, if it has one."""
     return TITLES.get(localizer, short_name(localizer))
+
+
+def _name_as_printed(localizer: str) -> str:
+    return TABLE_1[localizer].title if localizer in TABLE_1 else full_name(localizer)
 
 
 def reading(rows: Iterable[Comparison]) -> str:

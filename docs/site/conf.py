@@ -8,6 +8,7 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from numpy.typing import ArrayLike
 from sphinx.ext import autodoc
 from sphinx.ext.autodoc import typehints
+from sphinx.ext.napoleon import docstring
 from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
@@ -88,7 +89,8 @@ def _named(annotation, *arguments, **options):
     return ARRAY.sub(r"NDArray[\1]", text)
 
 
-autodoc.stringify_annotation = typehints.stringify_annotation = _named
+for module in (autodoc, typehints, docstring):
+    module.stringify_annotation = _named
 
 HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
 SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))

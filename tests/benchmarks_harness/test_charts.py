@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -10,6 +11,7 @@ from report_cases import THREE, finished, trials
 
 from benchmarks.report import charts, curves
 from benchmarks.report.style import looks
+from benchmarks.report.svg import HOUSE_STYLE, canvas, picture
 from benchmarks.tables.panels import panels
 from benchmarks.tables.series import profile
 
@@ -204,3 +206,24 @@ def test_curves_draw_the_rows_of_each_panel_over_the_value_that_was_swept(values
         zero = [line for line in axes.lines if set(line.get_ydata()) == {0}]
         assert zero
         assert (axes.get_ylim()[0] == 0) == (quantity is curves.ERROR)
+
+
+@pytest.mark.parametrize("names", [1, 2, 3, 4, 5, 7])
+@pytest.mark.parametrize("letters", [4, 15, 22, 40, 50, 120])
+def test_every_name_of_a_legend_is_inside_the_picture_and_below_the_axes(names, letters):
+    labels = [f"{number} {'plan_beta=0.1 ' * 9}"[:letters] for number in range(names)]
+    labels[-1] = "mcl"
+    with mpl.rc_context(HOUSE_STYLE):
+        figure, axes = canvas(4.8, 2.9, legend_of=labels)
+        for label in labels:
+            axes.plot([0, 1], label=label)
+        axes.set_xlabel("driven, m")
+        picture(figure, name="", title="", caption="", alt="")
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        shown, below = legend.get_window_extent(), axes.xaxis.get_tightbbox()
+    assert [text.get_text().replace("\n", " ") for text in legend.get_texts()] == [
+        label.strip() for label in labels
+    ]
+    assert 0 <= shown.x0 < shown.x1 <= figure.bbox.width
+    assert 0 <= shown.y0 < shown.y1 <= below.y0

@@ -117,7 +117,7 @@ def test_every_word_of_others_is_escaped(page):
 
 def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
     pictures = [attributes for tag, attributes in page.tags if tag in ("svg", "img")]
-    assert len(pictures) == 4 + 3 + 1  # charts, a curve over time per method, the animation
+    assert len(pictures) == 4 + 3 + 2  # charts, a curve over time per method, animation and still
     for attributes in pictures:
         assert len(attributes.get("aria-label") or attributes.get("alt") or "") > 10
     assert page.count("title") == 1 + 7
@@ -239,11 +239,12 @@ def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cu
     dark = re.findall(r"@media[^{]*prefers-color-scheme: dark[^{]*", css)
     assert len(dark) == 2
     assert all(rule.startswith("@media screen and") for rule in dark)
-    printed = css[css.index("@media print") :]
+    printed = css[css.index("@media print {") :]
     assert "details::details-content { content-visibility: visible;" in printed
     assert ".scroll { overflow: visible;" in printed
-    assert re.search(r"th, td \{ white-space: normal;", printed)
+    assert "nowrap" not in css
     assert "thead { display: table-header-group; }" in printed
+    assert re.search(r"@media print, [^{]*\{\s*figure .still \{ display: block; \}", css)
 
 
 def test_ones_own_method_is_marked_and_the_best_is_bold(report):

@@ -29,10 +29,10 @@ def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
     best = rows["mcl-map"]
     low, mean, high = (-100 * float(best[f"relative{end}"]) for end in ("_high", "", "_low"))
     expected = (
-        f"MCL with map-based motion model is best: {float(best['error']):.1f} px, {mean:.0f} % "
-        f"below MCL (95 %: {low:.0f} to {high:.0f}), in "
+        f"Map-based MCL is best: {float(best['error']):.1f} px, {mean:.0f} % "
+        f"below MCL (95 %: {low:.0f} to {high:.0f}), smaller in "
         f"{float(best['win_rate']) * int(best['paired_worlds']):g} of 30 worlds; costs "
-        f"{spent['mcl-map'] / spent['mcl']:.2g} ×."
+        f"{spent['mcl-map'] / spent['mcl']:.2g} × the time."
     )
     assert float(best["relative"]) == pytest.approx(
         float(best["diff"]) / float(rows["mcl"]["error"])
@@ -46,27 +46,28 @@ def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
 CASES = {
     "MCL: 20.0 px; nothing to compare it with.": {"mcl": [20.0] * 9},
     "No method is better than the baseline, MCL: 20.0 px.": {"mcl": [20.0] * 9, "a": [21.0] * 9},
-    "No method is confirmed to be better than MCL (20.0 px): a has the smallest error, 16.0 px, "
-    "20 % below MCL (95 %: 20 to 20), in 5 of 5 worlds; 5 worlds cannot give p < 0.05 in 1 test, "
-    "6 can.": {"mcl": [20.0] * 5, "a": [16.0] * 5},
-    "No method is confirmed to be better than MCL (20.0 px): a has the smallest error, 19.0 px, "
-    "5.0 % below MCL (95 %: −1.2 to 11.6), in 5 of 8 worlds; p = 0.25.": {
+    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 16.0 px, "
+    "20 % below (95 %: 20 to 20), smaller in 5 of 5 worlds; 5 worlds cannot give p < 0.05 in 1 "
+    "test, 6 can.": {"mcl": [20.0] * 5, "a": [16.0] * 5},
+    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 19.0 px, "
+    "5.0 % below (95 %: −1.2 to 11.6), smaller in 5 of 8 worlds; p = 0.25.": {
         "mcl": [20.0] * 8,
         "a": [16.0, 17, 18, 18.5, 19.5, 20.5, 21, 21.5],
     },
-    "Dead reckoning on the plan is best: 9.00 px, 55 % below MCL (95 %: 55 to 55), in 9 of 9 "
-    "worlds; costs 4.7 ×. Of the methods that use scans: a is best: 16.0 px, 20 % below MCL (95 %: "
-    "20 to 20), in 9 of 9 worlds; costs 0.33 ×.": {
+    "Dead reckoning on the plan is best: 9.00 px, 55 % below MCL (95 %: 55 to 55), smaller in 9 of "
+    "9 worlds; costs 4.7 × the time. Of the methods that use scans, a is best: 16.0 px, 20 % below "
+    "MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × the time.": {
         "mcl": [20.0] * 9,
         "dead-reckoning": [9.0] * 9,
         "a": [16.0] * 9,
     },
-    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), in 9 of 9 worlds; costs 0.33 ×.": {
+    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
+    "the time.": {
         "mcl": [20.0] * 9,
         "a": [16.0] * 9,
     },
-    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), in 9 of 9 worlds; costs 0.33 × (b has "
-    "14.4 px, which is not confirmed).": {
+    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
+    "the time (b has 14.4 px, which is not confirmed).": {
         "mcl": [20.0] * 9,
         "a": [16.0] * 9,
         "b": [1.0, 1, 1, 1, 21, 22, 27, 27, 29],
@@ -83,7 +84,7 @@ def test_of_several_settings_it_is_counted_who_is_best():
     records = paired({"mcl": (20.0, ONE), "deq-mcl": (16.0, ONE)})
     records += paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="sharp")
     assert conclusion(results(records)) == (
-        "Best in 2 settings: DEQ-MCL in 1; no method is confirmed to be better than MCL in 1."
+        "Of 2 settings, DEQ-MCL is best in 1; in 1 no method is confirmed to be better than MCL."
     )
     assert conclusion(results(records[-2:] + records[:2])).startswith("In none of 2 settings")
     assert conclusion(results([])) == "No trial is finished."
@@ -129,8 +130,8 @@ def test_the_hint_names_a_number_of_worlds_for_every_method_that_differs():
     records = paired({"mcl": (20.0, ONE), "a": (19.9, ONE)}) + trials("b", [20.0] * 12)
     (panel,) = panels(records)
     assert re.fullmatch(
-        r"To see a difference of 1 px to MCL in four of five repetitions, about so many worlds are "
-        r"needed: [\d,]+ for a, [\d,]+ for b\.",
+        r"Worlds needed to detect a difference of 1 px to MCL with 80 % power: about [\d,]+ for a, "
+        r"[\d,]+ for b\.",
         power_hint(panel),
     )
 
