@@ -23,7 +23,7 @@ def least_worlds(tests: int = 1) -> int:
 
 
 def worlds_to_see(difference: float, sd: float, tests: int = 1) -> int:
-    """Worlds on which a difference is seen in four of five repetitions of the sweep.
+    """Worlds on which a difference is detected with 80 % power.
 
     N = (π/3) (z[1 - α/2m] + z[0.8])² (s / δ)² + z[1 - α/2m]² / 2, at least ``least_worlds(m)``:
     the number of the paired t-test with Guenther's (1981) correction for an estimated s, over the

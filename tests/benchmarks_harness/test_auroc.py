@@ -156,7 +156,7 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
     ]
     glance = detection_glance([panel])
     assert glance.header == ["setting", "rated", "never", "always"]
-    assert glance.lines == [["1. scenario paper", "1.00", "n/a", "n/a"]]
+    assert glance.lines == [["1. paper", "1.00", "n/a", "n/a"]]
 
 
 def test_the_report_has_no_table_where_no_method_has_an_auroc():
