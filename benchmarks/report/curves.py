@@ -16,19 +16,23 @@ Curves = dict[str, dict[float, Estimate]]  # what is known of each method, by la
 Coordinates = frozenset[tuple[str, Any]]
 
 _TICKS = 8  # values that are named on an axis
+FAR = 3  # times the baseline's error: a difference that would hide all others
 _LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a curve shows of a comparison, and its words; ``lowest`` is where the axis begins."""
+    """What a curve shows of a comparison, and its words; ``lowest`` is where the axis begins.
+
+    A method whose error is anywhere above ``far`` times the baseline's is left out.
+    """
 
     name: str
     title: str
     axis: str
     caption: str
     of: Callable[[Comparison], Estimate]
-    left_out: str = ""  # a localizer
+    far: float = math.inf
     lowest: float | None = None
 
 
@@ -48,7 +52,7 @@ DIFFERENCE = Quantity(
     caption="Below 0: better than the baseline on the same worlds. Bars: 95 % bootstrap intervals "
     "over worlds.",
     of=lambda row: row.diff,
-    left_out="dead-reckoning",
+    far=FAR,
 )
 
 
@@ -137,12 +141,24 @@ def _together(one: str, other: str, places: Sequence[Place]) -> bool:
 def _curves(chart: _Chart, quantity: Quantity) -> Curves:
     """What is known of each method, by label and value."""
     curves: Curves = {}
+    out = _left_out(chart, quantity)
     for value, panel in sorted(chart.panels.items()):
         for row in panel.present:
-            shown = quantity.of(row)
-            if row.method.localizer != quantity.left_out and not math.isnan(shown.mean):
-                curves.setdefault(panel.labels[row.method], {})[value] = shown
+            shown, label = quantity.of(row), panel.labels[row.method]
+            if label not in out and not math.isnan(shown.mean):
+                curves.setdefault(label, {})[value] = shown
     return curves
+
+
+def _left_out(chart: _Chart, quantity: Quantity) -> list[str]:
+    """Labels of the methods that are too far off to be drawn beside the others."""
+    rows = ((p.labels[row.method], row) for p in chart.panels.values() for row in p.present)
+    far = (
+        label
+        for label, row in rows
+        if row.error.mean > quantity.far * (row.error.mean - row.diff.mean)
+    )
+    return list(dict.fromkeys(far))
 
 
 def _ends(curves: Curves) -> list[float]:
@@ -177,9 +193,8 @@ def _drawn(
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     caption = quantity.caption
-    run = {row.method.localizer for panel in chart.panels.values() for row in panel.present}
-    if quantity.left_out in run:
-        caption += " Dead reckoning is left out, as its scale would hide the others."
+    if out := _left_out(chart, quantity):
+        caption += f" Left out, above {quantity.far:g} times the baseline's error: {', '.join(out)}."
     if chart.followers:
         caption += (
             f" Together with {words} change: {', '.join(map(coordinate_words, chart.followers))}."

@@ -25,18 +25,19 @@ def words_of(chart):
     return " ".join(ET.fromstring(chart.standalone).itertext()).split()
 
 
-def test_a_swept_parameter_has_a_curve_per_localizer_and_the_baseline_no_difference():
-    records = trials("ekf", [4.0] * 3) + trials("dead-reckoning", [4.0] * 3)
+def test_each_localizer_has_a_curve_and_a_difference_if_at_most_three_times_the_baselines_error():
+    records = trials("ekf", [3.8] * 3) + trials("amcl", [4.0] * 3)  # mcl has 1.3 at N = 30
     for name, n in product(("mcl", "deq-mcl"), (30, 300)):
         records += trials(name, [1.0 + n / 100] * 3, params={"particles": n})
     (error,) = curves(records)
     assert error.title == "Error over particles"
-    assert {"mcl", "deq-mcl", "ekf", "dead-reckoning", "30", "300"} <= set(words_of(error))
+    assert {"mcl", "deq-mcl", "ekf", "amcl", "30", "300"} <= set(words_of(error))
     (difference,) = curves(records, DIFFERENCE)
     assert difference.title == "Difference to the baseline over particles"
     assert difference.name == "difference-1"
     assert {"deq-mcl", "ekf"} <= set(words_of(difference))
-    assert not {"mcl", "dead-reckoning"} & set(words_of(difference))
+    assert not {"mcl", "amcl"} & set(words_of(difference))
+    assert difference.caption.endswith("Left out, above 3 times the baseline's error: amcl.")
 
 
 def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_other():
