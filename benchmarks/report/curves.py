@@ -194,7 +194,9 @@ def _drawn(
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     caption = quantity.caption
     if out := _left_out(chart, quantity):
-        caption += f" Left out, above {quantity.far:g} times the baseline's error: {', '.join(out)}."
+        caption += (
+            f" Left out, above {quantity.far:g} times the baseline's error: {', '.join(out)}."
+        )
     if chart.followers:
         caption += (
             f" Together with {words} change: {', '.join(map(coordinate_words, chart.followers))}."
