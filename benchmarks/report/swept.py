@@ -1,5 +1,6 @@
 """What is drawn of the numbers that were swept: maps of regimes, or curves."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -40,6 +41,6 @@ def _shares(aim: Score) -> tuple[Quantity, Quantity]:
         caption="Above 0: more often than the baseline on the same worlds. Bars: 95 % bootstrap "
         "intervals over worlds.",
         of=lambda row: standing(row, aim).diff.percent,
-        left_out="",
+        far=math.inf,
     )
     return share, apart

@@ -87,7 +87,7 @@ def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(s
         if block.startswith("|")
     )
     ranks, names = zip(*(line[0].split(". ") for line in board), strict=True)
-    assert ranks == ("1", "2", "3")
+    assert ranks == ("1", "1", "3")  # mcl and mcl-map are equal on these worlds
     assert sorted(names) == ["dead-reckoning", "mcl (baseline)", "mcl-map"]
     errors = [float(line[1].split()[0]) for line in board]
     assert errors == sorted(errors)
