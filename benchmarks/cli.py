@@ -40,7 +40,7 @@ class _Parser(argparse.ArgumentParser):
             sentence += f" (did you mean {nearest[0]}?)" if nearest else ""
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag
             flag = message.removeprefix("argument ").split(":")[0]
-            sentence += f", or {flag}=VALUE if it begins with -"
+            sentence += f" (write {flag}=VALUE if it begins with -)"
         print(f"{self.prog}: {sentence}; see {self.prog} --help.", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
 

@@ -49,10 +49,9 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A method of a source, and the numbers of all runs that have it."""
+    """A method of a source."""
 
     source: Source
-    runs: list[int]
     panel: Panel
     of: Comparison
 
@@ -88,18 +87,16 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 def boards(read: Sequence[Source]) -> list[Table]:
     """Return a table for each setting; what several runs have of one code is listed once."""
-    found: dict[tuple[Setting, Params], dict[tuple[object, str], Row]] = {}
+    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Row]]] = {}
     titles: dict[tuple[Setting, Params], str] = {}
     for source in read:
         for panel in source.results.panels:
             place = (panel.setting, panel.swept)
             titles.setdefault(place, panel.title)
             for one in panel.present:
-                row = Row(source=source, runs=[], panel=panel, of=one)
-                found.setdefault(place, {}).setdefault((one.method, row.digest), row).runs.append(
-                    source.number
-                )
-    return [_board(titles[place], list(rows.values())) for place, rows in found.items()]
+                row = Row(source=source, panel=panel, of=one)
+                found.setdefault(place, {}).setdefault((one.method, row.digest), []).append(row)
+    return [_board(titles[place], list(same.values())) for place, same in found.items()]
 
 
 def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[str, bytes]:
@@ -118,10 +115,12 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
     return {"leaderboard.html": html.encode(), "leaderboard.md": text.encode()}
 
 
-def _board(title: str, rows: list[Row]) -> Table:
-    panel = rows[0].panel
+def _board(title: str, methods: list[list[Row]]) -> Table:
+    """Rank methods, each given as its rows in all runs that have it."""
+    panel = methods[0][0].panel
     aim = aim_of(panel)
-    rows.sort(key=lambda row: worse(row.of, aim))
+    methods.sort(key=lambda same: worse(same[0].of, aim))
+    rows = [same[0] for same in methods]
     values = [worse(row.of, aim) for row in rows]
     ranked_by = f"error e, {panel.thresholds.unit} (SD)" if aim is None else f"{done(aim)}, %"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
@@ -135,9 +134,9 @@ def _board(title: str, rows: list[Row]) -> Table:
             f"{significant(cost(row.panel, row.of), 2)} ×",
             str(row.of.worlds),
             row.digest,
-            ", ".join(map(str, row.runs)),
+            ", ".join(str(one.source.number) for one in same),
         ]
-        for value, row in zip(values, rows, strict=True)
+        for value, row, same in zip(values, rows, methods, strict=True)
     ]
     strong = [(line, column) for line in range(values.count(values[0])) for column in (0, 1)]
     return Table(f"{capital(title)}.", header, lines, strong=strong)

@@ -155,6 +155,16 @@ def test_a_log_without_a_measurement_in_range_is_noticed(recorded, capsys, told)
     assert "Warning: no beam has a measurement" in capsys.readouterr().err
 
 
+def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys):
+    lines = (recorded / "lap.csv").read_text().splitlines(keepends=True)
+    (recorded / "lap.csv").write_text("".join([*lines, lines[-2]]))  # its time runs backwards
+    assert replay(*KNOWN, "--start=40,1,0", "--out", "o") == 2
+    warning, refusal = capsys.readouterr().err.splitlines()
+    assert "Warning: " in warning
+    assert "backwards" in warning
+    assert "no free space" in refusal
+
+
 def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, capsys):
     noises = []
     for words in ((), ("--motion", "drive=0.5"), ("--motion", "drive=0.5,turn=0.1,drift=0")):
@@ -210,7 +220,7 @@ def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
         (("--start=2.1,1.6,0",), "no free space"),
         (("--start=40,1,0",), "no free space"),
         (("--start=2.3,1",), "must be reference, global"),
-        (("--start", "-1,0,0"), "--start=VALUE if it begins with -"),
+        (("--start", "-1,0,0"), "write --start=VALUE if it begins with -"),
         (("--read", "scanner=front"), "write it into the file"),
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
