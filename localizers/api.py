@@ -17,12 +17,14 @@ from deqmcl_gym.validation import InputError, array, number
 from localizers.inference.parts import Motion
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
-from localizers.models.motion import OdometryMotion
+from localizers.models.motion import OdometryMotion, increments
 
 T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
+METRE_NOISE = {"drive": 0.2, "turn": 0.2, "drift": 0.2}  # of a motion nothing is known of; rad/m
+METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
 _COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 
 
@@ -67,7 +69,7 @@ class Localizer(Protocol):
 
         Args:
             prior: p(x_0).
-            plan: the planned actions (distance, turn rad), (h, 2); may be empty.
+            plan: the planned increments, (h, 2) or (h, 3), as ``action``; may be empty.
             rng: the localizer's only source of randomness.
         """
         ...
@@ -82,8 +84,11 @@ class Localizer(Protocol):
 
         Args:
             ranges: the scan taken after the step, (B,), in the map's unit.
-            action: the command carried out, (distance, turn rad), (2,).
-            plan: the actions planned after it, (h, 2); shrinks to (0, 2) at the end.
+            action: the increment carried out: the command (distance, turn rad) of a robot that
+                turns, then drives ahead, (2,); or what odometry measured, (forward, left, turn
+                rad), (3,): a turn, then a translation in the frame after it. (d, φ) is the same
+                as (d, 0, φ).
+            plan: the increments planned after it, (h, 2) or (h, 3); h shrinks to 0 at the end.
         """
         ...
 
@@ -96,19 +101,28 @@ class RobotModel:
         floor_plan: the map m.
         lidar: geometry of the sensor.
         radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
-        motion: p(x_t | x_{t-1}, a_t).
-        scan: p(o | ô) of one beam.
+        motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
+            0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
+        scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
+            Nav2's sigma_hit.
     """
 
     floor_plan: Map
     lidar: Lidar
     radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
-    motion: Motion = field(default_factory=OdometryMotion)
-    scan: BeamDensity = field(default_factory=GaussianUniform)
+    motion: Motion = None  # type: ignore[assignment]
+    scan: BeamDensity = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.radius is None:
             object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
+        metres = self.floor_plan.unit == "m"
+        if self.motion is None:
+            motion = OdometryMotion(**METRE_NOISE) if metres else OdometryMotion()
+            object.__setattr__(self, "motion", motion)
+        if self.scan is None:
+            scan = GaussianUniform(sigma=METRE_SIGMA) if metres else GaussianUniform()
+            object.__setattr__(self, "scan", scan)
         number("radius", self.radius, low=0)
         farthest = max(map(abs, self.floor_plan.bounds))
         coarse = float(np.spacing(np.float32(farthest)))
@@ -144,25 +158,30 @@ def checked_rng(rng: np.random.Generator) -> np.random.Generator:
 
 
 def checked_plan(plan: ArrayLike) -> Floats:
-    """Return a plan as actions (h, 2), an empty one of any shape as (0, 2); else refuse it."""
+    """Return a plan as increments (h, 3), an empty one of any shape as (0, 3); else refuse it."""
     try:
         empty = np.asarray(plan).size == 0
     except ValueError:  # a ragged list; ``array`` names it
         empty = False
-    return np.empty((0, 2)) if empty else _of_actions("the plan", plan, (None, 2))
+    return np.empty((0, 3)) if empty else increments(_of_actions("the plan", plan, 2))
 
 
 def checked_action(action: ArrayLike) -> Floats:
-    """Return an action as (2,) numbers, else refuse it."""
-    return _of_actions("the action", action, (2,))
+    """Return an action as an increment (3,), else refuse it."""
+    return increments(_of_actions("the action", action, 1))
 
 
-def _of_actions(what: str, given: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
+def _of_actions(what: str, given: ArrayLike, axes: int) -> Floats:
+    try:
+        columns = 3 if np.shape(given)[-1:] == (3,) else 2
+    except ValueError:  # ragged; ``array`` names it
+        columns = 2
+    shape: tuple[int | None, ...] = (columns,) if axes == 1 else (None, columns)
     values = array(what, given, shape)
     if not (np.abs(values) <= scan_kernels.LARGEST_ACTION).all():
         largest = float(np.abs(values).max())
         raise InputError(
-            f"{what} has a distance or turn of size {largest:g}, but the largest allowed is "
+            f"{what} has a length or turn of size {largest:g}, but the largest allowed is "
             f"{scan_kernels.LARGEST_ACTION:g}."
         )
     return values
@@ -199,7 +218,7 @@ def checked_step(
         scan, command, ahead = _as_float64(ranges), _as_float64(action), _as_float64(plan)
         usable = scan_kernels.usable_if_sound(scan, command, ahead, lidar.beams, lidar.max_range)
         if usable >= 0:
-            return scan, command, ahead, usable
+            return scan, increments(command), increments(ahead), usable
     scan, command, ahead = checked_scan(ranges, lidar), checked_action(action), checked_plan(plan)
     return scan, command, ahead, scan_kernels.count_usable(scan, lidar.max_range)
 

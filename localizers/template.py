@@ -31,6 +31,7 @@ class MyLocalizer:
         """Log p(ranges | pose, map) of each pose; beams out of range are skipped."""
         lidar = self.robot.lidar
         usable = (ranges >= 0) & (ranges <= lidar.max_range)
-        expected = self.robot.floor_plan.ranges(self.cloud.T, lidar.bearings[usable])
+        origins = lidar.origins(self.cloud)  # where on the robot the lidar is mounted
+        expected = self.robot.floor_plan.ranges(origins.T, lidar.bearings[usable])
         found = self.robot.scan.log_likelihood(ranges[usable], expected, lidar.max_range)
         return np.fmax(found, -1e6)  # no pose is impossible, not even outside the walls (NaN)

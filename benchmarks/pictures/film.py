@@ -93,8 +93,7 @@ class Film:
         unit = metre(name)
         truth = np.array([moment.truth for moment in self.moments], np.float64)
         off = np.array(self._best) - truth
-        commands = [m.action[0] for m in self.moments if m.action is not None]
-        way = driven(np.array(commands, np.float64)) / unit
+        way = driven([m.action for m in self.moments if m.action is not None]) / unit
         fixes = Fixes(
             steps=np.arange(len(truth)),
             count=len(truth),

@@ -22,7 +22,8 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
         floor_plan: the map.
         poses: assumed for each scan, (n, 3).
     """
-    expected = floor_plan.ranges(poses, log.scanner.bearings)
+    origins = log.scanner.origins(poses.T).T
+    expected = floor_plan.ranges(origins, log.scanner.bearings)
     seen = np.isfinite(log.ranges)
     with np.errstate(invalid="ignore"):
         off = np.abs(expected - log.ranges)[seen] / metre(log)

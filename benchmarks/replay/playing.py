@@ -83,10 +83,9 @@ def replay(env: LogEnv, localizer: Localizer, prior: Prior, rng: np.random.Gener
         best.append(best_cluster(*points, unit=unit).mean)
         truth.append(moment.truth)
         seconds.append(moment.seconds)
-    driven = np.abs(env.log.actions[:, 0])
     return Track(
         times=env.log.times,
-        way=np.concatenate([[0.0], np.cumsum(driven)]),
+        way=env.log.driven,
         means=np.array(means),
         best=np.array(best),
         truth=np.array(truth),

@@ -1,7 +1,5 @@
 """A replay in words."""
 
-import numpy as np
-
 from benchmarks.replay.setting import Setting
 
 NO_ERROR = (
@@ -15,7 +13,7 @@ def overview(setting: Setting) -> str:
     log = setting.log
     return (
         f"{len(log):,} records of {log.source} with {log.scanner.beams} beams each on the map "
-        f"{setting.map}, {np.abs(log.actions[:, 0]).sum():,.0f} {log.unit} by odometry."
+        f"{setting.map}, {log.driven[-1]:,.0f} {log.unit} by odometry."
     )
 
 

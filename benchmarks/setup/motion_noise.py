@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.logs import Log
-from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion
@@ -31,7 +31,7 @@ def motion_noise(log: Log) -> OdometryMotion:
     """
     if log.reference is None:
         raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
-    done, meant = actions_of(log.reference)[0], log.actions
+    done, meant = increments_of(log.reference), log.increments
     moving = np.isfinite(done).all(axis=1) & (np.abs(meant).max(axis=1) > 0)
     if moving.sum() < _LEAST:
         raise InputError(
@@ -40,8 +40,10 @@ def motion_noise(log: Log) -> OdometryMotion:
             "a scenario by assumed.motion."
         )
     done, meant = done[moving], meant[moving]
-    driven, turned = np.abs(meant).T
-    missed, missed_turn = done[:, 0] - meant[:, 0], arrays.wrapped(done[:, 1] - meant[:, 1])
+    driven, turned = lengths_of(meant), np.abs(meant[:, 2])
+    off = done - meant
+    missed = (off[:, :2] * meant[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
+    missed_turn = arrays.wrapped(off[:, 2])
     long = driven >= max(np.median(driven), 1e-9)
     ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
     drive = max(np.sqrt(np.square(ratio).mean()), np.quantile(ratio, _SHARE) / _WITHIN)

@@ -4,12 +4,14 @@ Worlds and logs are both scored by this file. Lengths are in m.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from deqmcl_gym.logs.motion import lengths_of
 from deqmcl_gym.maps.units import pixel
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 
 NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
 FOUND = "1m"  # of NEAR: the one for metres to localize
@@ -95,6 +97,8 @@ def metre(unit: str) -> float:
     return pixel(unit) / pixel("m")
 
 
-def driven(distances: Floats) -> Floats:
-    """Return the way until each step, from the commanded distances of the steps t ≥ 1."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(distances))])
+def driven(commands: Sequence[Reals]) -> Floats:
+    """Return the way until each step, from the commands of the steps t ≥ 1, (2,) or (3,) each."""
+    if not commands:
+        return np.zeros(1)
+    return np.concatenate([[0.0], np.cumsum(lengths_of(np.array(commands, np.float64)))])

@@ -24,7 +24,7 @@ class JourneyLog:
         self._metre = metre(task.floor_plan.unit)
         self._turned = any(group.name == "ambiguity" for group in groups)
         self._truth: list[Reals] = []
-        self._commanded: list[float] = []
+        self._commanded: list[Reals] = []
         self._collided: list[bool] = []
         self._fixes: list[tuple[float, ...]] = []  # step, x, y, θ, quality, masses
         self._goal: Reals | None = None
@@ -38,7 +38,7 @@ class JourneyLog:
         if moment.step == 0 and moment.route is not None:
             self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
         if moment.action is not None:
-            self._commanded.append(float(moment.action[0]))
+            self._commanded.append(moment.action)
         if self._groups and (points := moment.belief.points()) is not None:
             poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
@@ -76,7 +76,7 @@ class JourneyLog:
         table = np.array(self._fixes, np.float64)
         steps = table[:, 0].astype(np.intp)
         off = truth[steps] - table[:, 1:4] / size
-        way = driven(np.array(self._commanded)) / self._metre
+        way = driven(self._commanded) / self._metre
         goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
         return Journey(

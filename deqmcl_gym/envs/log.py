@@ -39,28 +39,26 @@ class LogEnv(gym.Env[Singles, Singles]):
         ranges, reward, terminated, truncated, info = env.step(action)
     ```
 
-    **Action Space**: `Box(-a, a, (2,), float32)`: distance to drive (in the log's unit; backwards
-    if negative) after an angle to turn (rad), as in `Room-v0`; a are the largest recorded actions.
-    The robot cannot be steered: the action given must be the recorded one
-    (`env.unwrapped.next_action`, the first of `info["planned_actions"]` if the plan is the
-    odometry's). `on_mismatch` says what happens otherwise; another action is never carried out.
-    Checkers that try random actions, such as Gymnasium's `check_env`, need
-    `on_mismatch="ignore"`.
+    **Action Space**: `Box(-a, a, (3,), float32)`: an increment of the odometry, (forward, left,
+    turn): a turn (rad), then a translation (in the log's unit) in the frame after it, so that an
+    action (d, φ) of `Room-v0` is (d, 0, φ). a are the largest recorded increments. The robot
+    cannot be steered: the action given must be the recorded one (`env.unwrapped.next_action`, the
+    first of `info["planned_actions"]` if the plan is the odometry's). `on_mismatch` says what
+    happens otherwise; another action is never carried out. Checkers that try random actions, such
+    as Gymnasium's `check_env`, need `on_mismatch="ignore"`.
 
     **Observation Space**: `Box(0, 2 r, (beams,), float32)` for a scanner's `max_range` r: the scan.
     Beams without a measurement (nothing in range, too near, failed) read 2 r, as Gymnasium's
     checker requires finite spaces; localizers skip ranges above r.
 
-    **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here as an action
-    (d, φ): φ is its turn, d its component along the new heading; `env.unwrapped.log.residuals` are
-    the components across (`deqmcl_gym.logs.motion`). `planned_actions` are the increments to come,
+    **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here, (3,).
+    `planned_actions` (horizon, 3) are the increments to come,
     as if the log were a plan that was carried out, and `planned_count` is their number; `collided`
     is always False. `truth` is the reference pose, at records that have one. The env reveals it in
     no other way, except that `plan="reference"` plans by it.
 
-    **Poses** are the scanner's position with the robot's heading, so that a localizer needs no
-    mounting: `env.unwrapped.lidar` is at their origin. If the scanner is not mounted in the robot's
-    centre, its position moves sideways in a turn, which `residuals` include.
+    **Poses** are the robot's (ROS: `base_link`). `env.unwrapped.lidar` knows where on the robot it
+    is mounted; there its rays start.
 
     **Reward**: 0. **Terminated** after the last record, never truncated. **Randomness**: where a
     `segment` begins, drawn at `reset`. **Options** of `reset`: none.
@@ -128,7 +126,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self.render_mode = render_mode
         whole = log_of(log, reference, reading).segment(start, length)
         apart = None if every is None else spacing("every", every, whole.unit)
-        played = (whole if apart is None else whole.spaced(*apart)).at_scanner()
+        played = whole if apart is None else whole.spaced(*apart)
         self.log = played if max_beams is None else played.with_beams(max_beams)
         if len(self.log) < 2:
             raise InputError(
@@ -138,9 +136,9 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._map = None if map is None else map_of(map, self.log)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
         self._segments = segments_of(self.log, segment)
-        self._actions = self.log.actions.astype(np.float32)
+        self._actions = self.log.increments.astype(np.float32)
         planned = planned_of(plan, self.log, self._segments)
-        self._plan = np.vstack([planned, np.zeros((self._horizon, 2))]).astype(np.float32)
+        self._plan = np.vstack([planned, np.zeros((self._horizon, 3))]).astype(np.float32)
         self._planned = len(planned)
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
         self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
@@ -186,7 +184,7 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     @property
     def next_action(self) -> Singles:
-        """The recorded action of the next step, (2,) float32.
+        """The recorded increment of the next step, (3,) float32.
 
         Raises:
             RuntimeError: there is no next step.
@@ -209,12 +207,12 @@ class LogEnv(gym.Env[Singles, Singles]):
         drawn = self.np_random.integers(len(self._segments)) if len(self._segments) > 1 else 0
         self._first, self._last = self._segments[drawn].tolist()
         self._step = self._first
-        return self._scans[self._step].copy(), self._info(np.zeros(2, np.float32))
+        return self._scans[self._step].copy(), self._info(np.zeros(3, np.float32))
 
     def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
         """Play the next record."""
         recorded = self.next_action
-        self._compare(array("the action", action, (2,)), recorded)
+        self._compare(array("the action", action, (3,)), recorded)
         self._step += 1
         ended = self._step == self._last
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
@@ -237,7 +235,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         view = _blank(poses[at], log.unit) if ground is None else View(ground)
         drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:
-            drawing.beams(poses[step], self.lidar.bearings, log.ranges[step])
+            drawing.beams(self.lidar.origin(poses[step]), self.lidar.bearings, log.ranges[step])
             drawing.robot(poses[step], self.radius)
         return drawing.number(self.elapsed_steps).image
 
@@ -251,7 +249,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         """Refuse, or warn of, an action that is not the recorded one."""
         if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
             return
-        given, meant = (f"({d:.6g}, {turn:.6g})" for d, turn in (action, recorded))
+        given, meant = (f"({', '.join(f'{one:.6g}' for one in row)})" for row in (action, recorded))
         sentence = (
             f"the action of step {self.elapsed_steps + 1} is {given}, but {meant} was recorded: "
             "give env.unwrapped.next_action"

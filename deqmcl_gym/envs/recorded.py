@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.logs.motion import increments_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, array, number, one_of, shown
@@ -58,7 +58,7 @@ def map_of(given: Any, log: logs.Log) -> Map:
 
 
 def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
-    """Return the planned actions of a log's steps, (n - 1, 2); (0, 2) for "none".
+    """Return the planned increments of a log's steps, (n - 1, 3); (0, 3) for "none".
 
     Args:
         plan: one of ``PLANS``.
@@ -69,9 +69,9 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
         InputError: it is "reference", but a record of a segment has no reference pose.
     """
     if one_of("plan", plan, PLANS) == "none":
-        return np.empty((0, 2))
+        return np.empty((0, 3))
     if plan == "odometry":
-        return log.actions
+        return log.increments
     unknown = _unknown(log)
     if log.reference is None or (unknown[segments[:, 1] + 1] > unknown[segments[:, 0]]).any():
         raise InputError(
@@ -79,7 +79,7 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
             f"{log.source} have no reference pose: choose a segment where all do by start and "
             'length, or plan="odometry".'
         )
-    return actions_of(log.reference)[0]
+    return increments_of(log.reference)
 
 
 def segments_of(log: logs.Log, length: float | None) -> Indices:
@@ -95,7 +95,7 @@ def segments_of(log: logs.Log, length: float | None) -> Indices:
     if length is None:
         return np.array([[0, len(log) - 1]])
     number("segment", length, low=0, above=True)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(log.actions[:, 0]))])
+    way = log.driven
     last = np.searchsorted(way, way + length)
     whole = last < len(log)
     if log.reference is not None:

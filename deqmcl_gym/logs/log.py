@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned
+from deqmcl_gym.logs.motion import dead_reckoned, increments_of, lengths_of, sideways_of
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.units import PIXELS
@@ -112,7 +112,7 @@ class Log:
 
         Args:
             scans: at reset and after each step, (T + 1, beams).
-            actions: ``info["action"]`` of each step (d, φ), (T, 2).
+            actions: ``info["action"]`` of each step, (d, φ) or (forward, left, turn), (T, 2 or 3).
             truth: the true poses, (T + 1, 3); None does not record them.
             lidar: that took the scans.
             unit: of all lengths.
@@ -141,11 +141,12 @@ class Log:
 
     def __str__(self) -> str:
         """Return a summary of a few lines."""
-        seconds, driven = self.times[-1] - self.times[0], np.abs(self.actions[:, 0]).sum()
+        seconds, unit = self.times[-1] - self.times[0], self.unit
         degrees = np.degrees(self.scanner.bearings[[0, -1]])
+        aside = np.abs(self.residuals).sum()
         lines = [
-            f"{self.source}: {len(self):,} records, {seconds:,.1f} s, {driven:,.1f} {self.unit} "
-            "by odometry",
+            f"{self.source}: {len(self):,} records, {seconds:,.1f} s, {self.driven[-1]:,.1f} "
+            f"{unit} by odometry, {aside:,.1f} {unit} of it sideways",
             f"scanner: {self.scanner.beams} beams from {degrees[0]:.4g}° to {degrees[1]:.4g}°, up "
             f"to {self.scanner.max_range:g} {self.unit}, {np.isinf(self.ranges).mean():.1%} of "
             "the ranges without a return",
@@ -157,14 +158,18 @@ class Log:
         return "\n".join(lines)
 
     @cached_property
-    def actions(self) -> Floats:
-        """The odometry's increments as actions (d, φ), (n - 1, 2); see ``logs.motion``."""
-        return actions_of(self.odometry)[0]
+    def increments(self) -> Floats:
+        """The odometry's increments (forward, left, turn), (n - 1, 3); see ``logs.motion``."""
+        return increments_of(self.odometry)
 
     @cached_property
     def residuals(self) -> Floats:
-        """Component of each increment to the left of the new heading, (n - 1,)."""
-        return actions_of(self.odometry)[1]
+        """Component of each increment to the left of the mean heading, (n - 1,): 0 on an arc.
+
+        What a robot with two driven wheels cannot do. Large ones are those of a robot that moves
+        sideways, of wheels that slip, or of poses that are not of the robot's base.
+        """
+        return sideways_of(self.increments)
 
     @cached_property
     def referenced(self) -> Indices:
@@ -201,28 +206,6 @@ class Log:
         scanner, kept = self.scanner.thinned(max_beams)
         return replace(self, scanner=scanner, ranges=self.ranges[:, kept])
 
-    def at_scanner(self) -> "Log":
-        """Return the log with poses of the scanner instead of the robot's centre; headings stay.
-
-        Localizers take their own position as that of the scanner. A scanner that is not mounted in
-        the centre moves sideways when the robot turns: see ``residuals``.
-        """
-        if self.scanner.mounting == (0.0, 0.0):
-            return self
-        offset = np.array([*self.scanner.mounting, 0.0])
-        reference = self.reference
-        if reference is not None:
-            known = np.isfinite(reference[:, 0])
-            moved = np.full_like(reference, np.nan)
-            moved[known] = composed(reference[known], offset)
-            reference = moved
-        return replace(
-            self,
-            scanner=replace(self.scanner, mounting=(0.0, 0.0)),
-            odometry=composed(self.odometry, offset),
-            reference=reference,
-        )
-
     def of_records(self, chosen: slice | Indices) -> "Log":
         """Return the log of the chosen records, in order."""
         return replace(
@@ -238,18 +221,12 @@ class Log:
         """Distance driven up to each record by odometry, plus 1 m for each radian turned, (n,)."""
         per_turn = 1 / PIXELS["m"] * PIXELS[self.unit]
         turned = np.abs(arrays.wrapped(np.diff(self.odometry[:, 2])))
-        return _sums(self._steps + per_turn * turned)
+        return _sums(lengths_of(self.increments) + per_turn * turned)
 
     @cached_property
     def driven(self) -> Floats:
         """Distance driven up to each record, by odometry, (n,)."""
-        return _sums(self._steps)
-
-    @cached_property
-    def _steps(self) -> Floats:
-        """Straight distance from each record to the next, (n - 1,)."""
-        across, up = np.diff(self.odometry[:, :2], axis=0).T
-        return np.asarray(np.hypot(across, up))
+        return _sums(lengths_of(self.increments))
 
 
 def _sums(steps: Floats) -> Floats:

@@ -1,10 +1,7 @@
-"""Odometry as actions (d, φ): turn, then drive.
+"""Odometry as increments (forward, left, turn): a turn, then a translation in the frame after it.
 
-An increment (Δx, Δy, Δθ) has three numbers, an action two. The heading is exact, as scans depend on
-it most, and the drive is the least-squares solution: φ = Δθ, and d is the component along the new
-heading. The residual is the component across: -d Δθ / 2 for a robot on an arc, plus any slip of the
-wheels. Residuals of bends to the left and to the right cancel at equal speed; ``Log.residuals`` has
-those of a log.
+Two consecutive poses have three numbers between them, and an increment keeps all three. It is in
+the frame after the turn, so that (d, 0, φ) is a room's action (d, φ): turn by φ, drive d ahead.
 """
 
 import numpy as np
@@ -14,32 +11,48 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats
 
 
-def actions_of(poses: Floats) -> tuple[Floats, Floats]:
-    """Return the actions between consecutive poses (n, 3), and their residuals.
-
-    Returns:
-        (d, φ), (n - 1, 2); the residuals to the left of the new heading, (n - 1,). NaN where a
-        pose is NaN.
-    """
+def increments_of(poses: Floats) -> Floats:
+    """Return the increments between consecutive poses (n, 3), (n - 1, 3); NaN where a pose is."""
     known: Bools = np.asarray(np.isfinite(poses).all(axis=1))
     given = np.where(known[:, None], poses, 0.0)
     dx, dy, turn = np.diff(given, axis=0).T
     cosine, sine = arrays.cos(given[1:, 2]), arrays.sin(given[1:, 2])
-    drive, across = dx * cosine + dy * sine, dy * cosine - dx * sine
-    found = np.column_stack([drive, arrays.wrapped(turn), across])
+    forward, left = dx * cosine + dy * sine, dy * cosine - dx * sine
+    found = np.column_stack([forward, left, arrays.wrapped(turn)])
     found[~(known[1:] & known[:-1])] = np.nan
-    return found[:, :2], found[:, 2]
+    return found
 
 
-def dead_reckoned(actions: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return the start and the poses after each of the actions (n, 2), (n + 1, 3)."""
-    steps = np.asarray(actions, dtype=np.float64).reshape(-1, 2)
+def lengths_of(increments: Floats) -> Floats:
+    """Return the lengths of increments (n, 3), or of actions (d, φ), (n, 2), (n,)."""
+    if increments.shape[1] == 2:
+        return np.abs(increments[:, 0])
+    lengths: Floats = np.sqrt(increments[:, 0] ** 2 + increments[:, 1] ** 2)
+    return lengths
+
+
+def sideways_of(increments: Floats) -> Floats:
+    """Return the components of increments (n, 3) to the left of the mean heading, (n,).
+
+    The mean of the headings before and after: 0 for a robot on an arc of a circle.
+    """
+    forward, left, turn = increments.T
+    cosine, sine = arrays.cos(turn / 2), arrays.sin(turn / 2)
+    aside: Floats = left * cosine + forward * sine
+    return aside
+
+
+def dead_reckoned(increments: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
+    """Return the start and the poses after each increment (n, 3) or action (n, 2), (n + 1, 3)."""
+    given = np.asarray(increments, dtype=np.float64)
+    given = given.reshape(len(given), -1 if given.size else 3)
+    forward, turn = given[:, 0], given[:, -1]
+    left = given[:, 1] if given.shape[1] == 3 else np.zeros(len(given))
     x, y, heading = np.asarray(start, dtype=np.float64)
-    headings = arrays.wrapped(np.cumsum([heading, *steps[:, 1]]))
-    drives = np.zeros(len(steps) + 1)
-    drives[1:] = steps[:, 0]
-    xs = np.cumsum(drives * arrays.cos(headings)) + x
-    ys = np.cumsum(drives * arrays.sin(headings)) + y
+    headings = arrays.wrapped(np.cumsum([heading, *turn]))
+    cosine, sine = arrays.cos(headings[1:]), arrays.sin(headings[1:])
+    xs = np.cumsum([0.0, *(forward * cosine - left * sine)]) + x
+    ys = np.cumsum([0.0, *(forward * sine + left * cosine)]) + y
     return np.column_stack([xs, ys, headings])
 
 

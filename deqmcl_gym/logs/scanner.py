@@ -29,7 +29,6 @@ class Scanner(Lidar):
     Attributes:
         angles: of the beams against the robot's heading, including the turn of the mounting,
             counterclockwise, in the order of the ranges, (beams,) rad.
-        mounting: position of the scanner, x ahead and y left of the robot's centre.
         min_range: smallest range that is a measurement.
         no_return: smallest range reported where nothing is in range.
     """
@@ -39,7 +38,6 @@ class Scanner(Lidar):
     max_range: float = field(metadata=LENGTH)
     sigma: float = field(default=0.0, metadata=LENGTH)
     angles: tuple[float, ...] = field(repr=False)
-    mounting: tuple[float, float] = field(default=(0.0, 0.0), metadata=LENGTH)
     min_range: float = field(default=0.0, metadata=LENGTH)
     no_return: float = field(default=math.inf, metadata=LENGTH)
 
@@ -55,8 +53,6 @@ class Scanner(Lidar):
         object.__setattr__(self, "angles", tuple(angles))
         object.__setattr__(self, "beams", len(angles))
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
-        x, y = array("scanner.mounting", self.mounting, (2,)).tolist()
-        object.__setattr__(self, "mounting", (x, y))
         super().__post_init__()
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
         least = self.min_range
@@ -64,9 +60,12 @@ class Scanner(Lidar):
 
     @classmethod
     def of_lidar(cls, lidar: Lidar) -> "Scanner":
-        """Return the scanner of a simulated robot: in its centre, with all ranges measurements."""
+        """Return the scanner of a simulated robot, all of whose ranges are measurements."""
         return cls(
-            angles=tuple(lidar.bearings), max_range=float(lidar.max_range), sigma=lidar.sigma
+            angles=tuple(lidar.bearings),
+            max_range=float(lidar.max_range),
+            sigma=lidar.sigma,
+            mounting=lidar.mounting,
         )
 
     @classmethod

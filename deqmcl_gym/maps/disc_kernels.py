@@ -72,7 +72,7 @@ def roll_out(
 
     Args:
         poses: rows x, y, θ, (3, n).
-        moves: distances and turns, (F, 2, n); as ``kernels.drive``.
+        moves: increments, (F, 3, n); as ``kernels.drive``.
         reach, frame, radius: as ``feasible``.
         collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
@@ -88,7 +88,7 @@ def roll_out(
         hits[:] = 0
         _find(before, reach, frame, here[0], here[1], near)
         for step in range(len(moves)):
-            drive(before, moves[step, 0, start:end], moves[step, 1, start:end], after)
+            drive(before, moves[step, :, start:end], after)
             _find(after, reach, frame, there[0], there[1], next_near)
             _count(here, near, there, next_near, size, reach, hits)
             if len(out) > 1 or step == len(moves) - 1:

@@ -38,23 +38,43 @@ class Clearance(NamedTuple):
 
 
 @compiled
-def drive(poses: Singles, distances: Singles, turns: Singles, out: Singles) -> None:
-    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + distance (cos θ', sin θ').
+def drive(poses: Singles, moves: Singles, out: Singles) -> None:
+    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + R(θ') (forward, left).
 
     Args:
         poses: rows x, y, θ, (3, n).
-        distances, turns: (n,).
+        moves: increments, rows forward, left, turn, (3, n).
         out: (3, n), not the memory of the poses.
     """
     x, y, heading = poses[0], poses[1], poses[2]
+    forward, left, turn = moves[0], moves[1], moves[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
     for i in range(x.size):
-        new_heading[i] = wrapped32(heading[i] + turns[i])
+        new_heading[i] = wrapped32(heading[i] + turn[i])
     sincos32(new_heading, new_y, new_x)
     for i in range(x.size):
-        new_x[i] = x[i] + distances[i] * new_x[i]
+        cosine, sine = new_x[i], new_y[i]
+        new_x[i] = x[i] + (forward[i] * cosine - left[i] * sine)
+        new_y[i] = y[i] + (forward[i] * sine + left[i] * cosine)
+
+
+@compiled
+def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
+    """Fill in the poses of a sensor, (x, y) + R(θ) (ahead, aside) and θ, of robots at ``poses``.
+
+    Args:
+        poses: rows x, y, θ, (3, n).
+        ahead, aside: place of the sensor on the robot, ahead and to the left.
+        out: (3, n), not the memory of the poses.
+    """
+    x, y, heading = poses[0], poses[1], poses[2]
+    forward, left = np.float32(ahead), np.float32(aside)
+    sincos32(heading, out[1], out[0])
     for i in range(x.size):
-        new_y[i] = y[i] + distances[i] * new_y[i]
+        cosine, sine = out[0, i], out[1, i]
+        out[0, i] = x[i] + (forward * cosine - left * sine)
+        out[1, i] = y[i] + (forward * sine + left * cosine)
+        out[2, i] = heading[i]
 
 
 @compiled
@@ -228,7 +248,7 @@ def roll_out(
 
     Args:
         poses: rows x, y, θ, (3, n).
-        moves: distances and turns, (F, 2, n); as ``drive``.
+        moves: increments, (F, 3, n); as ``drive``.
         walls, radius, clearance: as ``feasible``.
         collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
@@ -241,7 +261,7 @@ def roll_out(
         hits = collisions[start:end]
         hits[:] = 0
         for step in range(len(moves)):
-            drive(before, moves[step, 0, start:end], moves[step, 1, start:end], after)
+            drive(before, moves[step, :, start:end], after)
             feasible(before, after, walls, radius, clearance, clear)
             for i in range(end - start):
                 hits[i] += not clear[i]

@@ -114,7 +114,7 @@ class RollOuts(Protocol):
 
         Args:
             poses: rows x, y, θ, (3, n) float32.
-            moves: distances and turns of each step, (F, 2, n) float32.
+            moves: increments (forward, left, turn) of each step, (F, 3, n) float32.
             radius: of the disc.
             kept: F to return the poses after each step, 1 for those after the last only.
 

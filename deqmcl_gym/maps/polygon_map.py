@@ -203,23 +203,22 @@ class PolygonMap:
         return pixel(self.unit)
 
 
-def driven(poses: Singles, distances: Singles, turns: Singles) -> Singles:
-    """Turn, then drive: θ' = θ + turn; (x', y') = (x, y) + distance (cos θ', sin θ').
+def driven(poses: Singles, moves: Singles) -> Singles:
+    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left).
 
     Args:
         poses: rows x, y, θ, (3, n) float32.
-        distances, turns: (n,) float32.
+        moves: increments, rows forward, left, turn, (3, n) float32.
 
     Returns:
         (3, n), θ' in [-π, π].
     """
-    if len(poses) != 3 or not poses.shape[1:] == distances.shape == turns.shape:
+    if len(poses) != 3 or poses.shape != moves.shape:
         raise InputError(
-            f"poses have shape {poses.shape}, distances {distances.shape} and turns {turns.shape}, "
-            "but they must be (3, n), (n,) and (n,)."
+            f"poses have shape {poses.shape} and moves {moves.shape}, but both must be (3, n)."
         )
     out = np.empty_like(poses)
-    kernels.drive(poses, distances, turns, out)
+    kernels.drive(poses, moves, out)
     return out
 
 

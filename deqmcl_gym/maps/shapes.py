@@ -27,13 +27,13 @@ def check_pairs(starts: NDArray[Any], ends: NDArray[Any]) -> None:
 
 
 def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
-    """Refuse moves that are not (F, 2, n) for poses (3, n), or ``kept`` other than 1 or F."""
+    """Refuse moves that are not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
     steps = len(moves)
-    fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 2, *poses.shape[1:])
+    fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
     if not fits or steps == 0 or kept not in (1, steps):
         raise InputError(
             f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
-            "must be (3, n), (F, 2, n) with F ≥ 1, and 1 or F."
+            "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
         )
 
 

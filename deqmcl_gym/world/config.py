@@ -195,6 +195,13 @@ class World:
                 "a world has a route or lap.waypoints: give only one of them, or "
                 'route = "none" for the lap.'
             )
+        place, radius = self.lidar.mounting, self.robot.radius
+        if math.hypot(*place) > radius:
+            raise InputError(
+                f"lidar.mounting is {place}, {math.hypot(*place):.4g} {self.floor_plan.unit} from "
+                f"the robot's centre, but its radius is {radius:g}: give a mounting on the robot, "
+                "or a larger robot.radius."
+            )
 
     @cached_property
     def pixel(self) -> float:

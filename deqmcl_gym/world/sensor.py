@@ -14,6 +14,7 @@ class LidarSensor:
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
+        self._lidar = lidar
         self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
         self._x, self._y = floor_plan.datum
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
@@ -25,7 +26,7 @@ class LidarSensor:
         origin, exact = self._origin, self._exact
         x, y, heading = pose
         origin[0, 0], origin[1, 0], origin[2, 0] = x - self._x, y - self._y, heading
-        self._caster.cast(origin, self._bearings, exact)
+        self._caster.cast(self._lidar.origins(origin), self._bearings, exact)
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)
         _report(exact, normals, self._sigma, self._max_range, seen)
@@ -41,6 +42,7 @@ class LidarSensors:
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
         """Mount ``lidar`` in n ``rooms``, for at most ``most`` scans in an episode."""
+        self._lidar = lidar
         self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
         self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
@@ -55,7 +57,7 @@ class LidarSensors:
         """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
         origins = (poses - self._datum).T.astype(np.float32, order="C")
         exact = np.empty((self._bearings.size, rooms.size), np.float32)
-        self._caster.cast(origins, self._bearings, exact)
+        self._caster.cast(self._lidar.origins(origins), self._bearings, exact)
         noise = self._noise
         noise.fill()
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)

@@ -192,7 +192,8 @@ class Setting:
 
     def picture(self, course: Course, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
         """Return the world with the robot, its scan and the number of steps, (h, w, 3) RGB."""
-        drawing = self.drawing(course).beams(pose, self.world.lidar.bearings, scan)
+        lidar = self.world.lidar
+        drawing = self.drawing(course).beams(lidar.origin(pose), lidar.bearings, scan)
         return drawing.robot(pose, self.world.robot.radius).number(step).image
 
     def drawing(self, course: Course | None = None) -> "Drawing":

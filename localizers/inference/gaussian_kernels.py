@@ -12,16 +12,17 @@ def predict(
     mean: Floats,
     covariance: Floats,
     distance: float,
+    bearing: float,
     turn: float,
     sd_distance: float,
     sd_turn: float,
 ) -> None:
-    """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive.
+    """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive in direction θ' + bearing.
 
     F = ∂f/∂x and V = ∂f/∂ε at the mean; Q = diag(sd_distance², sd_turn²).
     """
     heading = mean[2] + turn
-    sine, cosine = sin64(heading), cos64(heading)
+    sine, cosine = sin64(heading + bearing), cos64(heading + bearing)
     mean[0] += distance * cosine
     mean[1] += distance * sine
     mean[2] = heading

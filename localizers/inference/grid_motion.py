@@ -13,7 +13,7 @@ import numpy as np
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from localizers.inference import grid_kernels
-from localizers.models.motion import OdometryMotion
+from localizers.models.motion import OdometryMotion, distance_and_bearing
 from localizers.models.normal import normal_pdf
 from localizers.models.pose_grid import PoseGrid
 
@@ -31,8 +31,9 @@ class GridMotion:
         """Return Σ_x' p(x | x', a) mass(x'), (H, Y, X); what leaves the grid is lost."""
         sd_distance, sd_turn = self.motion.spread(action)
         turned, driven = np.empty_like(mass), np.empty_like(mass)
-        grid_kernels.turn(mass, self._turns(float(action[1]), sd_turn), turned)
-        stencils, low_row, low_column = self._stencils(float(action[0]), sd_distance)
+        grid_kernels.turn(mass, self._turns(float(action[2]), sd_turn), turned)
+        way = distance_and_bearing(action)
+        stencils, low_row, low_column = self._stencils(*way, sd_distance)
         grid_kernels.shift(turned, stencils, low_row, low_column, driven)
         return driven
 
@@ -50,7 +51,7 @@ class GridMotion:
         moved += np.bincount((low + 1) % headings, above, headings)
         return moved
 
-    def _stencils(self, distance: float, sd: float) -> tuple[Floats, int, int]:
+    def _stencils(self, distance: float, bearing: float, sd: float) -> tuple[Floats, int, int]:
         """Shares by which mass of each heading moves by (rows, columns), (H, J, I), and the first.
 
         Moves that leave the grid from anywhere are left out.
@@ -61,7 +62,7 @@ class GridMotion:
         )
         if nodes.size == 0:
             return np.zeros((headings, 1, 1)), 0, 0
-        angles = self.grid.axes[0][:, None]
+        angles = self.grid.axes[0][:, None] + bearing
         down = arrays.sin(angles) * (nodes / self.grid.cell)  # (H, nodes)
         right = arrays.cos(angles) * (nodes / self.grid.cell)
         row, column = np.floor(down), np.floor(right)

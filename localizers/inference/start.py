@@ -84,7 +84,7 @@ class InformedStart:
         return read.resampled(chosen, by, log_sum)._replace(queue=Queue((states,)))
 
     def _noise(self, states: States, plan: Actions, rng: np.random.Generator) -> States:
-        length = float(np.abs(plan[:, 0]).sum())
+        length = float(np.sqrt(plan[:, 0] ** 2 + plan[:, 1] ** 2).sum())
         sd = np.array([self.jitter, self.jitter, self.jitter / length if length > 0 else 0.0])
         noise: States = sd[:, None] * rng.standard_normal(states.shape)
         return noise.astype(states.dtype)

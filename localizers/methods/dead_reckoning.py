@@ -70,7 +70,8 @@ def dead_reckoning(robot: RobotModel) -> DeadReckoning:
     return DeadReckoning()
 
 
-def _moved(pose: Pose, distance: float, turn: float) -> Pose:
+def _moved(pose: Pose, forward: float, left: float, turn: float) -> Pose:
     x, y, heading = pose
     heading += turn
-    return x + distance * cos64(heading), y + distance * sin64(heading), heading
+    cosine, sine = cos64(heading), sin64(heading)
+    return x + (forward * cosine - left * sine), y + (forward * sine + left * cosine), heading

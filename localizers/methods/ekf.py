@@ -21,7 +21,7 @@ from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.kernels import log_evidence
 from localizers.inference.localizer import FilterLocalizer
 from localizers.inference.trust import Trust
-from localizers.models.motion import OdometryMotion, odometry
+from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
 from localizers.models.scan import LidarScan, usable_beams
 
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
@@ -114,10 +114,10 @@ class KalmanFilter:
         plan: Floats,
         rng: np.random.Generator,
     ) -> GaussianBelief:
-        """Return the belief after one action (2,) and one scan (B,)."""
+        """Return the belief after one increment (3,) and one scan (B,)."""
         mean, covariance = belief.mean.copy(), belief.covariance.copy()
-        distance, turn = action.tolist()
-        kernels.predict(mean, covariance, distance, turn, *self.motion.spread(action))
+        way, turn = distance_and_bearing(action), float(action[2])
+        kernels.predict(mean, covariance, *way, turn, *self.motion.spread(action))
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
         likelihoods = self.scan.log_likelihood(predicted, ranges)
         trust = belief.trust.after(ranges, log_evidence(np.zeros(6), likelihoods, 6))
@@ -134,7 +134,8 @@ class KalmanFilter:
         usable = usable_beams(ranges, lidar.max_range)
         steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
         shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
-        seen = floor_plan.ranges(mean + shifts, lidar.bearings[usable])
+        origins = lidar.origins((mean + shifts).T).T
+        seen = floor_plan.ranges(origins, lidar.bearings[usable])
         predicted = np.isfinite(seen).all(axis=0)
         expected, variances = self.beam.hit_moments(
             seen[:, predicted].astype(np.float64), lidar.max_range

@@ -98,7 +98,7 @@ class GridFilter:
         plan: Floats,
         rng: np.random.Generator,
     ) -> GridBelief:
-        """Return the belief after one action (2,) and one scan (B,)."""
+        """Return the belief after one increment (3,) and one scan (B,)."""
         events = belief.events
         mass = self.motion.predicted(belief.mass, action)
         if not mass.any():  # all of it has left the map

@@ -13,7 +13,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.models import lookahead_kernels as grid_kernels
-from localizers.models.motion import OdometryMotion
+from localizers.models.motion import OdometryMotion, distance_and_bearing
 from localizers.models.normal import normal_cdf, normal_pdf
 
 LEAST = np.float32(1e-30)  # keeps every h a normal float32 and its logarithm finite
@@ -63,7 +63,7 @@ class LookaheadGrid:
             )
 
     def log_h(self, poses: Singles, window: Floats) -> Floats:
-        """Log h of poses (3, n) under a window of actions (F, 2), (n,)."""
+        """Log h of poses (3, n) under a window of increments (F, 3), (n,)."""
         out = np.empty(poses.shape[1])
         table = _tables(self).of(window, self.around(poses))
         _, ny, nx = self.shape
@@ -73,14 +73,17 @@ class LookaheadGrid:
         return out
 
     def table(self, window: Floats, asked: "Nodes | None" = None) -> "Table":
-        """Compute h under a window of actions (F, 2), at all nodes or at those that are asked for.
+        """Compute h under a window of increments (F, 3), at all nodes or at those asked for.
 
         Backwards, each step is done for no more nodes than the ones before it can lead to.
         """
         headings, ny, nx = self.shape
         before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
         turns, spreads = [], [self.motion.spread(action) for action in window]
-        for (distance, turn), (sd, sd_turn) in zip(window.tolist(), spreads, strict=True):
+        ways = [distance_and_bearing(action) for action in window]
+        for (distance, _), turn, (sd, sd_turn) in zip(
+            ways, window[:, 2].tolist(), spreads, strict=True
+        ):
             turns.append(_turn_weights(turn, sd_turn, headings))
             far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
             before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
@@ -89,9 +92,9 @@ class LookaheadGrid:
         h = np.full((headings, (rows + 2 * pad) * (columns + 2 * pad)), _SCALE)
         out = h.copy()
         charge, least = np.float32(math.exp(-self.beta)), LEAST * _SCALE
-        drives: dict[tuple[float, float], Drives] = {}
+        drives: dict[tuple[float, float, float], Drives] = {}
         for step in range(len(window))[::-1]:
-            drive, nodes = (float(window[step, 0]), spreads[step][0]), before[step]
+            drive, nodes = (*ways[step], spreads[step][0]), before[step]
             if drive not in drives:
                 drives[drive] = _among(_drives(self, *drive), widest, pad)
             grid_kernels.stepped_back(
@@ -131,7 +134,7 @@ class LookaheadGrid:
         farthest = 0.0
         for action in window:
             sd, _ = self.motion.spread(action)
-            farthest = max(farthest, abs(float(action[0])) + _SIGMAS[-1] * sd)
+            farthest = max(farthest, abs(distance_and_bearing(action)[0]) + _SIGMAS[-1] * sd)
         _, ny, nx = self.shape
         return math.ceil(min(farthest / self.cell, max(ny, nx) + 1.0)) + 1
 
@@ -195,7 +198,7 @@ class _Tables:
         self._kept: dict[bytes, Table] = {}  # the one used last comes last
 
     def of(self, window: Floats, asked: Nodes) -> Table:
-        """Return a table of h under a window of actions (F, 2), at the nodes asked for or more."""
+        """Return a table of h under a window of increments (F, 3), at these nodes or more."""
         key = window.tobytes()
         table = self._kept.pop(key, None)
         if table is None:
@@ -217,11 +220,11 @@ Drives = tuple[NDArray[np.int64], Singles, Singles, Bools]
 
 
 @lru_cache(maxsize=32)
-def _drives(grid: LookaheadGrid, distance: float, sd: float) -> Drives:
+def _drives(grid: LookaheadGrid, distance: float, bearing: float, sd: float) -> Drives:
     """Return shifts, their shares and which collide, as ``stepped_back`` has them, (…, ny, nx)."""
     distances = np.array([distance + sd * z for z in (_SIGMAS if sd > 0 else (0.0,))])
     shares = np.array(_SHARES if sd > 0 else (1.0,), dtype=np.float32)
-    angles = np.arange(grid.headings) * (2 * math.pi / grid.headings)
+    angles = np.arange(grid.headings) * (2 * math.pi / grid.headings) + bearing
     directions = np.column_stack([arrays.cos(angles), arrays.sin(angles)])
     shifts = distances[:, None, None] * directions  # (Q, H, 2)
     _, ny, nx = grid.shape

@@ -14,7 +14,13 @@ _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
 
 @compiled
 def normal_pairs(
-    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, out: Singles
+    uniforms: Floats,
+    first_mean: float,
+    first_sd: float,
+    mean: float,
+    sd: float,
+    first: Singles,
+    second: Singles,
 ) -> None:
     """Fill in pairs of independent normal numbers, each made of one uniform number.
 
@@ -24,7 +30,7 @@ def normal_pairs(
     Args:
         uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
         first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
-        out: (2, n).
+        first, second: the numbers to fill in, (n,).
     """
     n = uniforms.size
     radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -37,7 +43,6 @@ def normal_pairs(
         radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
     for i in range(n):
         angle[i] = angle[i] * _TURN
-    first, second = out[0], out[1]
     sincos32(angle, second, first)
     shift, scale = np.float32(first_mean), np.float32(first_sd)
     for i in range(n):
@@ -48,25 +53,45 @@ def normal_pairs(
 
 
 @compiled
+def along(forward: float, left: float) -> tuple[float, float, float]:
+    """Return (d, u, v) with (forward, left) = d (u, v), u² + v² = 1 and u ≥ 0: d < 0 is backwards.
+
+    (forward, 1, 0) exactly where left is 0.
+    """
+    if left == 0.0:
+        return forward, 1.0, 0.0
+    distance = np.copysign(np.sqrt(forward * forward + left * left), forward)
+    return distance, forward / distance, left / distance
+
+
+@compiled
 def _noisy_move(
-    uniforms: Floats, action: Floats, drive: float, turn: float, drift: float, out: Singles
+    uniforms: Floats, increment: Floats, drive: float, turn: float, drift: float, out: Singles
 ) -> None:
-    distance, angle = action
+    distance, u, v = along(increment[0], increment[1])
+    angle = increment[2]
     sd_angle = turn * abs(angle) + drift * abs(distance)
-    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out)
+    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out[0], out[2])
+    if v == 0.0:
+        out[1] = 0.0
+        return
+    ahead, aside = np.float32(u), np.float32(v)
+    for i in range(uniforms.size):
+        out[1, i] = out[0, i] * aside
+        out[0, i] = out[0, i] * ahead
 
 
 @compiled
 def noisy_moves(
     uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
 ) -> None:
-    """Fill in d + ε_d and φ + ε_φ of each action; the rest as ``OdometryMotion``.
+    """Fill in each increment with its noise; the rest as ``OdometryMotion``.
 
     Args:
         uniforms: as for ``normal_pairs``, (F, n).
-        actions: (d, φ), (F, 2).
+        actions: increments (forward, left, turn), (F, 3).
         drive, turn, drift: of the noise.
-        out: (F, 2, n).
+        out: (F, 3, n).
     """
     for step in range(actions.shape[0]):
         _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
@@ -82,7 +107,7 @@ def odometry(
     drift: float,
     out: Singles,
 ) -> None:
-    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one action."""
-    moves = np.empty((2, uniforms.size), np.float32)
+    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one increment."""
+    moves = np.empty((3, uniforms.size), np.float32)
     _noisy_move(uniforms, action, drive, turn, drift, moves)
-    drive_poses(poses, moves[0], moves[1], out)
+    drive_poses(poses, moves, out)

@@ -10,6 +10,7 @@ from deqmcl_gym.maps.laid_kernels import laid
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import number
+from localizers.models.motion import increments
 
 _BLOCK = 2**18  # points laid at one time
 
@@ -37,7 +38,7 @@ class PlanSensor:
         number("plan_beta", self.beta, low=0, finite=False)
 
     def log_likelihood(self, states: Singles, plan: Floats) -> Floats:
-        """Log p(π | x, m) of a plan (h, 2) at poses (3, n), up to a constant: 0 if feasible."""
+        """Log p(π | x, m) of a plan (h, 3) at poses (3, n), up to a constant: 0 if feasible."""
         charges = np.append(0.0, -self.beta * np.arange(1.0, len(plan) + 1))
         log_likelihood: Floats = charges[self.collisions(states, plan)]
         return log_likelihood
@@ -47,7 +48,7 @@ class PlanSensor:
 
         Args:
             states: rows x, y, θ, (3, n).
-            plan: actions (distance, turn rad), (h, 2).
+            plan: actions (distance, turn rad) or increments (forward, left, turn rad), (h, 2 or 3).
             first: index of the first step counted.
 
         Returns:
@@ -73,9 +74,11 @@ class PlanSensor:
 
 
 def path_of(plan: Floats) -> Singles:
-    """Where actions (h, 2) lead without noise, as seen from the pose they start at, (h + 1, 2)."""
-    headings = np.cumsum(plan[:, 1])
-    steps = plan[:, :1] * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
+    """Where actions (h, 2 or 3) lead without noise, seen from where they start, (h + 1, 2)."""
+    forward, left, turns = increments(plan).T
+    headings = np.cumsum(turns)
+    cosine, sine = arrays.cos(headings), arrays.sin(headings)
+    steps = np.column_stack([forward * cosine - left * sine, forward * sine + left * cosine])
     path = np.zeros((len(plan) + 1, 2))
     path[1:] = np.cumsum(steps, axis=0)
     return path.astype(np.float32)

@@ -24,7 +24,8 @@ class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
 
     A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
-    has log-likelihood 0. For a pose outside the outer wall see ``outside``.
+    has log-likelihood 0. Rays start at the lidar's mounting; if that is outside the outer wall see
+    ``outside``.
     """
 
     floor_plan: Map
@@ -57,7 +58,7 @@ class LidarScan:
         if measured.size == 0:
             return np.zeros(n)
         expected = np.empty((measured.size, n), np.float32)
-        poses = np.ascontiguousarray(states, dtype=np.float32)
+        poses = np.ascontiguousarray(self.lidar.origins(states), dtype=np.float32)
         self.floor_plan.caster.cast(poses, bearings, expected)
         return self.weighed(measured, expected)
 
@@ -82,7 +83,8 @@ class ScanTable:
     def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
-        self._expected = scan.floor_plan.ranges(states.T, scan.lidar.bearings).T  # (B, n)
+        origins = scan.lidar.origins(states)
+        self._expected = scan.floor_plan.ranges(origins.T, scan.lidar.bearings).T  # (B, n)
 
     def log_likelihood(self, ranges: Floats) -> Floats:
         """Log-likelihood of the scan (B,) at each pose, (n,)."""

@@ -6,7 +6,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats, Singles
 
-LARGEST_ACTION = FARTHEST  # distance or turn: the sine of a larger angle is NaN
+LARGEST_ACTION = FARTHEST  # length or turn: the sine of a larger angle is NaN
 
 
 @compiled
@@ -24,10 +24,10 @@ def usable_if_sound(
 ) -> int:
     """``count_usable`` of a valid step, else -1.
 
-    A step is valid if it has ``beams`` ranges, and if the action (2,) and the plan (h, 2) are pairs
-    of numbers of size ``LARGEST_ACTION`` at most.
+    A step is valid if it has ``beams`` ranges, and if the action (k,) and the plan (h, k') have two
+    or three numbers a row, of size ``LARGEST_ACTION`` at most.
     """
-    if ranges.size != beams or action.size != 2 or plan.shape[1] != 2:
+    if ranges.size != beams or not 2 <= action.size <= 3 or not 2 <= plan.shape[1] <= 3:
         return -1
     amiss = 0
     for i in range(action.size):
