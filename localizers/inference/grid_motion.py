@@ -13,7 +13,7 @@ import numpy as np
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from localizers.inference import grid_kernels
-from localizers.models.motion import OdometryMotion, distance_and_bearing
+from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 from localizers.models.normal import normal_pdf
 from localizers.models.pose_grid import PoseGrid
 
@@ -29,6 +29,7 @@ class GridMotion:
 
     def predicted(self, mass: Floats, action: Floats) -> Floats:
         """Return Σ_x' p(x | x', a) mass(x'), (H, Y, X); what leaves the grid is lost."""
+        action = increments(action)
         sd_distance, sd_turn = self.motion.spread(action)
         turned, driven = np.empty_like(mass), np.empty_like(mass)
         grid_kernels.turn(mass, self._turns(float(action[2]), sd_turn), turned)

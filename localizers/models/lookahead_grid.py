@@ -13,7 +13,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.models import lookahead_kernels as grid_kernels
-from localizers.models.motion import OdometryMotion, distance_and_bearing
+from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 from localizers.models.normal import normal_cdf, normal_pdf
 
 LEAST = np.float32(1e-30)  # keeps every h a normal float32 and its logarithm finite
@@ -77,6 +77,7 @@ class LookaheadGrid:
 
         Backwards, each step is done for no more nodes than the ones before it can lead to.
         """
+        window = increments(window)
         headings, ny, nx = self.shape
         before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
         turns, spreads = [], [self.motion.spread(action) for action in window]

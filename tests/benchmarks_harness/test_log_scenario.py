@@ -14,7 +14,7 @@ from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from deqmcl_gym import logs
-from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.validation import InputError
 
 WORLD = """
@@ -84,7 +84,7 @@ def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
         begin = np.flatnonzero((whole.reference == truths[0]).all(axis=1))[0]
         end = begin + len(moments)
         np.testing.assert_array_equal(truths, whole.reference[begin:end])
-        driven = np.abs(whole.actions[begin : end - 1, 0])
+        driven = lengths_of(whole.increments[begin : end - 1])
         assert driven[:-1].sum() < 3.0 <= driven.sum() + 1e-9
 
 
@@ -129,16 +129,16 @@ def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan)
     _, info = room.reset(seed=trial.world_seed)
     own = room.log.segment(room.log.times.tolist().index(room.record.time), 4)
     shown = {
-        "odometry": own.actions,
-        "reference": actions_of(own.reference)[0],
-        "none": np.empty((0, 2)),
+        "odometry": own.increments,
+        "reference": increments_of(own.reference),
+        "none": np.empty((0, 3)),
     }[plan]
     count = info["planned_count"]
     np.testing.assert_allclose(info["planned_actions"][: min(count, 3)], shown, rtol=0, atol=1e-6)
     moments = list(trial_moments(trial))
     assert len(moments) > 5
     np.testing.assert_allclose(
-        [moment.action for moment in moments[1:4]], own.actions, rtol=0, atol=1e-6
+        [moment.action for moment in moments[1:4]], own.increments, rtol=0, atol=1e-6
     )
 
 

@@ -87,7 +87,7 @@ def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap):
     track = replay(env, localizer, setup.prior_in(room), np.random.default_rng(0))
     assert track.means.shape == track.best.shape == track.truth.shape == (len(log), 3)
     np.testing.assert_array_equal(track.truth, log.reference)
-    assert track.way[-1] == pytest.approx(np.abs(log.actions[:, 0]).sum())
+    assert track.way[-1] == pytest.approx(log.driven[-1])
     assert np.median(np.hypot(*(track.means - track.truth)[:, :2].T)) < 20
     assert len(track.tum.splitlines()) == len(log)
 
@@ -155,10 +155,10 @@ class Answers:
 def test_a_localizer_that_writes_into_what_it_is_given_changes_nothing_else(lap):
     _, log = lap
     spy, env = Spy(), LogEnv(log=log)
-    kept = env.log.ranges.copy(), env.log.actions.copy()
+    kept = env.log.ranges.copy(), env.log.increments.copy()
     sound = np.zeros((1, 3)), np.ones(1)
     list(played(env, Answers(*[sound] * len(log)), None, np.random.default_rng(0)))
-    np.testing.assert_equal((env.log.ranges, env.log.actions), kept)
+    np.testing.assert_equal((env.log.ranges, env.log.increments), kept)
     list(played(env, spy, None, np.random.default_rng(0)))
     other = Spy()
     list(played(LogEnv(log=log), other, None, np.random.default_rng(0)))

@@ -78,7 +78,7 @@ class Drawn:
 
     def standard_normal(self, size, dtype):
         out = np.empty(size, dtype)
-        kernels.normal_pairs(self.rng.random(size[1]), 0.0, 1.0, 0.0, 1.0, out)
+        kernels.normal_pairs(self.rng.random(size[1]), 0.0, 1.0, 0.0, 1.0, out[0], out[1])
         return out
 
 

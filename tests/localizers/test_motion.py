@@ -126,7 +126,7 @@ def test_bad_noise_is_refused_with_its_field(field, bad):
 
 def pairs(uniforms: np.ndarray) -> np.ndarray:
     out = np.empty((2, uniforms.size), np.float32)
-    kernels.normal_pairs(uniforms, 0.0, 1.0, 0.0, 1.0, out)
+    kernels.normal_pairs(uniforms, 0.0, 1.0, 0.0, 1.0, out[0], out[1])
     return out.astype(np.float64)
 
 

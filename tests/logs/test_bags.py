@@ -107,11 +107,10 @@ def test_static_transforms_say_the_mounting_through_a_chain_and_upside_down(tmp_
     assert warned == ""
     assert log.scanner.mounting == pytest.approx((0.3, 0.5))
     assert log.scanner.bearings == pytest.approx(math.pi / 2 + sign * np.array([-1.0, 0.0, 1.0]))
-    placed = log.at_scanner()
-    ahead = log.odometry[:, 2] + math.atan2(0.5, 0.3)
-    np.testing.assert_allclose(
-        placed.odometry[:, 0] - log.odometry[:, 0], math.hypot(0.3, 0.5) * np.cos(ahead)
-    )
+    for x, y, heading in log.odometry:
+        ahead, off = heading + math.atan2(0.5, 0.3), math.hypot(0.3, 0.5)
+        at = (x + off * math.cos(ahead), y + off * math.sin(ahead), heading)
+        assert log.scanner.origin((x, y, heading)) == pytest.approx(at)
 
 
 def test_a_tilted_scanner_is_refused(tmp_path):

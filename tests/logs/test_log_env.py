@@ -17,7 +17,7 @@ from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.logs.motion import actions_of
+from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 
@@ -49,14 +49,16 @@ def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending
         zip(said, back, strict=True)
     ):
         np.testing.assert_array_equal(again, scan)
-        np.testing.assert_array_equal(told["action"], info["action"])
+        np.testing.assert_array_equal(told["action"][[0, 2]], info["action"])
+        np.testing.assert_allclose(told["action"][1], 0, atol=1e-9)  # no room's robot strafes
         np.testing.assert_allclose(told["truth"], info["truth"], rtol=0, atol=1e-12)
         to_come = np.array([info["action"] for _, info in said[t + 1 : t + 21]]).reshape(-1, 2)
-        np.testing.assert_array_equal(told["planned_actions"][: told["planned_count"]], to_come)
+        shown = told["planned_actions"][: told["planned_count"], [0, 2]]
+        np.testing.assert_array_equal(shown, to_come)
         assert set(told) == set(info)
         assert (reward, ended, truncated) == (0.0, t == len(said) - 1, False)
     with pytest.raises(RuntimeError, match="has ended"):
-        env.step(np.zeros(2, np.float32))
+        env.step(np.zeros(3, np.float32))
 
 
 @pytest.mark.parametrize(
@@ -87,9 +89,9 @@ def test_many_logs_are_played_side_by_side(tmp_path, mode):
     _, info = envs.reset()
     log = real()
     for t in range(5):
-        known = np.isfinite(log.at_scanner().reference[t, 0])
+        known = np.isfinite(log.reference[t, 0])
         assert info.get("_truth", np.zeros(2, bool)).tolist() == [known, known]
-        *_, info = envs.step(np.zeros((2, 2), np.float32))
+        *_, info = envs.step(np.zeros((2, 3), np.float32))
     envs.close()
 
 
@@ -106,7 +108,7 @@ def test_truth_is_told_where_a_reference_is_and_by_no_other_way():
 
 
 def test_another_action_than_the_recorded_one_is_refused_warned_of_or_ignored():
-    wrong = np.float32([0.3, 0.3])
+    wrong = np.float32([0.3, 0.0, 0.3])
     for handling in ("error", "warn", "ignore"):
         env = LogEnv(log=real(), on_mismatch=handling)
         env.reset()
@@ -122,7 +124,7 @@ def test_another_action_than_the_recorded_one_is_refused_warned_of_or_ignored():
                 warnings.simplefilter("error")
                 info = env.step(wrong)[4]
             np.testing.assert_array_equal(info["action"], env._actions[0])
-        for bad in ([NAN, 0.0], [0.0], "abc", None):
+        for bad in ([NAN, 0.0, 0.0], [0.0, 0.0], "abc", None):
             with pytest.raises(InputError, match="the action"):
                 env.step(bad)
 
@@ -133,13 +135,13 @@ def test_what_is_planned_is_the_odometry_the_reference_or_nothing():
         LogEnv(log=log, plan=plan, horizon=7) for plan in ("odometry", "reference", "none")
     )
     np.testing.assert_array_equal(
-        by_odometry.reset()[1]["planned_actions"], log.actions[:7].astype(np.float32)
+        by_odometry.reset()[1]["planned_actions"], log.increments[:7].astype(np.float32)
     )
-    meant = actions_of(log.reference)[0][:7].astype(np.float32)
+    meant = increments_of(log.reference)[:7].astype(np.float32)
     np.testing.assert_array_equal(by_reference.reset()[1]["planned_actions"], meant)
-    assert (meant != log.actions[:7]).any()
+    assert (meant != log.increments[:7]).any()
     info = nothing.reset()[1]
-    assert (info["planned_count"], info["planned_actions"].tolist()) == (0, [[0, 0]] * 7)
+    assert (info["planned_count"], info["planned_actions"].tolist()) == (0, [[0, 0, 0]] * 7)
     with pytest.raises(InputError, match="have no reference pose"):
         LogEnv(log=real(), plan="reference")
 
@@ -221,7 +223,7 @@ def test_the_recorder_takes_any_of_our_envs_and_keeps_what_wrappers_did():
     with pytest.raises(RuntimeError, match="call reset"):
         _ = env.log
     said = played(env)
-    np.testing.assert_array_equal(env.log.actions.astype(np.float32)[0], said[1][1]["action"])
+    np.testing.assert_allclose(env.log.increments[0], said[1][1]["action"], atol=1e-6)
     assert len(env.log) == len(said)
     assert RecordLog(RoomEnv(), truth=False).reset(seed=0)
 
@@ -259,7 +261,7 @@ def test_a_segment_goes_so_far_and_is_referenced_throughout(length, seed):
     first = log.times.tolist().index(env.record.time)
     assert env.expected_start == env.log[first].reference
     said = played_from_here(env)
-    driven = np.abs(env.log.actions[first : first + len(said), 0])
+    driven = lengths_of(env.log.increments[first : first + len(said)])
     assert driven[:-1].sum() < length <= driven.sum() + 1e-9
     assert all("truth" in info for info in said)
     left = len(said)

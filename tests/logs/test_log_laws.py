@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deqmcl_gym.envs.recorded import spacing
-from deqmcl_gym.logs.motion import actions_of, composed, dead_reckoned, relative
+from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
 from deqmcl_gym.validation import InputError
 
 
@@ -18,19 +18,27 @@ from deqmcl_gym.validation import InputError
         st.tuples(st.floats(-1, 1), st.floats(-3, 3), st.floats(-1, 1)), min_size=1, max_size=20
     )
 )
-def test_an_action_turns_as_odometry_does_and_leaves_out_what_lies_across(steps):
+def test_increments_lead_from_each_pose_to_the_next(steps):
     poses = [np.array([[1.0, 2.0, 3.0]])]
     for step in steps:
         poses.append(composed(poses[-1], np.array([step])))
     track = np.concatenate(poses)
-    actions, residuals = actions_of(track)
-    before, after = track[:-1], track[1:]
-    gone = np.concatenate(
-        [dead_reckoned([action], start)[1:] for action, start in zip(actions, before, strict=True)]
+    found = increments_of(track)
+    gone = [dead_reckoned([one], start)[1] for one, start in zip(found, track[:-1], strict=True)]
+    np.testing.assert_allclose(relative(track[1:], np.array(gone)), 0, atol=1e-9)
+    np.testing.assert_allclose(relative(track, dead_reckoned(found, track[0])), 0, atol=1e-8)
+
+
+@given(st.floats(-2, 2), st.floats(-3, 3), st.floats(-1, 1))
+def test_what_is_sideways_is_nothing_on_an_arc_and_all_of_a_strafe(length, turn, aside):
+    chord = length * (math.sin(turn / 2) / (turn / 2) if turn else 1.0)
+    arc = composed(
+        np.zeros((1, 3)), np.array([chord * math.cos(turn / 2), chord * math.sin(turn / 2), turn])
     )
-    off = relative(after, gone)
-    np.testing.assert_allclose(off, np.column_stack([0 * residuals, -residuals, 0 * residuals]),
-                               atol=1e-9)  # fmt: skip
+    increments = increments_of(
+        np.vstack([np.zeros(3), arc, composed(arc, np.array([0, aside, 0]))])
+    )
+    np.testing.assert_allclose(sideways_of(increments), [0.0, aside], atol=1e-12)
 
 
 sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
@@ -39,8 +47,9 @@ sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
 @given(st.lists(st.tuples(sizes, st.floats(0.0, 3.0, width=32)), min_size=1, max_size=30))
 def test_actions_come_back_to_the_bit_zeros_included(steps):
     actions = np.float32([(d, turn if turn > 2**-13 else 0.0) for d, turn in steps])
-    found = actions_of(dead_reckoned(actions))[0].astype(np.float32)
-    np.testing.assert_array_equal(found, actions)
+    found = increments_of(dead_reckoned(actions))
+    np.testing.assert_array_equal(found[:, [0, 2]].astype(np.float32), actions)
+    np.testing.assert_allclose(found[:, 1], 0, atol=1e-12)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))

@@ -57,7 +57,7 @@ def test_a_map_of_cells_shows_what_it_is_and_not_its_cells():
 @pytest.mark.parametrize("floor_plan", [PolygonMap(SQUARE), Office().grid])
 def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_end(floor_plan):
     poses, points = np.zeros((3, 4), np.float32), np.full((5, 2), 5.0)
-    moves, path = np.zeros((2, 2, 4), np.float32), np.zeros((3, 2), np.float32)
+    moves, path = np.zeros((2, 3, 4), np.float32), np.zeros((3, 2), np.float32)
     calls = [
         lambda: floor_plan.ranges(points, [0.0]),  # no heading
         lambda: floor_plan.ranges([5.0, 5.0, 0.0], [0.0]),
@@ -68,11 +68,11 @@ def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_en
         lambda: floor_plan.rolled_out(poses, moves[:, :, :3], 0.1, kept=1),
         lambda: floor_plan.rolled_out(poses[:2], moves, 0.1, kept=1),
         lambda: floor_plan.rolled_out(poses, moves[:0], 0.1, kept=1),
-        lambda: floor_plan.rolled_out(poses, np.zeros((3, 2, 4), np.float32), 0.1, kept=2),
+        lambda: floor_plan.rolled_out(poses, np.zeros((3, 3, 4), np.float32), 0.1, kept=2),
         lambda: floor_plan.collisions_along(poses, path[:0], 0.1),
         lambda: floor_plan.collisions_along(poses, path.T.copy(), 0.1),
-        lambda: driven(poses, moves[0, 0], moves[0, 0, :3]),
-        lambda: driven(poses[:2], moves[0, 0], moves[0, 0]),
+        lambda: driven(poses, moves[0, :, :3]),
+        lambda: driven(poses[:2], moves[0]),
     ]
     for call in calls:
         with pytest.raises(InputError, match=r"shape|as many"):

@@ -34,11 +34,12 @@ def test_both_count_the_steps_that_the_grid_says_collide(
 ):
     rng, size = np.random.default_rng(seed), radius * grid.resolution
     poses = poses_around(grid, n, rng)
-    moves = rng.normal(0, 1, (steps, 2, n)) * np.array([[cells * grid.resolution], [1.0]])
+    far = cells * grid.resolution
+    moves = rng.normal(0, 1, (steps, 3, n)) * np.array([[far], [far / 2], [1.0]])
     moves = moves.astype(np.float32)
     before, hits, ends = poses, np.zeros(n, int), []
-    for distances, turns in moves:
-        after = driven(before, distances, turns)
+    for move in moves:
+        after = driven(before, move)
         hits += grid.collides(before.T, after.T, size)
         ends.append(after)
         before = after
@@ -46,7 +47,7 @@ def test_both_count_the_steps_that_the_grid_says_collide(
     assert np.array_equal(rolled, ends if kept_all else ends[-1:], equal_nan=True)
     assert np.array_equal(counted, hits)
 
-    path = np.cumsum(moves[:, :, 0] * np.float32(0.7), axis=0)
+    path = np.cumsum(moves[:, ::2, 0] * np.float32(0.7), axis=0)
     path = np.vstack([np.zeros((1, 2), np.float32), path])
     points = np.empty((steps + 1, 2, n), np.float32)
     laid(poses, path, points)
