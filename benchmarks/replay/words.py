@@ -30,4 +30,4 @@ def facts(setting: Setting) -> list[str]:
             *setting.start
         ),
     ]
-    return found if log.referenced.size else [*found, NO_ERROR]
+    return [*found, setting.reference or NO_ERROR]
