@@ -43,7 +43,7 @@ class Setting:
         motion, scan: the noise that the localizers assume.
         noise: where that of the motion is from.
         reference: where the true poses are from, in words; "" without any.
-        radius: of the robot, in the log's unit; None is 0.16 m.
+        radius: of the robot, in the log's unit.
     """
 
     log: Log
@@ -52,8 +52,8 @@ class Setting:
     motion: OdometryMotion
     scan: BeamDensity
     noise: str
-    reference: str = ""
-    radius: float | None = None
+    reference: str
+    radius: float
 
     def env(self) -> LogEnv:
         """Return the log as an environment."""
@@ -140,7 +140,7 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
         scan=_scan(told.scan, metre(log)),
         noise=origin,
         reference=_reference(log, env.log),
-        radius=None if told.radius is None else told.radius * metre(log),
+        radius=env.radius if told.radius is None else told.radius * metre(log),
     )
 
 
@@ -171,7 +171,7 @@ def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
     robot = RobotModel(
         floor_plan=env.floor_plan,
         lidar=env.lidar,
-        radius=setting.radius,  # type: ignore[arg-type]  # None is the default
+        radius=setting.radius,
         motion=setting.motion,
         scan=setting.scan,
     )
@@ -218,11 +218,15 @@ def _reference(whole: Log, played: Log) -> str:
     if not known.size:
         return ""
     between = 0 if played.interpolated is None else int(played.interpolated.sum())
-    said = (
-        f"Reference: at {known.size - between:,} records a pose of the same time; at {between:,} "
-        "interpolated along the odometry, whose error is spread over the way between two poses; at "
-        f"{len(played) - known.size:,} none."
-    )
+    counts = [f"{known.size - between:,} of {len(played):,} records have a pose of their own time"]
+    if between:
+        counts.append(
+            f"for {between:,} it is interpolated along the odometry, whose error is spread over "
+            "the way between two poses"
+        )
+    if unknown := len(played) - known.size:
+        counts.append(f"{unknown:,} have none and do not count")
+    said = f"Reference: {'; '.join(counts)}."
     off = interpolation_errors(whole) if between else None
     if off is None:
         return said
