@@ -225,7 +225,7 @@ def _reference(whole: Log, played: Log) -> str:
             "the way between two poses"
         )
     if unknown := len(played) - known.size:
-        counts.append(f"{unknown:,} have none and do not count")
+        counts.append(f"{unknown:,} without one do not count")
     said = f"Reference: {'; '.join(counts)}."
     off = interpolation_errors(whole) if between else None
     if off is None:

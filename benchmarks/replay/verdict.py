@@ -90,7 +90,7 @@ def comparison(rows: Sequence[Row]) -> str | None:
     other = next((row for row in order if row is not base), None)
     if other is None or base not in order:
         return None
-    success, error = differences(other, base, tests(rows))
+    success, error = differences(other, base, family_of(rows))
     parts = [f"its error is {_metres(error.value)}, {error.doubt}"]
     if success.value.mean:
         points = success.value.percent
@@ -117,7 +117,7 @@ def differences(row: Row, base: Row, family: int) -> tuple[Difference, Differenc
     )
 
 
-def tests(rows: Sequence[Row]) -> int:
+def family_of(rows: Sequence[Row]) -> int:
     """How many tests there are: two for each localizer beside the first."""
     return max(1, 2 * (len(rows) - 1))
 
@@ -129,7 +129,7 @@ def differences_table(rows: Sequence[Row]) -> Table | None:
         return None
     lines = []
     for row in rows[1:]:
-        success, error = differences(row, base, tests(rows))
+        success, error = differences(row, base, family_of(rows))
         cells = [
             _points(success.value.percent),
             success.doubt,
@@ -139,7 +139,7 @@ def differences_table(rows: Sequence[Row]) -> Table | None:
         lines.append([row.localizer, str(error.runs), *cells])
     caption = (
         f"Against {base.localizer}, over runs of the same seed. p and intervals are corrected for "
-        f"{tests(rows)} tests (Bonferroni), and agree: an interval excludes 0 where p is below "
+        f"{family_of(rows)} tests (Bonferroni), and agree: an interval excludes 0 where p is below "
         f"{ALPHA:g}. They tell what other seeds would give on this log, not what other logs would."
     )
     header = ["localizer", "pairs", "localized to the end", "confirmed?", "position error"]
