@@ -14,7 +14,6 @@ from benchmarks.setup.log_scenario import check_inside
 from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
-from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.maps.units import PIXELS, pixel
 from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
@@ -37,9 +36,9 @@ class Setting:
     """A log on a map.
 
     Attributes:
-        log: the records that are played, as seen from the scanner's place.
+        log: the records that are played.
         map: path of its yaml.
-        start: (x, y, θ) of the scanner, about which the first pose is known; None: nothing is.
+        start: (x, y, θ) about which the robot's first pose is known; None: nothing is.
         motion, scan: the noise that the localizers assume.
         noise: where that of the motion is from.
         reference: where the true poses are from, in words; "" without any.
@@ -135,7 +134,7 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     return Setting(
         log=env.log,
         map=str(floor_plan),
-        start=_start(start, log, env),
+        start=_start(start, env),
         motion=noise,
         scan=_scan(told.scan, metre(log)),
         noise=origin,
@@ -189,7 +188,7 @@ def metre(log: Log) -> float:
     return pixel(log.unit) / PIXELS["m"]
 
 
-def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | None:
+def _start(start: str, env: LogEnv) -> tuple[float, float, float] | None:
     if start == "global":
         return None
     if start == "reference":
@@ -208,7 +207,7 @@ def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | No
             f"--start is ({given[0]:g}, {given[1]:g}), but that is no free space on the map: give "
             "a pose where the robot can be."
         )
-    x, y, heading = composed(at, np.array([*log.scanner.mounting, 0.0]))[0].tolist()
+    x, y, heading = at[0].tolist()
     return x, y, heading
 
 

@@ -3,6 +3,7 @@
 from benchmarks.replay.scoring import Played
 from benchmarks.replay.setting import Setting
 from benchmarks.trials.fixes import FOUND
+from deqmcl_gym.logs import Log
 
 NO_ERROR = (
     "There is no reference, so no error is known. The share of beams that agree with the map is no "
@@ -31,8 +32,17 @@ def facts(setting: Setting) -> list[str]:
         else "Start: known to 0.2 m and 0.1 rad, around ({:.2f}, {:.2f}, {:.2f} rad).".format(
             *setting.start
         ),
+        "Poses are of the robot's base (ROS: base_link): the start, the reference and tracks/*.tum."
+        + _mounted(log),
     ]
     return [*found, setting.reference or NO_ERROR]
+
+
+def _mounted(log: Log) -> str:
+    x, y = log.scanner.mounting
+    if (x, y) == (0, 0):
+        return ""
+    return f" The scanner is mounted at ({x:g}, {y:g}) {log.unit} on it, ahead and left."
 
 
 def told(played: Played) -> str:

@@ -4,6 +4,7 @@ import csv
 import math
 import re
 import statistics
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -100,8 +101,8 @@ def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
     assert [row["localizer"] for row in trials] == ["mcl"] * 3 + [beside] * 3
     log = logs.read("lap.csv").spaced(0.1, math.radians(5))
     way = [0.0]
-    for drive, _ in log.actions.tolist():
-        way.append(way[-1] + abs(drive))
+    for (x, y, _), (next_x, next_y, _) in pairwise(log.odometry.tolist()):
+        way.append(way[-1] + math.hypot(next_x - x, next_y - y))
     reference = tum(recorded / "o/tracks/reference.tum")
     assert list(reference) == log.times.tolist()
     for name, row in results.items():
@@ -379,3 +380,25 @@ def test_a_sparse_reference_is_counted_by_what_is_known_of_it(recorded, capsys):
     assert "Every second pose, left out" in said
     (row,) = table("o/results.csv")
     assert float(row["position_median_stamps"]) > 0
+
+
+def test_poses_are_those_of_the_robot_wherever_its_lidar_is(recorded, capsys):
+    log = logs.read(
+        "lap.csv", mounting=(0.3, 0.1, 0.0)
+    )  # seen from its centre, which is no matter here
+    logs.write(log, "ahead.csv")
+    x, y, heading = logs.read_tum("lap.tum").poses[0].tolist()
+    words = ("ahead.csv", *KNOWN[1:], "--localizers", "dead-reckoning")
+    assert replay(*words, "--out", "o") == 0
+    given, written = tum(recorded / "lap.tum"), tum(recorded / "o/tracks/reference.tum")
+    assert len(written) > 20
+    for time, pose in written.items():
+        assert pose == pytest.approx(given[time], abs=1e-12)
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"around ({x:.2f}, {y:.2f}, {heading:.2f} rad)" in said
+    assert "mounted at (0.3, 0.1) m" in said
+    assert replay(*words, f"--start={x!r},{y!r},{heading!r}", "--out", "p") == 0
+    assert f"around ({x:.2f}, {y:.2f}, {heading:.2f} rad)" in capsys.readouterr().out
+    for seed in range(3):
+        one, two = (recorded / out / f"tracks/dead-reckoning-{seed}.tum" for out in ("o", "p"))
+        assert one.read_bytes() == two.read_bytes()  # the same start, in whichever words
