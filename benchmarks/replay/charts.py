@@ -72,8 +72,8 @@ def trajectory_chart(
     return picture(
         figure,
         name=name,
-        title=row.localizer,
-        caption=f"{which}, seed {played.run.seed}: {told(played)}",
+        title=f"{row.localizer}: {which.lower()}",
+        caption=f"Seed {played.run.seed}: {told(played)}",
         alt=f"{which} of {row.localizer} on the map",
     )
 

@@ -114,7 +114,9 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     """
     if told.radius is not None:
         number("--radius", told.radius, low=0)
-    start = told.start or ("reference" if log.reference is not None else told.otherwise)
+    start = told.start
+    if start is None:
+        start = "reference" if log.reference is not None else told.otherwise
     if start is None:
         raise InputError(
             f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."

@@ -10,7 +10,7 @@ from benchmarks.replay.scoring import Row
 from benchmarks.replay.tables import belief_table, results_table
 from benchmarks.report.tables import Table
 from benchmarks.report.verdicts import rounded
-from benchmarks.report.words import interval, p_value
+from benchmarks.report.words import interval, p_value, significant
 from benchmarks.tables.power import worlds_to_see
 from benchmarks.tables.stats import (
     ALPHA,
@@ -133,7 +133,7 @@ def differences_table(rows: Sequence[Row]) -> Table | None:
         cells = [
             _points(success.value.percent),
             success.doubt,
-            f"{_metres(error.value)}",
+            _metres(error.value),
             error.doubt,
         ]
         lines.append([row.localizer, str(error.runs), *cells])
@@ -187,10 +187,8 @@ def _points(value: Estimate) -> str:
 def _metres(value: Estimate) -> str:
     if math.isnan(value.mean):
         return "n/a"
-    words = "larger" if value.mean > 0 else "smaller"
-    if math.isnan(value.low):
-        return f"{abs(value.mean):.3f} m {words}"
-    return f"{abs(value.mean):.3f} m {words}{_ends(value, '+.3f', ' m')}"
+    size = f"{significant(abs(value.mean), 2)} m {'larger' if value.mean > 0 else 'smaller'}"
+    return size + _ends(value, "+.3f", " m")
 
 
 def _ends(value: Estimate, form: str, unit: str = "") -> str:
