@@ -6,11 +6,13 @@ from pathlib import Path
 
 from benchmarks.commands.shared import (
     add_jobs,
+    add_params,
     add_seed,
     add_timeout,
     folder,
     localizers_named,
     log_warnings,
+    params_named,
 )
 from benchmarks.console import doing
 
@@ -46,6 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="A,B,…",
         help="methods, comma-separated (mcl,amcl)",
     )
+    add_params(parser)
     add(
         "--start",
         metavar="S",
@@ -58,6 +61,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="play a record each time the robot has moved this far (0.2m,5deg)",
     )
     add("--max-beams", type=int, metavar="B", help="beams used of a scan, evenly spread (60)")
+    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
     add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
     add_seed(parser)
@@ -89,7 +93,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.replay.command import run_replay
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.running import runs_of
+    from benchmarks.replay.running import check, runs_of
     from benchmarks.replay.setting import Told, reading_of, setting_of
     from deqmcl_gym.envs.recorded import log_of
     from deqmcl_gym.validation import InputError
@@ -104,6 +108,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         max_beams=options.max_beams,
         motion=options.motion,
         scan=options.scan,
+        radius=options.radius,
     ).or_nav2(nav2)
     with doing("reading the log and the map"), log_warnings() as said:
         reading = {} if nav2 is None else {"max_range": nav2.max_range}
@@ -111,13 +116,16 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         log = log_of(options.log, options.reference, reading)
         setting = setting_of(log, options.map, told)
     with answered_within(options.timeout):
+        localizers = localizers_named(options.localizers)
         runs = runs_of(
             setting,
-            localizers_named(options.localizers),
+            localizers,
             particles=options.particles,
             seeds=options.seeds,
             root=options.seed,
-            own={} if nav2 is None else {"amcl": nav2.params},
+            shared={} if nav2 is None else {"amcl": nav2.params},
+            own=params_named(options.param, localizers),
         )
+        check(runs)
     notes = said if nav2 is None else [*said, *nav2.notes]
     return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)

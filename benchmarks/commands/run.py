@@ -3,7 +3,14 @@
 import argparse
 from collections.abc import Sequence
 
-from benchmarks.commands.shared import add_setting, file, folder, sweep_of
+from benchmarks.commands.shared import (
+    add_params,
+    add_setting,
+    file,
+    folder,
+    params_named,
+    sweep_of,
+)
 from benchmarks.console import doing
 
 NAME = "run"
@@ -18,6 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_setting(parser)
     parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
+    add_params(parser)
     parser.add_argument(
         "--log",
         type=file,
@@ -34,7 +42,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.pictures.lap import run_lap
     from localizers.naming.registry import complete
 
-    trials = sweep_of(options, (complete(options.localizer),)).distinct()
+    named = (complete(options.localizer),)
+    own = params_named(options.param, named)
+    trials = sweep_of(options, named, own=own).distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trials[0].localizer}"):
         return where_safe(trials, run_lap, *trials, options.out.absolute(), log)

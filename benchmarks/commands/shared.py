@@ -1,11 +1,13 @@
 """What commands share: arguments, warnings, and the setting of ``paper``, ``run``, ``phase``."""
 
 import argparse
+import tomllib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.console import doing, warn
 
@@ -90,15 +92,84 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
-def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int = 1) -> "Sweep":
+def add_params(parser: argparse.ArgumentParser) -> None:
+    """Add parameters of single localizers."""
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NAME.KEY=VALUE",
+        help="a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)",
+    )
+
+
+def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file.
+
+    Args:
+        words: as given; quotes around text may be left out.
+        localizers: that are run.
+
+    Raises:
+        InputError: another form, an unknown localizer or parameter, or one given twice.
+    """
+    from benchmarks.execution.apart import parameters
+    from deqmcl_gym.validation import InputError, one_of
+    from localizers.naming.registry import complete
+
+    found: dict[str, dict[str, Any]] = {}
+    for word in words:
+        place, equals, value = word.partition("=")
+        given, _, key = place.strip().rpartition(".")
+        if not (given and key and equals and value.strip()):
+            raise InputError(
+                f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
+            )
+        name = one_of("localizer in --param", complete(given), localizers)
+        known = parameters(name)
+        if known is not None:
+            one_of(f"parameter of localizer {name!r} in --param", key, known)
+        own = found.setdefault(name, {})
+        if key in own:
+            raise InputError(f"--param gives {name}.{key} twice: give it once.")
+        own[key] = _value(word, value.strip())
+    return found
+
+
+def _value(word: str, text: str) -> Any:
+    """Return a number, a truth value or a list as TOML has them; other text is a word."""
+    from benchmarks.setup import documents
+
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except ValueError:
+        value = text
+    documents.check({word: value}, [word])
+    return value
+
+
+def sweep_of(
+    options: argparse.Namespace,
+    localizers: Sequence[str],
+    trials: int = 1,
+    own: Mapping[str, Mapping[str, Any]] | None = None,
+) -> "Sweep":
     """Return the localizers on the worlds of the setting, every one of them checked.
+
+    Args:
+        options: of ``add_setting``.
+        localizers: by name.
+        trials: number of worlds.
+        own: parameters of single localizers, by name.
 
     Raises:
         InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.execution.apart import parameters
+    from benchmarks.sweeps.factors import Method
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
+    from benchmarks.trials.spec import frozen
     from deqmcl_gym.validation import InputError, integer
     from localizers import names
 
@@ -116,6 +187,9 @@ def sweep_of(options: argparse.Namespace, localizers: Sequence[str], trials: int
         lag=integer("--lag", options.lag),
         particles=integer("--particles", options.particles, low=1),
     )
+    if own:
+        methods = (Method(name=name, params=frozen(own.get(name, {}))) for name in localizers)
+        sweep = replace(sweep, localizers=tuple(methods))
     with checking():
         check(sweep)
     return sweep

@@ -8,7 +8,7 @@ runs here.
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from typing import TypeVar
@@ -128,10 +128,17 @@ def check_methods(trials: Collection[Trial]) -> None:
             by_guest.setdefault(guest_of(trial), []).append(trial)
     _check_all(by_guest.pop("", ()))
     for own in by_guest.values():
-        try:
-            apart(_check_all, own, timeout=_SECONDS.get())
-        except (WorkerDiedError, TimedOutError):
-            continue
+        checked_apart(_check_all, own)
+
+
+def checked_apart(check: Callable[..., None], *arguments: object) -> None:
+    """Call a check of a plug-in; if it ends its process or takes too long, its trials will tell.
+
+    Raises:
+        InputError: the check does.
+    """
+    with suppress(WorkerDiedError, TimedOutError):
+        apart(check, *arguments, timeout=_SECONDS.get())
 
 
 def _loads(name: str) -> bool:

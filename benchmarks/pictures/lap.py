@@ -1,8 +1,9 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +17,18 @@ from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
-from benchmarks.trials.metrics import state_error
+from benchmarks.trials.metrics import heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, check_writable, write
+from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
+
+_ERRORS = {  # drawn, by the map's unit
+    "px": (state_error, "error e (px and unitless mixed, eq. 4)"),
+    "m": (position_error, "position error, m"),
+}
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
@@ -40,35 +47,75 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     unit = setup.unit
     title = TITLES.get(trial.localizer, trial.localizer)
     film = Film(camera, title, LAP_STRIDE)
-    trace = trace_of(film.of(trial_moments(trial)), trial.offsets, task_of(setup.room()))
+    task = task_of(setup.room())
+    left = _Outside(task.floor_plan)
+    trace = trace_of(left.of(film.of(trial_moments(trial))), trial.offsets, task)
+    measure, words = _ERRORS[unit]
     curves = {
-        state_name(offset): (kept.states, state_error(kept.means, trace.truth[kept.states]))
+        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
         for offset, kept in trace.offsets.items()
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     files = {
         "lap.webp": webp(film.frames, LAP_MILLISECONDS),
-        "error.png": error_plot(curves, heading, unit),
+        "error.png": error_plot(curves, heading, words),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | trajectories(trace)
     if log is not None:
         write(_log(film.moments, setup.room()), log)
     write_part(out, "run", files)
-    lines = [
-        f"{state_name(row['offset']):>8}: error {row['error']:6.2f}, position RMSE "
-        f"{row['position_rmse']:6.2f} {unit}, "
-        f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
-        for row in scores(trace, trial.lag, setup.thresholds)
-    ]
+    lines = [_line(row, unit) for row in scores(trace, trial.lag, setup.thresholds)]
     return "\n".join(
         [
             f"{heading}: {trace.steps} steps",
             *lines,
+            *left.warnings,
             f"Written to {out}: {', '.join(files)}.",
             *([] if log is None else [f"Log: {log}"]),
         ]
     )
+
+
+def _line(row: Mapping[str, Any], unit: str) -> str:
+    """Say the errors at an offset: on a map in metres without eq. (4)'s mixture of units."""
+    error, position = f"error {row['error']:6.2f}", f"position RMSE {row['position_rmse']:6.2f}"
+    heading = f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+    first = [error] if unit == "px" else []
+    return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
+
+
+class _Outside:
+    """Watches whether a belief leaves the map, as that of a filter without the map may.
+
+    Attributes:
+        steps: at which more than half of the weight is not on free space.
+    """
+
+    def __init__(self, floor_plan: Map) -> None:
+        self._floor_plan = floor_plan
+        self.steps: list[int] = []
+
+    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
+        """Pass the episode on."""
+        for moment in episode:
+            if (points := moment.belief.points()) is not None:
+                poses, weights = points
+                free = self._floor_plan.free(np.asarray(poses, np.float64)[:, :2])
+                if np.sum(np.asarray(weights)[~free]) > 0.5:
+                    self.steps.append(moment.step)
+            yield moment
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said; nothing if the belief stayed on the map."""
+        if not self.steps:
+            return []
+        return [
+            f"Warning: at {len(self.steps)} steps, the first of them {self.steps[0]}, more than "
+            "half of the belief is inside walls or outside the map: the localizer does not use "
+            "the map's walls in its motion, or is lost."
+        ]
 
 
 def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
@@ -80,13 +127,14 @@ def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
 
 def _curves_csv(trace: Trace) -> str:
     header = ["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"]
+    header += ["position_error", "heading_error"]
     return csv_text(header, _curve_lines(trace))
 
 
 def _curve_lines(trace: Trace) -> Iterator[list[str]]:
     for offset, kept in trace.offsets.items():
         truth = trace.truth[kept.states]
-        errors = state_error(kept.means, truth)
-        for state, true, mean, error in zip(kept.states, truth, kept.means, errors, strict=True):
-            cells = (offset, state, *true, mean[0], mean[1], error)
+        errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
+        for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
+            cells = (offset, state, *true, mean[0], mean[1], *off)
             yield [str(cell) for cell in cells]  # a NaN as nan, no empty cell

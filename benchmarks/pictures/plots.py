@@ -22,8 +22,8 @@ def require_plots() -> None:
         )
 
 
-def error_plot(curves: Curves, title: str, unit: str) -> bytes:
-    """Return error curves over the state's step as PNG."""
+def error_plot(curves: Curves, title: str, words: str) -> bytes:
+    """Return error curves over the state's step as PNG; ``words`` say what error and its unit."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.5), dpi=120, layout="constrained")
@@ -34,7 +34,7 @@ def error_plot(curves: Curves, title: str, unit: str) -> bytes:
         axes.plot(states, errors, label=f"belief about {name}", color=colors.get(name, fallback))
     axes.set(
         xlabel="step of the state estimated",
-        ylabel=f"error e ({unit} and unitless mixed, eq. 4)",
+        ylabel=words,
         title=title,
         ylim=(0, None),
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.replay.scoring import Played, Row
+from benchmarks.replay.words import told
 from benchmarks.report.journeys import LOCALIZED, share_chart
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, picture
@@ -20,16 +21,40 @@ Looks = Mapping[str, Look]
 _SIDE = 500  # cells of a drawn map
 _WALL, _SOLID = (140, 140, 140, 255), (140, 140, 140, 50)
 _POINTS = 300  # of a curve
+_LOST = "lost from here on"
 _LEAST = 0.01  # m: where the axis of errors begins
 
 
-def trajectory_chart(row: Row, floor_plan: Map, look: Look, number: int) -> Picture:
-    """The median run of a localizer on the map, and the reference."""
-    played = row.middle
+def trajectory_charts(row: Row, floor_plan: Map, look: Look, number: int) -> list[Picture]:
+    """The median run of a localizer on the map, and its worst one if that is another."""
+    name = f"trajectory-{number}"
+    shown = {"Median run": (row.middle, name), "Worst run": (row.worst, f"{name}-worst")}
+    if row.worst is row.middle:
+        shown = {"Median and worst run" if row.seeds > 1 else "The run": (row.middle, name)}
+    return [
+        trajectory_chart(row, played, which, floor_plan, look, own)
+        for which, (played, own) in shown.items()
+    ]
+
+
+def trajectory_chart(
+    row: Row, played: Played, which: str, floor_plan: Map, look: Look, name: str
+) -> Picture:
+    """One run of a localizer on the map, the reference, and where it was lost for good.
+
+    Args:
+        row: of the localizer.
+        played: the run.
+        which: run it is, in words.
+        floor_plan: the map.
+        look: of the localizer.
+        name: of the file.
+    """
     x0, y0, x1, y1 = floor_plan.bounds
     width = 4.8
     height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
-    figure, axes = canvas(width, height, legend_of=(row.localizer, "reference"))
+    labels = (row.localizer, "reference", *((_LOST,) if played.lost else ()))
+    figure, axes = canvas(width, height, legend_of=labels)
     axes.imshow(
         _drawn(floor_plan), extent=(x0, x1, y0, y1), origin="lower", interpolation="nearest"
     )
@@ -38,15 +63,18 @@ def trajectory_chart(row: Row, floor_plan: Map, look: Look, number: int) -> Pict
         axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
     x, y, _ = played.track.best.T
     axes.plot(x, y, color=look.color, linewidth=1.0, label=row.localizer)
+    if played.lost is not None:
+        x, y, _ = played.track.truth[played.lost[0]]
+        axes.plot(x, y, "X", color=INK, markersize=9, markeredgewidth=0, label=_LOST)
     unit = floor_plan.unit
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
     axes.grid(visible=False)
     return picture(
         figure,
-        name=f"trajectory-{number}",
-        title=row.localizer,
-        caption=f"Best cluster of the median run, seed {played.run.seed}.",
-        alt=f"Trajectory of {row.localizer} on the map",
+        name=name,
+        title=f"{row.localizer}: {which.lower()}",
+        caption=f"Seed {played.run.seed}: {told(played)}",
+        alt=f"{which} of {row.localizer} on the map",
     )
 
 

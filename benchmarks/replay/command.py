@@ -13,7 +13,8 @@ from benchmarks.replay.agreement import disagreement, misfit_words
 from benchmarks.replay.running import Run, attempt, guest_of
 from benchmarks.replay.scoring import Played, Row, rows_of
 from benchmarks.replay.setting import Setting
-from benchmarks.replay.tables import plain, results_csv, results_table, trials_csv
+from benchmarks.replay.tables import plain, results_csv, trials_csv
+from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
 from benchmarks.report import load, no_report
 from benchmarks.sweeps.progress import counted
@@ -53,7 +54,9 @@ def run_replay(
     with doing(f"writing the report in {out}"):
         files = write_part(out, "replay", _contents(setting, rows, said, failed, command))
     referenced = bool(setting.log.referenced.size)
-    texts = [overview(setting), *facts(setting), plain(results_table(rows, referenced))]
+    texts = [*filter(None, [verdict(rows), comparison(rows)]), overview(setting)]
+    texts += [plain(table) for table in tables_of(rows, referenced)]
+    texts += facts(setting)
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:

@@ -1,9 +1,11 @@
 """Errors of a trajectory as evo computes them: absolute (APE) and relative (RPE) pose error."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
@@ -54,6 +56,30 @@ def relative_errors(estimate: Floats, reference: Floats, delta: int = 1) -> Pose
         )
     driven, meant = (relative(poses[:-step:step], poses[step::step]) for poses in (given, true))
     return _errors(relative(meant, driven))
+
+
+def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
+    """How far off every second reference pose is if it is interpolated between its neighbours.
+
+    More than at the records between, as here the neighbours are twice as far apart.
+
+    Returns:
+        Lengths and angles, (k,) each; None if there are none.
+    """
+    at = log.referenced
+    if log.interpolated is not None:
+        at = at[~log.interpolated[at]]
+    if log.reference is None or at.size < 3:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # of few records: half of them are left out
+        half = referenced(log, Trajectory(log.times[at[::2]], log.reference[at[::2]]))
+    hidden = at[1:-1:2]
+    assert half.reference is not None
+    if not np.isfinite(half.reference[hidden]).any():
+        return None
+    off = absolute(log.reference[hidden], half.reference[hidden])
+    return off.translation, off.rotation
 
 
 def _errors(off: Floats) -> PoseErrors:

@@ -7,10 +7,11 @@ from pathlib import Path
 import matplotlib as mpl
 
 from benchmarks.files import command_line
-from benchmarks.replay.charts import error_charts, localized_chart, trajectory_chart
+from benchmarks.replay.charts import error_charts, localized_chart, trajectory_charts
 from benchmarks.replay.scoring import Row
 from benchmarks.replay.setting import Setting
-from benchmarks.replay.tables import evo_table, results_table
+from benchmarks.replay.tables import evo_table
+from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
 from benchmarks.report.html import page
 from benchmarks.report.style import looks
@@ -32,8 +33,9 @@ def report(
     floor_plan = setting.env().floor_plan
     with mpl.rc_context(HOUSE_STYLE):
         trajectories = [
-            trajectory_chart(row, floor_plan, look[row.localizer], number)
+            chart
             for number, row in enumerate(there, 1)
+            for chart in trajectory_charts(row, floor_plan, look[row.localizer], number)
         ]
         errors = error_charts(there, look) if referenced and there else []
         localized = localized_chart(there, look) if errors else None
@@ -43,7 +45,9 @@ def report(
         overview=overview(setting),
         facts=facts(setting),
         warnings=warnings,
-        results=results_table(rows, referenced),
+        verdict=verdict(rows),
+        comparison=comparison(rows),
+        tables=tables_of(rows, referenced),
         trajectories=trajectories,
         errors=errors,
         localized=localized,

@@ -1,12 +1,14 @@
 """One localizer on one log, as fast as it goes."""
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.clouds import cloud_of, joined
+from benchmarks.trials.clouds import calibration, cloud_of, joined
 from benchmarks.trials.clouds import moments as spread
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.envs.log import LogEnv
@@ -29,6 +31,9 @@ class Track:
         means: of the belief, (x, y, θ), (n, 3).
         best: its best cluster's mean, (n, 3): see ``best_cluster``.
         truth: reference poses, (n, 3); NaN where there is none.
+        ranks: P(nearer to the belief's mean than the truth), (n,); see ``clouds.calibration``. NaN
+            where there is no truth, or the belief has no spread.
+        nees: normalized estimation error squared, (n,); NaN as for the ranks.
         seconds: the localizer's time for each record, (n,).
         unit: of lengths.
     """
@@ -38,6 +43,8 @@ class Track:
     means: Floats
     best: Floats
     truth: Floats
+    ranks: Floats
+    nees: Floats
     seconds: Floats
     unit: str
 
@@ -73,12 +80,12 @@ def played(
 def replay(env: LogEnv, localizer: Localizer, prior: Prior, rng: np.random.Generator) -> Track:
     """Play a log to a localizer and return its track; see ``played``."""
     unit = env.log.unit
-    means, best, truth, seconds = [], [], [], []
+    means, best, truth, fits, seconds = [], [], [], [], []
     for moment in played(env, localizer, prior, rng):
         points = moment.belief.points()
         if points is None:
             raise InputError(f"its belief of state {moment.step} holds no points of the present.")
-        spread(joined([cloud_of(moment.step, 0, points)], [moment.truth]))  # refuses what is none
+        fits.append(_fit(moment, points, unit))
         means.append(mean_pose(*points))
         best.append(best_cluster(*points, unit=unit).mean)
         truth.append(moment.truth)
@@ -89,9 +96,25 @@ def replay(env: LogEnv, localizer: Localizer, prior: Prior, rng: np.random.Gener
         means=np.array(means),
         best=np.array(best),
         truth=np.array(truth),
+        ranks=np.array(fits)[:, 0],
+        nees=np.array(fits)[:, 1],
         seconds=np.array(seconds),
         unit=unit,
     )
+
+
+def _fit(moment: Moment, points: Any, unit: str) -> tuple[float, float]:
+    """Return rank and NEES of the truth in a belief; NaN where there is no truth.
+
+    Raises:
+        InputError: the points are no belief.
+    """
+    clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
+    means = spread(clouds)[:, :4]
+    if not np.isfinite(moment.truth).all():
+        return math.nan, math.nan
+    _, rank, nees = calibration(clouds, means, unit)[0].tolist()
+    return rank, nees
 
 
 def _shown(info: dict[str, Floats]) -> Floats:

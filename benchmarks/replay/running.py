@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.execution.apart import parameters
+from benchmarks.execution.apart import checked_apart, parameters
 from benchmarks.replay.agreement import agreement
 from benchmarks.replay.playing import replay
 from benchmarks.replay.setting import Setting, robot_of
@@ -57,11 +57,13 @@ def runs_of(
     particles: int,
     seeds: int,
     root: int,
+    shared: Mapping[str, Mapping[str, Any]],
     own: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Run]:
     """Return all runs by their keys, those of one seed after another.
 
-    A localizer has its ``own`` parameters by its name, else as many particles as are asked for.
+    A localizer has the parameters of ``shared`` by its name, else as many particles as are asked
+    for; what is its ``own`` comes before both.
 
     Raises:
         InputError: an unknown localizer, one named twice, or a number out of range.
@@ -73,7 +75,10 @@ def runs_of(
         raise InputError("--localizers names none: name one or more, comma-separated.")
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    params = {name: frozen(own.get(name) or _given(name, particles)) for name in localizers}
+    params = {
+        name: frozen({**(shared.get(name) or _given(name, particles)), **own.get(name, {})})
+        for name in localizers
+    }
     runs = [
         Run(
             setting=setting,
@@ -91,6 +96,29 @@ def runs_of(
 def guest_of(run: Run) -> str:
     """Return the name of a run's plug-in; "" if all is ours."""
     return run.guest
+
+
+def check(runs: Mapping[str, Run]) -> None:
+    """Let each localizer look at its parameters, before anything is run or written.
+
+    Raises:
+        InputError: it refuses them. Any other trouble of a plug-in is left to its runs.
+    """
+    for run in {run.localizer: run for run in runs.values()}.values():
+        if run.guest:
+            checked_apart(_look, run)
+        else:
+            _look(run)
+
+
+def _look(run: Run) -> None:
+    try:
+        with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
+            robot, _ = robot_of(run.setting, run.setting.env())
+            make(run.localizer, robot, **dict(run.params))
+    except BaseException as error:
+        if isinstance(error, InputError) or is_ctrl_c(error):
+            raise
 
 
 def attempt(run: Run, key: str) -> Outcome:

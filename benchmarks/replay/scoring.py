@@ -14,6 +14,7 @@ from benchmarks.replay.setting import metre
 from benchmarks.tables.journeys import median
 from benchmarks.tables.stats import wilson
 from benchmarks.trials.fixes import FOUND, NEAR, Fixes
+from benchmarks.trials.metrics import LEVELS, mean
 from deqmcl_gym.numerics.types import Floats, Indices
 
 _LOST_STEPS, _LOST = 20, 1.0  # records, m: as ``benchmarks.setup.thresholds``
@@ -72,15 +73,41 @@ class Played:
         """Its numbers by column."""
         return {
             **_errors_of([self]),
+            **_errors_at_stamps([self]),
             **{f"success_{near}": self.fixes.success(near) for near in reversed(NEAR)},
+            **{
+                f"within_{near}": mean(self.fixes.localized(near).astype(np.float64))
+                for near in reversed(NEAR)
+            },
             "lost": self._lost,
             "metres_to_localize": self.fixes.metres_to_localize,
             "ape_rmse": math.nan if self.errors is None else self.errors.rmse,
             "rpe_rmse": math.nan if self.relative is None else self.relative.rmse,
+            **{f"coverage_{level}": self._covered(level) for level in LEVELS},
+            "nees": mean(self.track.nees[np.isfinite(self.track.nees)]),
             "agreement_01": self.agreement[0],
             "agreement_03": self.agreement[1],
             "ms_per_step": float(1000 * np.median(self.track.seconds[1:])),
         }
+
+    @property
+    def at_stamps(self) -> Indices:
+        """Which of the known records are at times of the reference's own poses."""
+        between = self.run.setting.log.interpolated
+        own = np.ones(self.known.size, bool) if between is None else ~between[self.known]
+        return np.flatnonzero(own)
+
+    @property
+    def lost(self) -> tuple[int, float] | None:
+        """The record from which on it is never again within 1 m and 30°, and the way there, m."""
+        first = self.fixes.lost_at
+        if first is None or not self.known.size:
+            return None
+        return int(self.known[first]), float(self.fixes.way[first])
+
+    def _covered(self, level: int) -> float:
+        ranks = self.track.ranks[np.isfinite(self.track.ranks)]
+        return mean((ranks <= level / 100).astype(np.float64))
 
     @property
     def _lost(self) -> float:
@@ -104,12 +131,17 @@ class Row:
     Attributes:
         localizer: its name.
         played: those that came to their end, by seed.
-        failed: how many did not; they count as no success.
+        failed_seeds: of those that did not; they count as no success.
     """
 
     localizer: str
     played: Sequence[Played]
-    failed: int = 0
+    failed_seeds: Sequence[int] = ()
+
+    @property
+    def failed(self) -> int:
+        """How many runs did not come to their end."""
+        return len(self.failed_seeds)
 
     @property
     def seeds(self) -> int:
@@ -120,7 +152,8 @@ class Row:
     def scores(self) -> dict[str, float]:
         """Its numbers by column.
 
-        Errors are those of all records of all runs. Success is a share of all runs, lost a share of
+        Errors are those of all records of all runs; ``_stamps``: of those at the reference's own
+        times. Success is a share of all runs, lost a share of
         those that ended. Metres to localize are the median over all runs, where failed runs and
         those that never localize count as infinite. All else is the mean over runs that ended.
         """
@@ -135,6 +168,7 @@ class Row:
         return {
             **found,
             **_errors_of(self.played),
+            **_errors_at_stamps(self.played),
             **shares,
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
@@ -148,6 +182,21 @@ class Row:
         ordered = sorted(self.played, key=lambda played: played.scores[by])
         return ordered[(len(ordered) - 1) // 2]
 
+    @property
+    def worst(self) -> Played:
+        """The run with the fewest records within 1 m and 30°, then with the largest 95 % error.
+
+        Without a reference, the run of the least agreement.
+        """
+
+        def worse(played: Played) -> tuple[float, ...]:
+            scores = played.scores
+            if played.errors is None:
+                return (scores["agreement_03"],)
+            return scores[f"within_{FOUND}"], -scores["position_p95"]
+
+        return min(self.played, key=worse)
+
 
 def rows_of(runs: Mapping[str, Run], played: Mapping[str, Played]) -> list[Row]:
     """Return a row per localizer, in the order in which they were named."""
@@ -158,7 +207,9 @@ def rows_of(runs: Mapping[str, Run], played: Mapping[str, Played]) -> list[Row]:
             played=[
                 played[key] for key, run in runs.items() if run.localizer == name and key in played
             ],
-            failed=sum(run.localizer == name and key not in played for key, run in runs.items()),
+            failed_seeds=[
+                run.seed for key, run in runs.items() if run.localizer == name and key not in played
+            ],
         )
         for name in names
     ]
@@ -175,4 +226,17 @@ def _errors_of(played: Sequence[Played]) -> dict[str, float]:
         "position_median": float(np.median(position)),
         "position_p95": float(np.quantile(position, 0.95)),
         "heading_median": float(np.median(heading)),
+    }
+
+
+def _errors_at_stamps(played: Sequence[Played]) -> dict[str, float]:
+    """Return medians over the records at the reference's own times: m, rad."""
+    errors = [(one.errors, one.at_stamps) for one in played if one.errors is not None]
+    found = [(own.translation[at], own.rotation[at]) for own, at in errors if at.size]
+    if not found:
+        return {"position_median_stamps": math.nan, "heading_median_stamps": math.nan}
+    position, heading = map(np.concatenate, zip(*found, strict=True))
+    return {
+        "position_median_stamps": float(np.median(position)),
+        "heading_median_stamps": float(np.median(heading)),
     }

@@ -1,5 +1,6 @@
 """What is replayed: a log on a map, and what the localizers assume."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -7,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.replay.errors import interpolation_errors
 from benchmarks.replay.nav2 import Amcl
 from benchmarks.setup.log_scenario import check_inside
 from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
-from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.maps.units import PIXELS, pixel
-from deqmcl_gym.validation import InputError, one_of, pose
+from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
     GaussianPrior,
     GaussianUniform,
@@ -35,11 +36,13 @@ class Setting:
     """A log on a map.
 
     Attributes:
-        log: the records that are played, as seen from the scanner's place.
+        log: the records that are played.
         map: path of its yaml.
-        start: (x, y, θ) of the scanner, about which the first pose is known; None: nothing is.
+        start: (x, y, θ) about which the robot's first pose is known; None: nothing is.
         motion, scan: the noise that the localizers assume.
         noise: where that of the motion is from.
+        reference: where the true poses are from, in words; "" without any.
+        radius: of the robot, in the log's unit.
     """
 
     log: Log
@@ -48,6 +51,8 @@ class Setting:
     motion: OdometryMotion
     scan: BeamDensity
     noise: str
+    reference: str
+    radius: float
 
     def env(self) -> LogEnv:
         """Return the log as an environment."""
@@ -68,6 +73,7 @@ class Told:
         every, max_beams: see ``LogEnv``; None is 0.2 m or 5°, and 60.
         motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
         scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        radius: of the robot, m; None is 0.16 m.
         otherwise: the start of a log without a reference, if none is said.
     """
 
@@ -76,6 +82,7 @@ class Told:
     max_beams: int | None = None
     motion: str | None = None
     scan: str | None = None
+    radius: float | None = None
     otherwise: str | None = None
 
     def or_nav2(self, nav2: Amcl | None) -> "Told":
@@ -105,7 +112,11 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     Raises:
         InputError: something of it is refused.
     """
-    start = told.start or ("reference" if log.reference is not None else told.otherwise)
+    if told.radius is not None:
+        number("--radius", told.radius, low=0)
+    start = told.start
+    if start is None:
+        start = "reference" if log.reference is not None else told.otherwise
     if start is None:
         raise InputError(
             f"{log.source} has no reference: give --reference, --start x,y,θ or --start global."
@@ -125,10 +136,12 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     return Setting(
         log=env.log,
         map=str(floor_plan),
-        start=_start(start, log, env),
+        start=_start(start, env),
         motion=noise,
         scan=_scan(told.scan, metre(log)),
         noise=origin,
+        reference=_reference(log, env.log),
+        radius=env.radius if told.radius is None else told.radius * metre(log),
     )
 
 
@@ -157,7 +170,11 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
 def robot_of(setting: Setting, env: LogEnv) -> tuple[RobotModel, Prior]:
     """Return what localizers are made for, and p(x_0)."""
     robot = RobotModel(
-        floor_plan=env.floor_plan, lidar=env.lidar, motion=setting.motion, scan=setting.scan
+        floor_plan=env.floor_plan,
+        lidar=env.lidar,
+        radius=setting.radius,
+        motion=setting.motion,
+        scan=setting.scan,
     )
     if setting.start is None:
         return robot, UniformPrior(floor_plan=env.floor_plan, radius=robot.radius)
@@ -173,7 +190,7 @@ def metre(log: Log) -> float:
     return pixel(log.unit) / PIXELS["m"]
 
 
-def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | None:
+def _start(start: str, env: LogEnv) -> tuple[float, float, float] | None:
     if start == "global":
         return None
     if start == "reference":
@@ -192,8 +209,35 @@ def _start(start: str, log: Log, env: LogEnv) -> tuple[float, float, float] | No
             f"--start is ({given[0]:g}, {given[1]:g}), but that is no free space on the map: give "
             "a pose where the robot can be."
         )
-    x, y, heading = composed(at, np.array([*log.scanner.mounting, 0.0]))[0].tolist()
+    x, y, heading = at[0].tolist()
     return x, y, heading
+
+
+def _reference(whole: Log, played: Log) -> str:
+    """Say how many of the records played have a reference pose, and how good those between are."""
+    known = played.referenced
+    if not known.size:
+        return ""
+    between = 0 if played.interpolated is None else int(played.interpolated.sum())
+    counts = [f"{known.size - between:,} of {len(played):,} records have a pose of their own time"]
+    if between:
+        counts.append(
+            f"for {between:,} it is interpolated along the odometry, whose error is spread over "
+            "the way between two poses"
+        )
+    if unknown := len(played) - known.size:
+        counts.append(f"{unknown:,} without one do not count")
+    said = f"Reference: {'; '.join(counts)}."
+    off = interpolation_errors(whole) if between else None
+    if off is None:
+        return said
+    position, heading = (np.quantile(one, (0.5, 0.95)) for one in off)
+    return (
+        f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
+        f"{position[0] / metre(whole):.3f} m and {math.degrees(heading[0]):.1f}° (median), "
+        f"{position[1] / metre(whole):.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
+        "of that size may be the reference's."
+    )
 
 
 def _motion(log: Log, given: str | None) -> tuple[OdometryMotion, str]:

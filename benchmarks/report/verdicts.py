@@ -89,7 +89,7 @@ def power_hint(panel: Panel) -> str:
     if math.isnan(small):
         return ""
     needed = ", ".join(
-        f"{_round(worlds_to_see(small, row.diff_sd, tests))} for {panel.labels[row.method]}"
+        f"{rounded(worlds_to_see(small, row.diff_sd, tests))} for {panel.labels[row.method]}"
         for row in rows
     )
     return (
@@ -98,8 +98,8 @@ def power_hint(panel: Panel) -> str:
     )
 
 
-def _round(worlds: int) -> str:
-    """A count with two significant digits, as it is known no better."""
+def rounded(worlds: int) -> str:
+    """A count of worlds or runs with two significant digits, as it is known no better."""
     return f"{int(float(f'{worlds:.2g}')):,}" if worlds <= _MANY else f"more than {_MANY:,}"
 
 

@@ -57,6 +57,13 @@ class Fixes:
         return float(self.localized(near)[self.last].all()) if self.last.any() else math.nan
 
     @property
+    def lost_at(self) -> int | None:
+        """Index of the first step from which on it is never again localized; None: it is."""
+        near = np.flatnonzero(self.localized(FOUND))
+        first = int(near[-1]) + 1 if near.size else 0
+        return first if first < self.steps.size else None
+
+    @property
     def metres_to_localize(self) -> float:
         """Metres driven until it is localized for good; inf: never; NaN: nothing is known."""
         if not self.steps.size:

@@ -143,12 +143,13 @@ class _Messages:
             return default
 
 
-def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
+def read_carmen(path: Path, scan_topic: str | None = None, max_gap: float | None = None) -> Log:
     """Read a CARMEN log, gzipped or not.
 
     Args:
         path: the file.
         scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one in the file.
+        max_gap: of the true poses in it; see ``referenced``.
 
     Raises:
         InputError: there is no scan, a choice of two kinds, or no usable record.
@@ -164,7 +165,7 @@ def read_carmen(path: Path, scan_topic: str | None = None) -> Log:
     if messages.others:
         left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
         warnings.warn(f"{path}: left out messages of other kinds: {left_out}.", LogWarning, 2)
-    return with_own_reference(log, messages.truth)
+    return with_own_reference(log, messages.truth, max_gap)
 
 
 def write_carmen(log: Log, path: Path) -> None:

@@ -19,6 +19,7 @@ OTHER_SCAN = "with a scan of another length or geometry"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
+_FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
 class LogWarning(UserWarning):
@@ -33,6 +34,7 @@ class Found:
         source: name of the file in messages.
         times, odometry, ranges: of each record.
         geometry: number of beams and anything else that identifies the scanner, of each record.
+        references: true poses in the records themselves; () for none.
         damage: number of records that could not be read, by reason.
     """
 
@@ -41,6 +43,7 @@ class Found:
     odometry: list[Sequence[float]] = field(default_factory=list)
     ranges: list[Sequence[float]] = field(default_factory=list)
     geometry: list[tuple[int, Any]] = field(default_factory=list)
+    references: list[Sequence[float]] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
 
     def add(
@@ -49,12 +52,14 @@ class Found:
         odometry: Sequence[float],
         ranges: Sequence[float],
         geometry: Hashable = None,
+        reference: Sequence[float] = (),
     ) -> None:
         """Add a record."""
         self.times.append(time)
         self.odometry.append(odometry)
         self.ranges.append(ranges)
         self.geometry.append((len(ranges), geometry))
+        self.references.append(reference)
 
     def log(self, scanner_of: Callable[[int, Any], Scanner], *, unit: str = "m") -> Log:
         """Return the sound records as a log; warn of the others.
@@ -80,21 +85,48 @@ class Found:
             said = said_of_skipped(self.damage, kept.size)
             warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=2)
         ranges = np.array([self.ranges[index] for index in kept])
-        return Log(
+        log = Log(
             scanner_of(*most),
             times[kept],
             odometry[kept],
             ranges,
-            unit=unit,
+            self._reference(kept),
+            unit,
             skipped=dict(self.damage),
             source=self.source,
         )
+        warn_of_few(log, self.source)
+        return log
+
+    def _reference(self, kept: Indices) -> Floats | None:
+        """Return the true poses of the records kept, (n, 3); NaN where none is sound."""
+        if not any(map(len, self.references)):
+            return None
+        given = [self.references[index] or (np.nan,) * 3 for index in kept]
+        poses = np.array(given, dtype=np.float64).reshape(-1, 3)
+        poses[~usable(poses)] = np.nan
+        known = int(np.isfinite(poses[:, 0]).sum())
+        if bad := sum(len(self.references[index]) > 0 for index in kept) - known:
+            said = f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"
+            warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=3)
+        return poses if known else None
 
     def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
         if lost := int((~sound).sum()):
             self.damage[reason] += lost
         left: Indices = kept[sound]
         return left
+
+
+def warn_of_few(log: Log, reference: str) -> None:
+    """Warn if a log has a reference at few of its records."""
+    if log.reference is not None and log.referenced.size < _FEW * len(log):
+        warnings.warn(
+            f"the reference {reference} has a pose for only {log.referenced.size:,} of "
+            f"{len(log):,} records of {log.source}.",
+            LogWarning,
+            stacklevel=3,
+        )
 
 
 def usable(rows: Floats) -> Bools:

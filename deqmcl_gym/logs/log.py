@@ -14,7 +14,7 @@ from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.units import PIXELS
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of
 
 Pose = tuple[float, float, float]
@@ -51,6 +51,8 @@ class Log:
         unit: of all lengths, "m" or "px".
         skipped: number of records left out when the log was read, by reason.
         source: name of the log in messages, such as its file.
+        interpolated: whether a record's reference pose is one between two poses that were given,
+            (n,); None: none is.
     """
 
     scanner: Scanner
@@ -61,6 +63,7 @@ class Log:
     unit: str = "m"
     skipped: Mapping[str, int] = field(default_factory=dict)
     source: str = "the log"
+    interpolated: Bools | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         one_of("unit of length", self.unit, PIXELS)
@@ -152,7 +155,10 @@ class Log:
             "the ranges without a return",
         ]
         if self.reference is not None:
-            lines.append(f"reference: at {self.referenced.size:,} of {len(self):,} records")
+            between = 0 if self.interpolated is None else int(self.interpolated.sum())
+            said = f", {between:,} of them interpolated" if between else ""
+            known = f"{self.referenced.size:,} of {len(self):,} records"
+            lines.append(f"reference: at {known}{said}")
         if self.skipped:
             lines.append(said_of_skipped(self.skipped, len(self)))
         return "\n".join(lines)
@@ -214,6 +220,7 @@ class Log:
             odometry=self.odometry[chosen],
             ranges=self.ranges[chosen],
             reference=None if self.reference is None else self.reference[chosen],
+            interpolated=None if self.interpolated is None else self.interpolated[chosen],
         )
 
     @cached_property

@@ -28,8 +28,8 @@ _WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
 )
 _TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
     {
-        carmen.read_carmen: ("scan_topic",),
-        ros.read_bag: ("scan_topic", "odometry_topic", "reference_topic", "base_frame"),
+        carmen.read_carmen: ("scan_topic", "max_gap"),
+        ros.read_bag: ("scan_topic", "odometry_topic", "reference_topic", "base_frame", "max_gap"),
         tables.read_csv: ("scanner",),
         tables.read_npz: ("scanner",),
     }
@@ -59,7 +59,7 @@ def read(
     Args:
         path: the file, or the folder of a ROS 2 bag.
         reference: a TUM file or a trajectory, in the map's frame and with the log's clock.
-        max_gap: see ``referenced``.
+        max_gap: of the reference, or of that in a CARMEN log or a bag: see ``referenced``.
         max_range: ranges above it count as no measurement, like those above the scanner's own.
         mounting: of the scanner on the robot, x ahead, y left, turn in rad; replaces the log's. The
             default of a log without one is the robot's centre.
@@ -85,11 +85,13 @@ def read(
             "(CARMEN; .gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a "
             "ROS 2 bag."
         )
-    options = {
+    options: dict[str, Any] = {
         "scanner": scanner, "scan_topic": scan_topic, "odometry_topic": odometry_topic,
         "reference_topic": reference_topic, "base_frame": base_frame,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
+    if max_gap is not None and reference is None:
+        given["max_gap"] = max_gap
     for name in given:
         if name not in _TAKEN[reader]:
             raise InputError(f"{name} is given, but {file} is of a format that does not take it.")

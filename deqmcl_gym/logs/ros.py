@@ -52,6 +52,7 @@ def read_bag(
     odometry_topic: str | None = None,
     reference_topic: str | None = None,
     base_frame: str | None = None,
+    max_gap: float | None = None,
 ) -> Log:
     """Read a ROS bag; see ``logs.read``.
 
@@ -76,7 +77,7 @@ def read_bag(
             reference = _topic(path, bag, tuple(POSES), "reference_topic", asked)
         messages = _Messages(path, scans, odometry, reference)
         messages.read(bag)
-    return messages.log(base_frame)
+    return messages.log(base_frame, max_gap)
 
 
 class _Messages:
@@ -127,7 +128,7 @@ class _Messages:
                 self.moved.append(row)
                 self.base = message.child_frame_id or self.base
 
-    def log(self, base_frame: str | None) -> Log:
+    def log(self, base_frame: str | None, max_gap: float | None) -> Log:
         """Return the log of all messages read."""
         base = base_frame or self.base
         rows = np.array(self.moved).reshape(-1, 7)
@@ -149,7 +150,7 @@ class _Messages:
             return Scanner(angles=angles, mounting=mounting, min_range=least, max_range=most)
 
         log = self.found.log(scanner_of, unit=self.unit)
-        return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)))
+        return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)), max_gap)
 
     def _place(self, odometry: Floats) -> None:
         """Fill in the odometry at each scan; leave out scans without it."""

@@ -21,7 +21,6 @@ from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log
 from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.text import numbers_of, opened_log, text_of
-from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
@@ -46,19 +45,18 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     first = _first_range(path, columns)
     at = [columns.index(name) for name in _COLUMNS]
     reference = [columns.index(name) for name in _REFERENCE if name in columns]
-    found, truth = Found(str(path)), []
+    found = Found(str(path))
     for row in map(_cells, filter(str.strip, rows)):
         try:
             if len(row) != len(columns):
                 raise ValueError("another number of cells")
             time, *odometry = numbers_of([row[index] for index in at])
-            found.add(time, odometry, numbers_of(row[first:]))
-            if reference and all(row[index] for index in reference):
-                truth.append([time, *numbers_of([row[index] for index in reference])])
+            known = [row[index] for index in reference if row[index]]
+            truth = numbers_of(known) if len(known) == len(_REFERENCE) else ()
+            found.add(time, odometry, numbers_of(row[first:]), reference=truth)
         except ValueError:
             found.damage[UNREADABLE] += 1
-    log = found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
-    return with_own_reference(log, truth)
+    return found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
 
 
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
@@ -91,15 +89,15 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
         )
     found = Found(str(path), times.tolist(), odometry.tolist(), list(ranges))
     found.geometry = [(ranges.shape[1], None)] * n
-    truth: Any = ()
     if (reference := known.pop("reference", None)) is not None:
         if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
             raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
-        truth = np.column_stack([times, reference])
-        truth = truth[np.isfinite(truth).all(axis=1)]
+        whole = np.isfinite(reference).all(axis=1)
+        found.references = [
+            pose if known else () for pose, known in zip(reference.tolist(), whole, strict=True)
+        ]
     words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
-    log = found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
-    return with_own_reference(log, truth)
+    return found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
 
 
 def write_csv(log: Log, path: Path) -> None:

@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.files import save
-from deqmcl_gym.logs.found import NOT_FINITE, UNREADABLE, LogWarning, in_order, usable
+from deqmcl_gym.logs.found import (
+    NOT_FINITE,
+    UNREADABLE,
+    LogWarning,
+    in_order,
+    usable,
+    warn_of_few,
+)
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
 from deqmcl_gym.logs.text import numbers_of, text_of
@@ -22,7 +29,6 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, number, shown
 
 MAX_GAP = 2.0  # m
-_FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
 @final
@@ -116,9 +122,10 @@ def referenced(
 ) -> Log:
     """Return the log with a trajectory as its reference, at the times of its records.
 
-    Between two poses of the trajectory, the robot's odometry is followed from the first; its error
-    at the second is spread evenly over the distance between them. So a reference with one pose per
-    metre does not cut corners.
+    A record at the time of a pose has that pose; of several at one time, the k-th record has the
+    k-th pose, or the last. Between two poses, the robot's odometry is followed from the first, and
+    its error at the second is spread over the way between them, metres and 1 m per radian turned.
+    So a reference with one pose per metre does not cut corners. ``Log.interpolated`` says where.
 
     Args:
         log: the records.
@@ -134,47 +141,50 @@ def referenced(
     trajectory = reference if isinstance(reference, Trajectory) else read_tum(reference)
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
+    exact, own = _stamped(log.times, times)
     after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
-    exact = np.isin(log.times, times)
     gone = np.interp(times, log.times, log.driven)
     near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
     near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
-    known = inside & (near | exact)
-    if not known.any():
+    between = inside & near & ~exact
+    if not (exact | between).any():
         raise InputError(
             f"the reference {trajectory.source} covers {times[0]:.2f} s to {times[-1]:.2f} s, but "
             f"{log.source} {log.times[0]:.2f} s to {log.times[-1]:.2f} s: no record has a "
             "reference pose, so give the reference of this log, with the same clock."
         )
-    if known.mean() < _FEW:
-        warnings.warn(
-            f"the reference {trajectory.source} has a pose for only {int(known.sum()):,} of "
-            f"{len(log):,} records of {log.source}.",
-            LogWarning,
-            stacklevel=2,
-        )
-    first, last = before[known], after[known]
-    here, whole, share = _travelled(log, times, known, first, last)
+    first, last = before[between], after[between]
+    here, whole, share = _travelled(log, times, between, first, last)
     missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
     found = np.full((len(log), 3), np.nan)
-    found[known] = composed(poses[first], here + share[:, None] * missed)
-    return replace(log, reference=found)
+    found[exact] = poses[own]
+    found[between] = composed(poses[first], here + share[:, None] * missed)
+    done = replace(log, reference=found, interpolated=between)
+    warn_of_few(done, trajectory.source)
+    return done
 
 
-def with_own_reference(log: Log, rows: ArrayLike) -> Log:
-    """Return the log with the reference in its own file, rows t, x, y, θ, (k, 4); none if k = 0.
+def with_own_reference(log: Log, rows: ArrayLike, max_gap: float | None = None) -> Log:
+    """Return the log with the poses in its own file, rows t, x, y, θ, (k, 4); none if k = 0.
 
-    If the times of all rows are those of records, there is no interpolation.
+    These are messages of their own, with stamps of their own: see ``referenced``.
     """
     given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
     if not len(given):
         return log
-    trajectory = _sound(given, log.source, Counter())
-    same = np.isin(trajectory.times, log.times).all()
-    return referenced(log, trajectory, max_gap=0.0 if same else None)
+    return referenced(log, _sound(given, log.source, Counter()), max_gap)
+
+
+def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:
+    """Return which records are at one of ``times``, (n,), and the index in those of each such."""
+    first = np.searchsorted(times, records)
+    count = np.searchsorted(times, records, side="right") - first
+    turn = np.arange(records.size) - np.searchsorted(records, records)  # among those of its time
+    exact = count > 0
+    return exact, (first + np.minimum(turn, count - 1))[exact]
 
 
 def _travelled(

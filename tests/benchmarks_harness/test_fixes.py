@@ -81,3 +81,17 @@ def test_a_kidnapped_robot_is_found_where_twenty_good_steps_on_end_begin():
 def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
     assert driven([[1.0, 9.0], [-2.0, 0.0], [0.3, 0.4, 7.0]]).tolist() == [0, 1, 3, 3.5]
     assert (metre("px"), metre("m")) == (50.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("distance", "lost_at"),
+    [
+        ([0, 0, 5, 0], None),
+        ([0, 5, 0, 5, 5], 3),
+        ([5, 5], 0),
+        ([0, 0, 1.001], 2),
+        ([], None),
+    ],
+)
+def test_it_is_lost_from_the_first_step_after_which_it_is_never_again_localized(distance, lost_at):
+    assert fixes(distance).lost_at == lost_at

@@ -14,6 +14,8 @@ from benchmarks.cli import main
 from benchmarks.replay.playing import Track
 from benchmarks.replay.scoring import Played, Row
 from benchmarks.replay.tables import results_table
+from benchmarks.replay.verdict import differences, family_of
+from benchmarks.replay.words import told
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 
@@ -47,6 +49,34 @@ def replay(*words):
         return end.code
 
 
+def played_at(errors, seed=0, interpolated=None):
+    """A run that is so far off at each record, 1 m and 1 s apart."""
+    n = len(errors)
+    poses, counted = np.zeros((n, 3)), np.arange(float(n))
+    off = poses + np.outer(errors, [1.0, 0.0, 0.0])
+    track = Track(
+        times=counted, way=counted, means=off, best=off, truth=poses, ranks=np.full(n, 0.6),
+        nees=np.full(n, 4.0), seconds=np.ones(n), unit="m",
+    )  # fmt: skip
+    log = SimpleNamespace(unit="m", interpolated=interpolated)
+    run = SimpleNamespace(setting=SimpleNamespace(log=log), seed=seed)
+    return Played(run=run, track=track, agreement=(0.0, 0.0))
+
+
+def scored(seed, error):
+    return played_at([error] * 4, seed)
+
+
+def test_coverage_and_nees_are_those_of_the_records_and_errors_at_stamps_leave_others_out():
+    between = np.array([False, True, True, False, False])
+    scores = played_at([0.1, 0.9, 0.9, 0.2, 0.3], interpolated=between).scores
+    assert [scores[f"coverage_{level}"] for level in (50, 80, 95)] == [0, 1, 1]
+    assert scores["nees"] == 4
+    assert scores["position_median"] == 0.3
+    assert scores["position_median_stamps"] == 0.2
+    assert (scores["within_1m"], scores["within_05m"]) == (1, pytest.approx(0.6))
+
+
 def table(path):
     with open(path, newline="") as file:
         return list(csv.DictReader(file))
@@ -75,7 +105,7 @@ def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
     reference = tum(recorded / "o/tracks/reference.tum")
     assert list(reference) == log.times.tolist()
     for name, row in results.items():
-        positions, headings, metres, successes = [], [], [], []
+        positions, headings, metres, successes, shares = [], [], [], [], []
         for seed in range(3):
             estimate = tum(recorded / f"o/tracks/{name}-{seed}.tum")
             position, heading, good = [], [], []
@@ -94,19 +124,24 @@ def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
             rms = math.sqrt(sum(error**2 for error in position) / len(position))
             assert float(own["ape_rmse"]) == pytest.approx(rms)
             assert float(own["success_1m"]) == successes[-1]
+            assert float(own["within_1m"]) == pytest.approx(sum(good) / len(good))
+            shares.append(float(own["within_1m"]))
         assert row["seeds"] == "3"
         assert float(row["position_median"]) == pytest.approx(statistics.median(positions))
         assert float(row["position_p95"]) == pytest.approx(np.quantile(positions, 0.95))
         assert float(row["heading_median"]) == pytest.approx(statistics.median(headings))
         assert float(row["success_1m"]) == pytest.approx(sum(successes) / 3)
         assert float(row["metres_to_localize"]) == pytest.approx(statistics.median(metres))
+        assert float(row["within_1m"]) == pytest.approx(sum(shares) / 3)
         assert float(row["ms_per_step"]) > 0
     if start == "reference":
         assert float(results["mcl"]["position_median"]) < 0.1
     if start == "1.2,1,0":
         assert results["dead-reckoning"]["metres_to_localize"] == "inf"
     page = (recorded / "o/report.html").read_text()
-    assert page.count("<svg") == 5
+    worst = page.count(": worst run</h4>")  # beside the median one, if it is another
+    assert page.count("<svg") == 5 + worst
+    assert worst + page.count(": median and worst run</h4>") == 2
     assert "http" not in page.replace("http://www.w3.org", "")
 
 
@@ -194,14 +229,62 @@ def test_lost_runs_are_counted_among_those_that_ended():
     here, poses, seconds = np.zeros((3, 3)), np.full((3, 3), 50.0), np.ones(3)
     track = Track(
         times=np.arange(3.0), way=np.arange(3.0), means=poses, best=poses, truth=here,
-        seconds=seconds, unit="m",
+        ranks=seconds, nees=seconds, seconds=seconds, unit="m",
     )  # fmt: skip
-    run = SimpleNamespace(setting=SimpleNamespace(log=SimpleNamespace(unit="m")), seed=0)
+    log = SimpleNamespace(unit="m", interpolated=None)
+    run = SimpleNamespace(setting=SimpleNamespace(log=log), seed=0)
     played = [Played(run=run, track=track, agreement=(0.0, 0.0))] * 2
-    told = results_table([Row(localizer="mcl", played=played, failed=2)], referenced=True)
+    row = Row(localizer="mcl", played=played, failed_seeds=(2, 3))
+    told = results_table([row], referenced=True)
     cells = dict(zip(told.header, told.lines[0], strict=True))
     assert cells["lost"] == "2 of 2"
-    assert cells["success (1 m, 30°)"] == "0 of 4"
+    assert cells["localized to the end"] == "0 of 4"
+
+
+def test_the_verdict_stands_first_and_says_how_many_runs_would_confirm_a_difference(
+    recorded, capsys
+):
+    assert replay(*KNOWN, "--localizers", "mcl,amcl,dead-reckoning", "--out", "o") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    results = {row["localizer"]: row for row in table("o/results.csv")}
+    best = min(results, key=lambda name: (-float(results[name]["success_1m"]),
+                                          float(results[name]["position_median"])))  # fmt: skip
+    assert told.startswith(f"{best} is ahead: localized to the end in 3 of 3 runs")
+    # 3 runs of 4 tests cannot give p < 0.05: 4 × 2 × 2⁻³ = 1
+    assert "p = 1" not in told
+    assert "would need about" in told
+    page = (recorded / "o/report.html").read_text()
+    assert page.index("is ahead: localized") < page.index("<table")
+    assert "would need about" in page
+
+
+def test_differences_that_many_runs_show_are_confirmed_and_their_intervals_say_the_same():
+    rng = np.random.default_rng(0)
+    played = {
+        name: [scored(seed, error) for seed, error in enumerate(rng.normal(middle, 0.01, 12))]
+        for name, middle in (("near", 0.1), ("far", 0.2), ("same", 0.1))
+    }
+    rows = [Row(localizer=name, played=runs) for name, runs in played.items()]
+    apart = {row.localizer: differences(row, rows[0], family_of(rows))[1] for row in rows[1:]}
+    assert apart["far"].p == pytest.approx(4 * 2 / 2**12)  # all on one side, 4 tests
+    assert apart["far"].confirmed
+    assert apart["far"].value.low > 0
+    assert apart["far"].value.mean == pytest.approx(0.1, abs=0.01)
+    assert not apart["same"].confirmed
+    assert apart["same"].value.low < 0 < apart["same"].value.high
+    assert apart["same"].doubt.startswith("not confirmed")
+
+
+def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_where_it_was_lost():
+    right, wrong = played_at([0.1] * 8), played_at([0.05, 3, 0.05, 0.05, 0.05, 4, 5, 6])
+    row = Row(localizer="mcl", played=[right, wrong, right])
+    assert row.worst is wrong
+    assert row.middle is right
+    assert wrong.lost == (5, 5.0)
+    assert "lost after 5.0 m, 5.0 s" in told(wrong)
+    assert "50% of its records" in told(wrong)
+    assert "the largest error is 6.00 m" in told(wrong)
+    assert right.lost is None
 
 
 def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
@@ -220,6 +303,7 @@ def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
         (("--start=2.1,1.6,0",), "no free space"),
         (("--start=40,1,0",), "no free space"),
         (("--start=2.3,1",), "must be reference, global"),
+        (("--start", ""), "must be reference, global"),
         (("--start", "-1,0,0"), "write --start=VALUE if it begins with -"),
         (("--read", "scanner=front"), "write it into the file"),
         (("--start=2.3,1,90",), "radians"),
@@ -231,6 +315,13 @@ def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
         (("--max-beams", "0"), "max_beams"),
         (("--particles", "0"), "--particles"),
         (("--seeds", "0"), "--seeds"),
+        (("--radius", "-0.1"), "--radius"),
+        (("--param", "mcl"), "NAME.KEY=VALUE"),
+        (("--param", "mlc.beta=3"), "did you mean 'mcl'"),
+        (("--param", "amcl.max_particle=3"), "did you mean 'max_particles'"),
+        (("--param", "amcl.pf_err=-1"), "pf_err"),
+        (("--param", "amcl.pf_z=much"), "pf_z"),
+        (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
         (("--jobs", "0"), "--jobs"),
         (("--localizers", "mlc"), "'mcl'"),
         (("--localizers", "mcl,mcl"), "named twice"),
@@ -261,3 +352,53 @@ def test_a_folder_that_holds_other_files_is_refused(recorded, capsys):
     assert replay(*KNOWN, "--out", recorded) == 2
     assert "none of this command's" in capsys.readouterr().err
     assert not (recorded / "results.csv").exists()
+
+
+def test_params_reach_their_localizer_and_no_other(recorded):
+    words = (*KNOWN, "--localizers", "mcl,mcl-map")
+    assert replay(*words, "--out", "plain") == 0
+    given = ("--param", "mcl-map.particles=37", "--param", "mcl-map.start_draws=3")
+    assert replay(*words, *given, "--out", "own") == 0
+    for name, same in (("mcl", True), ("mcl-map", False)):
+        one, two = (recorded / out / f"tracks/{name}-0.tum" for out in ("plain", "own"))
+        assert (one.read_bytes() == two.read_bytes()) == same
+    assert "mcl-map.particles=37" in (recorded / "own/report.html").read_text()
+
+
+def test_a_sparse_reference_is_counted_by_what_is_known_of_it(recorded, capsys):
+    whole = logs.read_tum("lap.tum")
+    logs.Trajectory(whole.times[::3], whole.poses[::3]).write("sparse.tum")
+    told = (*KNOWN, "--every", "0.001m", "--localizers", "dead-reckoning")
+    assert replay(*told, "--reference", "sparse.tum", "--out", "o") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    played = logs.read("lap.csv").spaced(0.001, math.inf).times
+    own = int(np.isin(played, whole.times[::3]).sum())
+    between = int((played <= whole.times[::3][-1]).sum()) - own
+    assert f"{own} of {played.size} records have a pose of their own time" in said
+    assert f"for {between} it is interpolated along the odometry" in said
+    assert f"{played.size - own - between} without one do not count" in said
+    assert "Every second pose, left out" in said
+    (row,) = table("o/results.csv")
+    assert float(row["position_median_stamps"]) > 0
+
+
+def test_poses_are_those_of_the_robot_wherever_its_lidar_is(recorded, capsys):
+    log = logs.read(
+        "lap.csv", mounting=(0.3, 0.1, 0.0)
+    )  # seen from its centre, which is no matter here
+    logs.write(log, "ahead.csv")
+    x, y, heading = logs.read_tum("lap.tum").poses[0].tolist()
+    words = ("ahead.csv", *KNOWN[1:], "--localizers", "dead-reckoning")
+    assert replay(*words, "--out", "o") == 0
+    given, written = tum(recorded / "lap.tum"), tum(recorded / "o/tracks/reference.tum")
+    assert len(written) > 20
+    for time, pose in written.items():
+        assert pose == pytest.approx(given[time], abs=1e-12)
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"around ({x:.2f}, {y:.2f}, {heading:.2f} rad)" in said
+    assert "mounted at (0.3, 0.1) m" in said
+    assert replay(*words, f"--start={x!r},{y!r},{heading!r}", "--out", "p") == 0
+    assert f"around ({x:.2f}, {y:.2f}, {heading:.2f} rad)" in capsys.readouterr().out
+    for seed in range(3):
+        one, two = (recorded / out / f"tracks/dead-reckoning-{seed}.tum" for out in ("o", "p"))
+        assert one.read_bytes() == two.read_bytes()  # the same start, in whichever words

@@ -138,3 +138,68 @@ def test_a_lap_can_be_kept_as_a_log(tmp_path, capsys):
     kept = logs.read(log)
     assert kept.times.tolist() == truth[:, 0].tolist()
     assert kept.reference[:, :2] == pytest.approx(truth[:, 1:3], rel=1e-8)
+
+
+ASTRAY = """
+import numpy as np
+from localizers import PointsBelief
+
+class Astray:
+    "Believes that it is far outside from its third step on."
+    def __init__(self, robot, after=3): self.after = after
+    def reset(self, prior, plan, rng):
+        self.step, self.at = 0, prior.mean
+        return PointsBelief(np.array([self.at]))
+    def update(self, ranges, action, plan):
+        self.step += 1
+        return PointsBelief(np.array([self.at]) - (1e4 if self.step >= self.after else 0))
+"""
+
+
+def test_a_belief_that_leaves_the_map_is_warned_of_and_params_say_when_it_does(tmp_path, capsys):
+    (tmp_path / "astray.py").write_text(ASTRAY)
+    arguments = ("--localizer", tmp_path / "astray.py", "--seed", "3")
+    for words, first in (((), 3), (("--param", f"{tmp_path / 'astray.py'}.after=200"), 200)):
+        assert exit_code("run", *arguments, *words, "--out", tmp_path / "out") == 0
+        said = capsys.readouterr().out
+        assert f"Warning: at {205 - first} steps, the first of them {first}, more than half" in said
+
+
+def test_on_a_map_in_metres_errors_are_metres_and_degrees_without_the_mixture_of_eq_4(
+    tmp_path, capsys
+):
+    walls = "[[0, 0], [4, 0], [4, 3], [0, 3]]"
+    (tmp_path / "room.toml").write_text(
+        f"[env]\nlap.waypoints = [[1, 1], [3, 1], [3, 2], [1, 2]]\n"
+        f"[env.floor_plan]\nouter = {walls}\nunit = 'm'\n"
+    )
+    arguments = ("--scenario", tmp_path / "room.toml", "--localizer", "dead-reckoning")
+    assert exit_code("run", *arguments, "--lag", "0", "--out", tmp_path / "out") == 0
+    (line,) = (one for one in capsys.readouterr().out.splitlines() if "x[t]:" in one)
+    said = re.fullmatch(r" +x\[t\]: position RMSE +([\d.]+) m, heading RMSE +([\d.]+) deg", line)
+    rows = curve(tmp_path / "out")[0]
+    off = xy(rows, "x", "y") - xy(rows, "true_x", "true_y")
+    assert xy(rows, "position_error")[:, 0] == pytest.approx(np.hypot(*off.T))
+    rmse = np.sqrt((off[1:] ** 2).sum(axis=1).mean())
+    assert float(said[1]) == pytest.approx(rmse, abs=0.005)
+    degrees = np.degrees(np.sqrt((xy(rows, "heading_error")[1:] ** 2).mean()))
+    assert float(said[2]) == pytest.approx(degrees, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--param", "deq-mcl.particles=9"), "unknown localizer in --param 'deq-mcl'"),
+        (("--param", "mcl.particle=9"), "did you mean 'particles'"),
+        (("--param", "mcl.particles=few"), "particles is 'few'"),
+        (("--param", "particles=9"), "NAME.KEY=VALUE"),
+    ],
+)
+def test_a_bad_param_is_refused_in_a_sentence_before_anything_is_written(
+    tmp_path, capsys, words, said
+):
+    assert exit_code("run", "--localizer", "mcl", *words, "--out", tmp_path / "out") == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert said in told
+    assert not (tmp_path / "out").exists()
