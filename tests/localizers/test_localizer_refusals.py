@@ -62,7 +62,7 @@ def sentence(caught) -> str:
         ("amcl", {"z_hit": -1}, "z_hit is -1"),
         ("amcl", {"z_hit": 0, "z_rand": 0}, "one must be above 0"),
         ("amcl", {"sigma_hit": 0}, "sigma_hit is 0"),
-        ("amcl", {"lambda_short": 0, "laser_model_type": "beam"}, "lambda_short is 0"),
+        ("amcl", {"lambda_short": -1, "laser_model_type": "beam"}, "lambda_short is -1"),
         ("amcl", {"laser_likelihood_max_dist": 0}, "laser_likelihood_max_dist is 0"),
         ("amcl", {"field_cell": 0}, "field_cell is 0"),
         ("amcl", {"field_cell": 1e-3}, "give larger cells"),
