@@ -10,6 +10,7 @@ from localizers.beliefs import PointsBelief, PoseBelief
 from localizers.clusters import Cluster, best_cluster
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.naming.plugins import absolute_name
 from localizers.naming.registry import make, names, parameters, register, resolve, source_digest
@@ -19,10 +20,12 @@ __all__ = [
     "Belief",
     "CensoredGaussianUniform",
     "Cluster",
+    "DifferentialMotion",
     "GaussianPrior",
     "GaussianUniform",
     "Localizer",
     "OdometryMotion",
+    "OmniMotion",
     "PointsBelief",
     "PoseBelief",
     "Prior",

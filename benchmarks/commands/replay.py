@@ -111,7 +111,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         radius=options.radius,
     ).or_nav2(nav2)
     with doing("reading the log and the map"), log_warnings() as said:
-        reading = {} if nav2 is None else {"max_range": nav2.max_range}
+        reading = {} if nav2 is None else dict(nav2.reading)
         reading |= reading_of(options.read)
         log = log_of(options.log, options.reference, reading)
         setting = setting_of(log, options.map, told)

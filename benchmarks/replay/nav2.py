@@ -1,7 +1,7 @@
-"""Nav2's AMCL parameters in our words: what a user's robot assumes, for our ``amcl`` and others.
+"""Nav2's AMCL parameters: of our ``amcl``, which has the same, and what others assume like it.
 
-Names, defaults and meaning are those of docs.nav2.org, "AMCL"; α is a share of variances there
-(nav2_amcl, differential_motion_model.cpp), a σ has its root here.
+Names, defaults and meaning are those of docs.nav2.org, "AMCL". For the other localizers an α, a
+share of variances, becomes a σ, its root: nav2_amcl, differential_motion_model.cpp.
 """
 
 import json
@@ -22,50 +22,43 @@ from localizers import GaussianUniform, OdometryMotion, RobotModel, make
 # Nav2's defaults of what is used here
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {
-        "alpha1": 0.2, "alpha2": 0.2, "alpha3": 0.2, "update_min_d": 0.25, "update_min_a": 0.2,
-        "max_beams": 60, "laser_max_range": 100.0, "sigma_hit": 0.2,
+        "alpha1": 0.2, "alpha2": 0.2, "alpha3": 0.2, "alpha4": 0.2, "alpha5": 0.2,
+        "beam_skip_distance": 0.5, "beam_skip_error_threshold": 0.9, "beam_skip_threshold": 0.3,
+        "do_beamskip": False, "lambda_short": 0.1, "laser_likelihood_max_dist": 2.0,
+        "laser_max_range": 100.0, "laser_min_range": -1.0,
+        "laser_model_type": "likelihood_field", "max_beams": 60,
         "max_particles": 2000, "min_particles": 500, "pf_err": 0.05, "pf_z": 0.99,
-        "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0,
-        "resample_interval": 1, "laser_model_type": "likelihood_field", "z_hit": 0.5,
-        "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5, "lambda_short": 0.1,
-        "laser_likelihood_max_dist": 2.0,
+        "recovery_alpha_fast": 0.0, "recovery_alpha_slow": 0.0, "resample_interval": 1,
+        "robot_model_type": "nav2_amcl::DifferentialMotionModel", "sigma_hit": 0.2,
+        "update_min_a": 0.2, "update_min_d": 0.25,
+        "z_hit": 0.5, "z_max": 0.05, "z_rand": 0.5, "z_short": 0.05,
     }
 )  # fmt: skip
-# of what ``amcl`` does not check, or takes by another name
+_OF_LOGS = ("laser_max_range", "laser_min_range")  # all others are parameters of ``amcl``
 _RANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        **{name: {"low": 0} for name in ("alpha1", "alpha2", "alpha3", "update_min_d", "pf_z")},
-        **{name: {"low": 0, "above": True} for name in ("laser_max_range", "sigma_hit")},
+        **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
+        "sigma_hit": {"low": 0, "above": True},
         "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
     }
 )
-_PARAMS = (*tuple(_DEFAULTS)[-14:], "max_beams")  # which ``amcl`` takes by the same names
-_MODELS = MappingProxyType(
+_LASERS = ("likelihood_field", "likelihood_field_prob", "beam")
+_ROBOTS = MappingProxyType(
     {
-        "likelihood_field": "likelihood_field",
-        "likelihood_field_prob": "likelihood_field",
-        "beam": "beam",
+        "nav2_amcl::DifferentialMotionModel": "nav2_amcl::DifferentialMotionModel",
+        "nav2_amcl::OmniMotionModel": "nav2_amcl::OmniMotionModel",
+        "differential": "nav2_amcl::DifferentialMotionModel",  # before Humble
+        "omnidirectional": "nav2_amcl::OmniMotionModel",
     }
 )
+_FINER = 4  # records to the least movement between two updates
 _START = ("set_initial_pose", "initial_pose")
 _POSE = "initial_pose."
-_WITHOUT = MappingProxyType(
-    {
-        "alpha4": "drives are no noisier in a turn",
-        "alpha5": "a robot does not move sideways",
-        "laser_min_range": "the log says it",
-        "do_beamskip": "no beam is left out",
-        **dict.fromkeys(
-            ("beam_skip_distance", "beam_skip_error_threshold", "beam_skip_threshold"),
-            "no beam is left out",
-        ),
-    }
-)
 _ROS = "of ROS, not of the filter"
 _OF_ROS = (
     "always_reset_initial_pose", "base_frame_id", "first_map_only", "freespace_downsampling",
-    "global_frame_id", "introspection_mode", "map_topic", "odom_frame_id", "robot_model_type",
-    "random_seed", "save_pose_rate", "scan_topic", "tf_broadcast", "transform_tolerance",
+    "global_frame_id", "introspection_mode", "map_topic", "odom_frame_id", "random_seed",
+    "save_pose_rate", "scan_topic", "tf_broadcast", "transform_tolerance",
     "use_sim_time", "service_introspection_mode", "qos_overrides", "bond_heartbeat_period",
     "bond_timeout", "autostart_node", "start_type_description_service",
 )  # fmt: skip
@@ -78,21 +71,23 @@ class Amcl:
     Attributes:
         source: where it was read.
         params: of our ``amcl``.
-        motion: what is assumed of the odometry.
-        sigma: of a beam.
-        every: (distance, angle rad) between two updates.
-        max_beams, max_range: of a scan.
+        reading: bounds of the ranges that are measurements, where they are given: of logs.
+        motion: what other localizers assume of the odometry.
+        sigma: of a beam, which they assume.
+        every: (distance, angle rad) between two records, a quarter of ``update_min_*``, so that
+            ``amcl`` updates when the robot has moved as far, and not much later.
+        max_beams: of a scan.
         start: (x, y, θ) of the robot; None if it is not set.
         unused: what has no counterpart, with the reason.
     """
 
     source: str
     params: Mapping[str, Any]
+    reading: Mapping[str, float]
     motion: OdometryMotion
     sigma: float
     every: tuple[float, float]
     max_beams: int
-    max_range: float
     start: tuple[float, float, float] | None
     unused: Mapping[str, str]
 
@@ -121,7 +116,7 @@ class Amcl:
             '# reference = "robot.tum"',
             f'every = "{distance:g}m,{angle:g}rad"',
             f"max_beams = {self.max_beams}",
-            f"reading.max_range = {self.max_range}",
+            *(f"reading.{name} = {value}" for name, value in self.reading.items()),
             "",
             "[assumed]",
             f"scan.sigma = {self.sigma}",
@@ -154,34 +149,30 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
 
 
 def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
-    said = {**_DEFAULTS, **{name: given[name] for name in _DEFAULTS if name in given}}
-    for name, default in _DEFAULTS.items():
-        if not isinstance(default, str):
-            said[name] = type(default)(number(name, said[name], **_RANGES.get(name, {})))
-            if said[name] != given.get(name, default):
-                raise InputError(f"{name} is {given[name]!r}, but must be an integer.")
-    one_of("laser_model_type", said["laser_model_type"], _MODELS)
-    unused = {name: why for name, why in _WITHOUT.items() if name in given}
-    unused |= {name: _ROS for name in sorted(_OF_ROS) if name in given}
-    known = {*_DEFAULTS, *_WITHOUT, *_OF_ROS, *_START}
+    said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
+    one_of("laser_model_type", said["laser_model_type"], _LASERS)
+    said["robot_model_type"] = _ROBOTS[
+        one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
+    ]
+    unused = {name: _ROS for name in sorted(_OF_ROS) if name in given}
+    known = {*_DEFAULTS, *_OF_ROS, *_START}
     unused |= {
         name: "no parameter of Nav2's AMCL" for name in given if name.split(".")[0] not in known
     }
+    # not above 0: what the sensor says, as in Nav2
+    bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
     found = Amcl(
         source=source,
-        params={
-            **{name: said[name] for name in _PARAMS},
-            "laser_model_type": _MODELS[said["laser_model_type"]],
-        },
+        params={name: value for name, value in said.items() if name not in _OF_LOGS},
+        reading={name: value for name, value in bounds.items() if value > 0},
         motion=OdometryMotion(
             drive=math.sqrt(said["alpha3"]),
             turn=math.sqrt(said["alpha1"]),
             drift=math.sqrt(2 * said["alpha2"]),
         ),
         sigma=said["sigma_hit"],
-        every=(said["update_min_d"], said["update_min_a"]),
+        every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
         max_beams=said["max_beams"],
-        max_range=said["laser_max_range"],
         start=_start(given),
         unused=unused,
     )
@@ -189,16 +180,29 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     return found
 
 
+def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
+    """Return what is given for a parameter, of its default's type, or the default."""
+    value = given.get(name, default)
+    if isinstance(default, str):
+        return value
+    if isinstance(default, bool):
+        return boolean(name, value)
+    read = type(default)(number(name, value, **_RANGES.get(name, {})))
+    if read != value:
+        raise InputError(f"{name} is {value!r}, but must be an integer.")
+    return read
+
+
 def _check(found: Amcl) -> None:
     """Let ``amcl`` look at its parameters, in any room."""
     room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
     robot = RobotModel(
         floor_plan=room,
-        lidar=Lidar(max_range=found.max_range),
+        lidar=Lidar(max_range=found.reading.get("max_range", 100.0)),
         motion=found.motion,
         scan=GaussianUniform(sigma=found.sigma),
     )
-    make("amcl", robot, **found.params)
+    make("amcl", robot, **found.params, field_cell=0.1)
 
 
 def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:

@@ -72,7 +72,17 @@ def _deq(lag: int) -> Side:
 
 
 _MAP = Side("mcl-map", partial(our_job, "mcl-map", particles=MANY))
-_AMCL = Side("amcl", partial(our_job, "amcl", min_particles=FEW, max_particles=FEW))
+_AMCL = Side(
+    "amcl",
+    partial(
+        our_job,
+        "amcl",
+        min_particles=FEW,
+        max_particles=FEW,
+        update_min_d=0,
+        update_min_a=0,
+    ),
+)
 
 FIGURES = (
     *(

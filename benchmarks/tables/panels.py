@@ -151,13 +151,16 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
 
 
 def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
-    """Its parameters that tell it from the methods of the same localizer."""
+    """Its parameters that tell it from the methods of the same localizer; words alone if they do.
+
+    A variant named by words is another choice of models, and the numbers that go with it are as
+    long as they are uninteresting.
+    """
     same = [dict(other.params) for other in methods if other.localizer == method.localizer]
-    return [
-        f"{name}={value}"
-        for name, value in method.params
-        if any(other.get(name) != value for other in same)
-    ]
+    apart = [(n, v) for n, v in method.params if any(other.get(n) != v for other in same)]
+    words = [(name, value) for name, value in apart if not is_number(value)]
+    alike = [other for other in same if all(other.get(name) == value for name, value in words)]
+    return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
 
 
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:

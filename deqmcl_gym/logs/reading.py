@@ -42,6 +42,7 @@ def read(
     reference: str | PathLike[str] | Trajectory | None = None,
     max_gap: float | None = None,
     max_range: float | None = None,
+    min_range: float | None = None,
     mounting: tuple[float, float, float] | None = None,
     scanner: Scanner | None = None,
     scan_topic: str | None = None,
@@ -60,7 +61,8 @@ def read(
         path: the file, or the folder of a ROS 2 bag.
         reference: a TUM file or a trajectory, in the map's frame and with the log's clock.
         max_gap: of the reference, or of that in a CARMEN log or a bag: see ``referenced``.
-        max_range: ranges above it count as no measurement, like those above the scanner's own.
+        max_range, min_range: ranges above or below count as no measurement, like those beyond the
+            scanner's own.
         mounting: of the scanner on the robot, x ahead, y left, turn in rad; replaces the log's. The
             default of a log without one is the robot's centre.
         scanner: for CSV and npz files that do not contain it.
@@ -95,7 +97,7 @@ def read(
     for name in given:
         if name not in _TAKEN[reader]:
             raise InputError(f"{name} is given, but {file} is of a format that does not take it.")
-    log = _changed(reader(file, **given), max_range, mounting)
+    log = _changed(reader(file, **given), max_range, min_range, mounting)
     return log if reference is None else referenced(log, reference, max_gap)
 
 
@@ -137,11 +139,19 @@ def _ending(path: Path) -> str:
     return suffixes[-1] if suffixes else ""
 
 
-def _changed(log: Log, max_range: float | None, mounting: tuple[float, float, float] | None) -> Log:
+def _changed(
+    log: Log,
+    max_range: float | None,
+    min_range: float | None,
+    mounting: tuple[float, float, float] | None,
+) -> Log:
     scanner = log.scanner
     if max_range is not None:
         seen = number("max_range", max_range, low=0, above=True)
         scanner = replace(scanner, max_range=min(seen, scanner.max_range))
+    if min_range is not None:
+        near = number("min_range", min_range, low=0)
+        scanner = replace(scanner, min_range=max(near, scanner.min_range))
     if mounting is not None:
         x, y, turn = array("mounting", mounting, (3,)).tolist()
         if abs(turn) > 2 * math.pi:

@@ -1,4 +1,4 @@
-"""Bounds on the distance to walls, on a grid: they decide most steps without looking at walls."""
+"""Distances to walls on a grid: bounds that decide most steps, and exact ones between cells."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from deqmcl_gym.maps import kernels
 from deqmcl_gym.maps.kernels import Clearance
-from deqmcl_gym.numerics.types import Singles
+from deqmcl_gym.numerics.types import Bools, Singles
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
 # Share of the map's size that is subtracted from every bound. float32 resolves coordinates to 6e-8
@@ -39,3 +39,17 @@ def clearance_of(walls: Singles) -> Clearance:
         per_side=np.float32(1 / side),
         bounds=signed.reshape(rows, columns),
     )
+
+
+def to_nearest(marked: Bools) -> Singles:
+    """Distance of each cell's centre to that of the nearest marked cell, in cells; inf if none is.
+
+    Exact up to float32.
+    """
+    import cv2  # only here: neither maps nor localizers need it to be loaded
+
+    if not marked.any():
+        return np.full(marked.shape, np.inf, np.float32)
+    elsewhere = np.ascontiguousarray(~marked, np.uint8)
+    found = cv2.distanceTransform(elsewhere, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(found, np.float32)

@@ -19,6 +19,8 @@ PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
 # metadata of dataclass fields that are lengths, or numbers per length
 LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})  # also for all numbers in a tuple
 PER_LENGTH: Mapping[str, int] = MappingProxyType({"length": -1})
+SQUARE: Mapping[str, int] = MappingProxyType({"length": 2})
+PER_SQUARE: Mapping[str, int] = MappingProxyType({"length": -2})
 POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
 
 
@@ -47,4 +49,6 @@ def _times(value: Any, power: Any, factor: float) -> Any:
     if isinstance(value, tuple):
         powers = power if isinstance(power, tuple) else (power,) * len(value)
         return tuple(_times(one, p, factor) for one, p in zip(value, powers, strict=True))
-    return value * factor if power > 0 else value / factor if power < 0 else value
+    for _ in range(abs(power)):
+        value = value * factor if power > 0 else value / factor
+    return value

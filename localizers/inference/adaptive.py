@@ -15,11 +15,12 @@ from localizers.inference.parts import Actions
 
 @dataclass(frozen=True, kw_only=True)
 class KldSampling:
-    """Draw until n ≥ (k - 1) / (2 ε) · (1 - 2 / (9 (k - 1)) + z √(2 / (9 (k - 1))))³ (Fox 2003).
+    """Draw until n > (k - 1) / (2 ε) · (1 - 2 / (9 (k - 1)) + z √(2 / (9 (k - 1))))³ (Fox 2003).
 
-    k is the number of bins that the draws have fallen into. The Kullback-Leibler divergence between
-    the draws and what they are drawn from, over the bins, is then below ε with
-    probability Φ(z).
+    k is the number of bins that the draws have fallen into; the bound is rounded up and kept
+    between ``least`` and ``most``. For k = 1 it is ``most``, as in Nav2 (pf.c): a cloud in one bin
+    is not a small one. The Kullback-Leibler divergence between the draws and what they are drawn
+    from, over the bins, is then below ε with probability Φ(z).
 
     Attributes:
         least, most: bounds of n.

@@ -34,19 +34,19 @@ def drawn(cumulative: Floats, pointers: Floats, out: Indices) -> None:
 
 
 @compiled
-def needed(bins: int, error: float, quantile: float) -> float:
+def limit(bins: int, least: int, most: int, error: float, quantile: float) -> int:
     """Return how many particles draws in so many bins need; see ``KldSampling``."""
     if bins <= 1:
-        return 1.0
+        return most
     k = bins - 1.0
     b = 2 / (9 * k)
     root = 1 - b + quantile * np.sqrt(b)
-    return float(k / (2 * error) * root * root * root)
+    return int(min(max(np.ceil(k / (2 * error) * root * root * root), least), most))
 
 
 @compiled
 def enough(states: Singles, bin_size: Floats, least: int, error: float, quantile: float) -> int:
-    """Return how many of these draws (3, n), in their order, are as many as they need; n if none.
+    """Return the first number of these draws (3, n), in their order, above their limit; n if none.
 
     Bins in use are kept in a hash table, as the number of the first draw that fell into each.
     """
@@ -60,7 +60,7 @@ def enough(states: Singles, bin_size: Floats, least: int, error: float, quantile
         column[i] = int(np.floor(states[0, i] / bin_size[0]))
         row[i] = int(np.floor(states[1, i] / bin_size[1]))
         heading[i] = int(np.floor(states[2, i] / bin_size[2]))
-    bins, bound = 0, 1.0
+    bins, bound = 0, n
     for i in range(n):
         mixed = (column[i] * 73856093) ^ (row[i] * 19349663) ^ (heading[i] * 83492791)
         slot = mixed & (slots - 1)
@@ -71,7 +71,7 @@ def enough(states: Singles, bin_size: Floats, least: int, error: float, quantile
         if j < 0:
             first[slot] = i
             bins += 1
-            bound = needed(bins, error, quantile)
-        if i + 1 >= bound and i + 1 >= least:
+            bound = limit(bins, least, n, error, quantile)
+        if i + 1 > bound:
             return int(i + 1)
     return int(n)

@@ -1,39 +1,50 @@
-"""p(x_t | a_{1:t}, o_{1:t}, m): adaptive Monte-Carlo localization, as in the ROS navigation stack.
+"""p(x_t | o_{1:t}, u_{1:t}, m): adaptive Monte-Carlo localization, as Nav2's ``nav2_amcl`` has it.
 
 Thrun et al. 2005, table 8.4 (KLD-sampling, Fox 2003) and table 8.3 (random particles). Parameters
-have the names and, where they carry over, the defaults of Nav2's ``amcl``; see docs/equations.md.
+have Nav2's names, defaults and units; docs/classical.md lists what differs, with source files.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import GridMap, Lidar, Map
-from deqmcl_gym.maps.units import pixel
-from deqmcl_gym.numerics.types import Bools
+from deqmcl_gym.maps.units import pixel, scaled
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference import adaptive_kernels
-from localizers.inference.adaptive import KldSampling, Recovery
+from localizers.inference.adaptive import KldSampling
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import States
+from localizers.inference.parts import Motion, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
-from localizers.models.beams import BeamModel
 from localizers.models.free_space import random_poses
-from localizers.models.likelihood_field import LikelihoodField
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
+from localizers.models.nav2_scan import (
+    BeamCubes,
+    BeamSkipping,
+    LikelihoodField,
+    LikelihoodFieldProb,
+    metres_in,
+)
 from localizers.models.scan import LidarScan
 
-LASER_MODELS = ("likelihood_field", "beam", "robot")
-_NO_ACTIONS = np.empty((0, 2))
+LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
+DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
+ROBOT_MODELS = (DIFFERENTIAL, OMNI, "robot")
+Nav2Scan = LikelihoodField | LikelihoodFieldProb | BeamCubes | LidarScan
+_BINS = (0.5, 0.5, math.pi / 18)  # m, m, rad: pf_kdtree.c
+_CONVERGED = 0.5  # m: pf.c
+_NO_ACTIONS = np.empty((0, 3))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResamplingTime:
-    """When to resample: every ``interval`` updates; if ``selective``, only if ESS < N / 2."""
+    """When to resample: every ``interval`` updates; if ``selective``, only if ESS ≤ N / 2."""
 
     interval: int = 1
     selective: bool = False
@@ -46,36 +57,132 @@ class ResamplingTime:
         """Whether to resample after so many updates, one or more."""
         if updates % self.interval:
             return False
-        return not self.selective or belief.effective_sample_size < belief.log_weights.size / 2
+        return not self.selective or belief.effective_sample_size <= belief.log_weights.size / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpdateGate:
+    """Whether the robot has moved enough since the last update for the next: more than either.
+
+    Attributes:
+        distance: of x or of y in the frame of the odometry, in the map's unit.
+        angle: rad.
+    """
+
+    distance: float
+    angle: float
+
+    def __post_init__(self) -> None:
+        number("update_min_d", self.distance, low=0)
+        number("update_min_a", self.angle, low=0)
+
+    def opens(self, since: Floats, heading: float) -> bool:
+        """Whether an increment (forward, left, turn) from an odometry's heading suffices."""
+        forward, left, turn = since.tolist()
+        at = [heading + turn]
+        cosine, sine = float(arrays.cos(at)[0]), float(arrays.sin(at)[0])
+        x, y = forward * cosine - left * sine, forward * sine + left * cosine
+        return bool(max(abs(x), abs(y)) > self.distance or abs(turn) > self.angle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeightAverages:
+    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
+
+    Averaged is the mean weight of a cloud's particles after a scan, before they are normalised,
+    each 1 / n before the scan: it falls as n grows. After random poses were drawn the averages
+    start anew; the first scan sets both.
+
+    Source: pf.c.
+
+    Attributes:
+        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
+        slow, fast: w_slow and w_fast; 0 before the first scan.
+    """
+
+    alpha_slow: float = 0.0
+    alpha_fast: float = 0.0
+    slow: float = 0.0
+    fast: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
+        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
+        if self.alpha_fast < self.alpha_slow:
+            raise InputError(
+                f"recovery_alpha_fast is {self.alpha_fast:g}, but must be at least "
+                f"recovery_alpha_slow, {self.alpha_slow:g}."
+            )
+
+    @property
+    def share(self) -> float:
+        """Probability that a draw is a random pose."""
+        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+    def after(self, log_evidence: float, particles: int) -> "WeightAverages":
+        """Return the averages after a scan of mean weight exp(log_evidence) in a cloud of n."""
+        mean = float(arrays.exp([log_evidence])[0]) / particles
+        if not 0.0 < mean < math.inf:
+            return self
+        slow = self.slow + self.alpha_slow * (mean - self.slow) if self.slow > 0 else mean
+        fast = self.fast + self.alpha_fast * (mean - self.fast) if self.fast > 0 else mean
+        return replace(self, slow=slow, fast=fast)
+
+    @property
+    def anew(self) -> "WeightAverages":
+        """The averages before the first scan."""
+        return replace(self, slow=0.0, fast=0.0)
 
 
 @dataclass(frozen=True)
 class _Running:
+    """What is carried from step to step.
+
+    Attributes:
+        belief: the cloud at the latest update.
+        since: the increment since then, (3,).
+        heading: of the odometry at the latest update, rad; 0 at reset.
+        averages: of the weights.
+        updates: since reset.
+        converged: whether the cloud was small when it was last resampled.
+        rng: of all steps.
+    """
+
     belief: ParticleBelief
-    recovery: Recovery
+    since: Floats
+    heading: float
+    averages: WeightAverages
     updates: int
+    converged: bool
     rng: np.random.Generator
 
 
 class AdaptiveLocalizer:
-    """A ``Localizer`` that draws as many particles as the spread of its belief requires."""
+    """A ``Localizer`` that draws as many particles as the spread of its belief requires.
+
+    An update moves the cloud, weighs it by the scan and resamples it, in this order (amcl_node.cpp,
+    laserReceived). A robot that has not moved enough gets none: its belief is the latest cloud
+    moved along the odometry, without noise. The first scan is always used.
+    """
 
     def __init__(
         self,
         robot: RobotModel,
         *,
-        scan: LidarScan | LikelihoodField,
+        motion: Motion,
+        scan: Nav2Scan,
         kld: KldSampling,
-        recovery: Recovery,
+        averages: WeightAverages,
         resampling: ResamplingTime,
-        max_beams: int,
+        gate: UpdateGate,
+        skipping: BeamSkipping | None = None,
     ) -> None:
-        """Make a localizer for ``robot`` from its parts; of a scan it uses ``max_beams``."""
+        """Make a localizer for ``robot`` from its parts; None: no beam is skipped."""
         self.robot = robot
-        self._scan, self._kld, self._recovery = scan, kld, recovery
-        self._resampling = resampling
+        self._motion, self._scan, self._skipping = motion, scan, skipping
+        self._kld, self._averages = kld, averages
+        self._resampling, self._gate = resampling, gate
         self._trust = Trust.of(scan, robot.floor_plan)
-        self._unused = _unused_beams(robot.lidar, max_beams)
         self._running: _Running | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
@@ -84,32 +191,45 @@ class AdaptiveLocalizer:
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
         belief = _cloud(cloud, Events(), self._trust)
-        self._running = _Running(belief, self._recovery, 0, rng)
+        self._running = _Running(belief, np.zeros(3), 0.0, self._averages, 0, False, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
         scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
-        used = np.where(self._unused, np.nan, scan)
-        belief = self._resampled(now)
-        moved = self.robot.motion.sample(belief.present, command, now.rng)
-        belief = belief._replace(queue=Queue((moved,)))
-        after = belief.scanned(used, self._scan.log_likelihood(moved, used), most=moved.shape[1])
-        after = after._replace(events=after.events.of_scan(scan.size, usable))
-        beams = int(np.count_nonzero(self._scan.informative(used)))
-        recovery = now.recovery.after(after.scan_log_evidence, beams)
-        self._running = _Running(after, recovery, now.updates + 1, now.rng)
-        return after
-
-    def _resampled(self, now: _Running) -> ParticleBelief:
-        """Draw independently, by weight or at random poses, until KLD-sampling is satisfied."""
+        since = composed(now.since, command)
         belief = now.belief
-        if now.updates == 0 or not self._resampling.has_come(now.updates, belief):
-            return belief
+        belief = belief._replace(events=belief.events.of_scan(scan.size, usable))
+        if now.updates and not self._gate.opens(since, now.heading):
+            self._running = replace(now, belief=belief, since=since)
+            return belief._replace(queue=Queue((moved(belief.present, since),)))
+        cloud = self._motion.sample(belief.present, since, now.rng)
+        used = scan
+        if now.converged and self._skipping is not None:
+            assert isinstance(self._scan, LikelihoodFieldProb)
+            used = self._skipping.kept(self._scan, cloud, scan)
+        weighed = belief._replace(queue=Queue((cloud,))).scanned(
+            used, self._scan.log_likelihood(cloud, used), most=cloud.shape[1]
+        )
+        averages = now.averages
+        if usable:
+            averages = averages.after(weighed.scan_log_evidence, cloud.shape[1])
+        heading = float(arrays.wrapped([now.heading + float(since[2])])[0])
+        running = _Running(
+            weighed, np.zeros(3), heading, averages, now.updates + 1, now.converged, now.rng
+        )
+        if self._resampling.has_come(running.updates, weighed):
+            running = self._resampled(running)
+        self._running = running
+        return running.belief
+
+    def _resampled(self, now: _Running) -> _Running:
+        """Draw independently, by weight or at random poses, until KLD-sampling is satisfied."""
+        belief, share = now.belief, now.averages.share
         cumulative = np.cumsum(belief.weights)
         pointers = now.rng.random(self._kld.most) * cumulative[-1]
-        anywhere = now.rng.random(self._kld.most) < now.recovery.share
+        anywhere = now.rng.random(self._kld.most) < share
         chosen = np.empty(pointers.size, np.intp)
         adaptive_kernels.drawn(cumulative, pointers, chosen)
         drawn = belief.present.take(chosen, axis=1)
@@ -119,7 +239,20 @@ class AdaptiveLocalizer:
         events = belief.events
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
-        return _cloud(np.ascontiguousarray(drawn[:, :enough]), events, belief.trust)
+        kept = np.ascontiguousarray(drawn[:, :enough])
+        cloud = _cloud(kept, events, belief.trust)._replace(
+            scan_log_evidence=belief.scan_log_evidence
+        )
+        return replace(
+            now,
+            belief=cloud,
+            averages=now.averages.anew if share > 0 else now.averages,
+            converged=self._is_small(kept),
+        )
+
+    def _is_small(self, states: States) -> bool:
+        off = np.abs(states[:2] - states[:2].mean(axis=1, dtype=np.float64, keepdims=True))
+        return float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED
 
 
 def amcl(
@@ -133,108 +266,128 @@ def amcl(
     recovery_alpha_fast: float = 0.0,
     resample_interval: int = 1,
     selective_resampling: bool = False,
+    update_min_d: float = 0.25,
+    update_min_a: float = 0.2,
+    robot_model_type: str = DIFFERENTIAL,
+    alpha1: float = 0.2,
+    alpha2: float = 0.2,
+    alpha3: float = 0.2,
+    alpha4: float = 0.2,
+    alpha5: float = 0.2,
     laser_model_type: str = "likelihood_field",
     max_beams: int = 60,
     z_hit: float = 0.5,
     z_short: float = 0.05,
     z_max: float = 0.05,
     z_rand: float = 0.5,
-    sigma_hit: float | None = None,
-    lambda_short: float | None = None,
-    laser_likelihood_max_dist: float | None = None,
-    field_cell: float | None = None,
+    sigma_hit: float = 0.2,
+    lambda_short: float = 0.1,
+    laser_likelihood_max_dist: float = 2.0,
+    do_beamskip: bool = False,
+    beam_skip_distance: float = 0.5,
+    beam_skip_threshold: float = 0.3,
+    beam_skip_error_threshold: float = 0.9,
+    field_cell: float = 0.02,
 ) -> AdaptiveLocalizer:
-    """Return adaptive Monte-Carlo localization.
+    """Return Nav2's AMCL. Lengths are in metres, on a map in px too (1 px is 0.02 m).
 
     Args:
-        robot: its motion model is used as it is.
+        robot: what it assumes of motion and scan counts only for the types "robot".
         max_particles, min_particles: bounds of N.
-        pf_err, pf_z: ε and z of KLD-sampling, with bins of 20 px x 20 px x 10° (0.4 m x 0.4 m x
-            10° on a map in metres).
+        pf_err, pf_z: ε and z of KLD-sampling, with bins of 0.5 m x 0.5 m x 10°.
         recovery_alpha_slow, recovery_alpha_fast: 0 and 0 never draw random poses; Nav2 recommends
             0.001 and 0.1.
         resample_interval: updates between two resamplings.
-        selective_resampling: resample only if the effective sample size is below N / 2.
-        laser_model_type: "likelihood_field", "beam", or "robot": the robot's own scan model.
-        max_beams: beams used of a scan, evenly spread.
-        z_hit, z_short, z_max, z_rand: weights of the parts of a beam, relative to their sum. The
-            likelihood field has z_hit and z_rand only.
-        sigma_hit: in the map's unit; None: the sigma of the robot's scan model.
-        lambda_short: per unit of length; None: 1 / max_range.
-        laser_likelihood_max_dist: in the map's unit; None: 10 sigma_hit.
-        field_cell: edge of a cell of the distance table, in the map's unit; None: the map's own
-            cell, or 1 px (0.02 m) if it has none.
+        selective_resampling: ROS 1's: resample only if the effective sample size is at most N / 2.
+        update_min_d, update_min_a: m and rad of odometry before the next scan is used; with 0, any
+            movement will do.
+        robot_model_type: "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel", or
+            "robot": the robot's own motion model.
+        alpha1, alpha2, alpha3, alpha4, alpha5: of the first two; see ``DifferentialMotion`` and
+            ``OmniMotion``.
+        laser_model_type: "likelihood_field", "likelihood_field_prob", "beam", or "robot": the
+            robot's own scan model, of all beams.
+        max_beams: every so many-th beam of a scan is used, so that these are about as many.
+        z_hit, z_short, z_max, z_rand: weights of the parts of a beam, not normalised. The fields
+            have z_hit and z_rand only.
+        sigma_hit: m.
+        lambda_short: 1/m.
+        laser_likelihood_max_dist: m.
+        do_beamskip: whether "likelihood_field_prob" leaves out beams while the cloud is small.
+        beam_skip_distance, beam_skip_threshold, beam_skip_error_threshold: m, and shares; see
+            ``BeamSkipping``.
+        field_cell: m, edge of a cell of the distance table on a map of polygons; a map of cells
+            has its own.
     """
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)
+    one_of("robot_model_type", robot_model_type, ROBOT_MODELS)
+    boolean("do_beamskip", do_beamskip)
     weights = {"z_hit": z_hit, "z_short": z_short, "z_max": z_max, "z_rand": z_rand}
     for name, weight in weights.items():
         number(name, weight, low=0)
     if z_hit + z_rand <= 0:
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
     plan, lidar = robot.floor_plan, robot.lidar
-    px, power = pixel(plan.unit), getattr(robot.scan, "power", 1.0)
-    scan: LidarScan | LikelihoodField
+    metre = pixel(plan.unit) / pixel("m")  # in the map's unit
+    alphas = {"alpha1": alpha1, "alpha2": alpha2, "alpha3": alpha3, "alpha4": alpha4}
+    motions: dict[str, Motion] = {
+        DIFFERENTIAL: scaled(DifferentialMotion(**alphas), metre),
+        OMNI: scaled(OmniMotion(**alphas, alpha5=alpha5), metre),
+        "robot": robot.motion,
+    }
+    skipping = BeamSkipping(
+        distance=number("beam_skip_distance", beam_skip_distance, low=0) * metre,
+        threshold=beam_skip_threshold,
+        error_threshold=beam_skip_error_threshold,
+    )
+    sigma = number("sigma_hit", sigma_hit, low=0, above=True) * metre
+    scan: Nav2Scan
     if laser_model_type == "robot":
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":
-        total = sum(weights.values())
-        hit, short, largest, rand = (weight / total for weight in weights.values())
-        decay = 1 / lidar.max_range if lambda_short is None else lambda_short
-        beam = BeamModel(
-            hit=hit,
-            short=short,
-            max=largest,
-            rand=rand,
-            sigma=_sigma(robot, sigma_hit),
-            decay=number("lambda_short", decay, low=0, above=True),
-            power=power,
+        scan = BeamCubes(
+            floor_plan=plan,
+            lidar=lidar,
+            hit=z_hit,
+            short=z_short,
+            max=z_max,
+            rand=z_rand,
+            sigma=sigma,
+            decay=number("lambda_short", lambda_short, low=0) / metre,
+            max_beams=max_beams,
         )
-        scan = LidarScan(floor_plan=plan, lidar=lidar, beam=beam)
     else:
-        sigma = _sigma(robot, sigma_hit)
-        scan = LikelihoodField(
+        field = LikelihoodField if laser_model_type == "likelihood_field" else LikelihoodFieldProb
+        farthest = number("laser_likelihood_max_dist", laser_likelihood_max_dist, low=0, above=True)
+        scan = field(
             floor_plan=plan,
             lidar=lidar,
             sigma=sigma,
-            hit=z_hit / (z_hit + z_rand),
-            farthest=10 * sigma if laser_likelihood_max_dist is None else laser_likelihood_max_dist,
-            cell=_field_cell(plan) if field_cell is None else field_cell,
-            power=power,
+            farthest=farthest * metre,
+            hit=z_hit,
+            rand=z_rand,
+            max_beams=max_beams,
+            cell=number("field_cell", field_cell, low=0, above=True) * metre,
         )
     return AdaptiveLocalizer(
         robot,
+        motion=motions[robot_model_type],
         scan=scan,
         kld=KldSampling(
             least=min_particles,
             most=max_particles,
             error=pf_err,
             quantile=pf_z,
-            bin_size=(20 * px, 20 * px, math.pi / 18),
+            bin_size=(_BINS[0] * metre, _BINS[1] * metre, _BINS[2]),
         ),
-        recovery=Recovery(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
+        averages=WeightAverages(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
         resampling=ResamplingTime(interval=resample_interval, selective=selective_resampling),
-        max_beams=integer("max_beams", max_beams, low=1),
+        gate=UpdateGate(
+            distance=number("update_min_d", update_min_d, low=0) * metre, angle=update_min_a
+        ),
+        skipping=skipping if do_beamskip and laser_model_type == "likelihood_field_prob" else None,
     )
-
-
-def _sigma(robot: RobotModel, sigma_hit: float | None) -> float:
-    given = getattr(robot.scan, "sigma", None) if sigma_hit is None else sigma_hit
-    if given is None:
-        raise InputError(
-            f"sigma_hit is None, but the scan model {robot.scan!r} has no sigma: give sigma_hit."
-        )
-    return number("sigma_hit", given, low=0, above=True)
-
-
-def _field_cell(floor_plan: Map) -> float:
-    return floor_plan.resolution if isinstance(floor_plan, GridMap) else pixel(floor_plan.unit)
-
-
-def _unused_beams(lidar: Lidar, most: int) -> Bools:
-    unused = np.ones(lidar.beams, np.bool_)
-    unused[np.rint(np.linspace(0, lidar.beams - 1, min(most, lidar.beams))).astype(np.intp)] = False
-    return unused
 
 
 def _cloud(states: States, events: Events, trust: Trust | None) -> ParticleBelief:

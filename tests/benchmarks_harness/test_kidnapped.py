@@ -21,13 +21,13 @@ class TurnAbout:
 
 
 def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
-    """Position errors and qualities of ``amcl`` in ``sharp``, on a robot that turns on the spot.
+    """Position errors and qualities of ``mcl-map`` in ``sharp``, on a robot that turns on the spot.
 
     The room looks the same after half a turn: the error is that to the nearer of the two poses.
     """
     sharp = scenario("sharp")
     room = sharp.room()
-    localizer = localizers.make("amcl", sharp.robot_model(room), **params)
+    localizer = localizers.make("mcl-map", sharp.robot_model(room), particles=2000, **params)
     env = Kidnap(room, STEP, CARRIED_TO)
     errors, qualities = [], []
     rng = np.random.default_rng(seed)
@@ -41,21 +41,21 @@ def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
     return np.array(errors), np.array(qualities)
 
 
-def test_the_quality_tells_of_the_kidnap_at_once_and_recovery_ends_it():
+def test_recovery_ends_a_kidnap():
     # In a room of right angles a fan of 90° fits some wrong poses too, so not every filter settles
-    # on a right one in 60 steps: of seeds 0 to 11, on which this was written, three of four did.
+    # on a right one in 60 steps: of seeds 0 to 11, on which this was written, two of three did.
     found = 0
     for seed in range(100, 108):
         errors, quality = episode(seed, recovery_alpha_slow=0.001, recovery_alpha_fast=0.1)
         assert errors[:STEP].max() < 10
         assert quality[5:STEP].min() > 0.9
-        assert quality[STEP : STEP + 3].min() < 0.1  # nine beams of 5 px
         found += (np.median(errors[-20:]) < 10) & (np.median(quality[-20:]) > 0.9)
-    assert found >= 4  # of 8 at 3/4 each: fewer in 2.7 %
+    assert found >= 3  # of 8 at 2/3 each: fewer in 2 %
 
 
-def test_without_random_poses_the_robot_stays_lost_and_its_quality_is_lower_than_before():
+def test_without_random_poses_the_robot_stays_lost_as_its_quality_tells_at_once_and_later():
     errors, quality = episode()
+    assert quality[STEP : STEP + 3].min() < 0.1  # nine beams of 5 px
     lost = errors > 50
     assert lost[STEP:].all()
     assert not lost[:STEP].any()

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from report_cases import trials
 
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.sweeps.sweepfile import sweeps_named
+from benchmarks.tables.panels import panels
 from benchmarks.tables.power import least_worlds
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
@@ -51,3 +53,19 @@ def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
 def test_the_quick_look_has_worlds_enough_to_tell_with_two_methods_of_ones_own():
     quick = SUITES["quick"]
     assert quick.trials >= least_worlds(len(quick.localizers) - 1 + 2)
+
+
+def test_amcl_with_the_assumptions_of_all_others_is_told_from_navs_by_its_words():
+    own = {"laser_model_type": "robot", "update_min_d": 0.0}
+    variants = [{}, own, {"laser_model_type": "beam", "update_min_d": 0.0}]
+    records = [r for p in variants for r in trials("amcl", [1.0, 2.0], params=p)]
+    (panel,) = panels([*trials("mcl", [1.0, 2.0]), *records])
+    expected = ["mcl", "amcl", "amcl laser_model_type=robot", "amcl laser_model_type=beam"]
+    assert sorted(panel.labels.values()) == sorted(expected)
+    for name in ("plan-sensor", "matched-sharp", "lost", "kidnapped", "driving", "disturbed"):
+        models = [
+            dict(method.params).get("laser_model_type", "Nav2's")
+            for method in SUITES[name].localizers
+            if method.name == "amcl"
+        ]
+        assert models == ["Nav2's", "robot"]

@@ -1,6 +1,7 @@
 """``deqmcl from-nav2``, ``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
+import inspect
 import math
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
+from localizers.methods.amcl import amcl
 
 # As in a robot's bring-up, other nodes left in
 BRINGUP = """
@@ -88,17 +90,34 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     path = params()
     given = yaml.safe_load(BRINGUP)["amcl"]["ros__parameters"]
     found = read_nav2(path)
-    by_other_names = {"alpha1", "alpha2", "alpha3", "sigma_hit", "laser_max_range"}
-    by_other_names |= {"update_min_d", "update_min_a", "set_initial_pose", "initial_pose"}
-    assert given.keys() == found.params.keys() | found.unused.keys() | by_other_names
-    for name in found.params.keys() - {"laser_model_type"}:
+    elsewhere = {"laser_max_range", "laser_min_range", "set_initial_pose", "initial_pose"}
+    assert given.keys() == found.params.keys() | found.unused.keys() | elsewhere
+    for name in found.params:
         assert found.params[name] == given[name]
-    assert found.params["laser_model_type"] == "likelihood_field"
     assert "no parameter of Nav2's AMCL" in found.unused["kld_err"]
-    assert (found.sigma, found.max_range, found.every) == (0.15, 4.0, (0.1, 0.2))
+    assert (found.sigma, found.every) == (0.15, (0.025, 0.05))
+    assert found.reading == {"max_range": 4.0}
     assert found.start == (1.2, 1.0, 0.1)
-    assert found.notes[0].endswith("do_beamskip, beam_skip_distance, beam_skip_error_threshold, "
-                                   "beam_skip_threshold, kld_err")  # fmt: skip
+    assert found.notes[0].endswith("not used: kld_err")
+
+
+def test_amcl_takes_every_parameter_of_the_filter_and_its_defaults_are_navs(tmp_path):
+    path = tmp_path / "x.yaml"
+    path.write_text("amcl: {ros__parameters: {use_sim_time: false}}")
+    found = read_nav2(path)
+    ours = {"selective_resampling", "field_cell"}
+    assert {*found.params, *ours} == set(localizers.parameters("amcl"))
+    signature = inspect.signature(amcl).parameters
+    assert found.params == {name: signature[name].default for name in found.params}
+
+
+def test_older_names_and_a_least_range_are_read(params):
+    old = params("nav2_amcl::DifferentialMotionModel", "omnidirectional")
+    assert read_nav2(old).params["robot_model_type"] == "nav2_amcl::OmniMotionModel"
+    near = params("laser_min_range: -1.0", "laser_min_range: 0.3")
+    assert read_nav2(near).reading == {"max_range": 4.0, "min_range": 0.3}
+    far = params("laser_max_range: 4.0", "laser_max_range: -1.0")
+    assert read_nav2(far).reading == {}  # what the sensor says
 
 
 def test_the_noise_of_a_step_has_the_variance_of_navs_model(params):
@@ -145,6 +164,10 @@ BAD = [
     ("max_beams: 30", "max_beams: 30.5", "max_beams is 30.5"),
     ("max_particles: 1500", "max_particles: 100", "min_particles is 300"),
     ('"likelihood_field_prob"', '"beams"', "laser_model_type"),
+    ("DifferentialMotionModel", "Differential", "robot_model_type"),
+    ("do_beamskip: false", "do_beamskip: 1", "do_beamskip is 1"),
+    ("beam_skip_threshold: 0.3", "beam_skip_threshold: 30", "beam_skip_threshold is 30"),
+    ("max_beams: 30", "max_beams: 1", "max_beams is 1"),
     ("set_initial_pose: true", "set_initial_pose: 1", "set_initial_pose is 1"),
     ("x: 1.2", "x: here", "initial_pose.x"),
     ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
@@ -217,10 +240,10 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     told = [*command, "--particles", "20", "--localizers", "amcl,dead-reckoning", "--jobs", "1"]
     assert main([*told, "--out", "out"]) == 0
     said = capsys.readouterr()
-    assert "alpha4, alpha5, laser_min_range" in said.err
+    assert "not used: kld_err" in said.err
     assert "drive 0.3, turn 0.2, drift 0.4 rad/m" in said.out
     assert "around (1.20, 1.00, 0.10 rad)" in said.out
-    assert "5 records" in said.out  # 0.5 m, a record each 17 mm, of which six make 0.1 m
+    assert "15 records" in said.out  # 0.5 m, a record each 17 mm, of which two make 25 mm
     with open("out/results.csv", newline="") as file:
         assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2

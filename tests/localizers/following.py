@@ -17,7 +17,7 @@ def small(name: str, particles: int) -> dict[str, float]:
     if "particles" in (localizers.parameters(name) or ()):
         return {"particles": particles}
     if name == "amcl":
-        return {"min_particles": particles, "max_particles": particles, "field_cell": 10.0}
+        return {"min_particles": particles, "max_particles": particles, "field_cell": 0.2}
     return {"cell": 35.0, "headings": 12} if name == "grid" else {}
 
 

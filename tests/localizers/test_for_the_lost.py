@@ -252,3 +252,23 @@ def test_a_route_is_news_only_for_a_while_however_lost_the_robot_is(robot, prior
 def test_what_cannot_be_is_refused(robot, wanted, named):
     with pytest.raises(InputError, match=named):
         localizers.make("mcl-map", robot, **wanted)
+
+
+def test_random_poses_come_by_the_ratio_of_the_two_averages():
+    recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5)
+    for likelihood in (0.2, 0.4, 0.6):
+        recovery = recovery.after(math.log(likelihood), 1)
+        assert recovery.share == 0.0
+    assert recovery.slow == pytest.approx(0.4)  # of few scans the mean
+    assert recovery.fast == pytest.approx(0.3 + 0.5 * (0.6 - 0.3))
+    before, recovery = recovery, recovery.after(2 * math.log(0.1), 2)  # two beams, each of 0.1
+    slow = before.slow + (0.1 - before.slow) / 4
+    fast = before.fast + (0.1 - before.fast) / 2
+    assert recovery.share == pytest.approx(1 - fast / slow)
+    assert recovery.after(math.log(0.9), 1).after(math.log(0.9), 1).share == 0.0
+    assert recovery.after(0.0, 0) == recovery  # a blind scan
+    assert recovery.after(-math.inf, 1).share == pytest.approx(1 - fast * 0.5 / (slow * 0.8))
+    for _ in range(200):
+        recovery = recovery.after(math.log(0.3), 1)
+    last = recovery.after(math.log(0.7), 1)
+    assert last.slow - recovery.slow == pytest.approx(0.1 * 0.4)

@@ -62,7 +62,7 @@ def sentence(caught) -> str:
         ("amcl", {"z_hit": -1}, "z_hit is -1"),
         ("amcl", {"z_hit": 0, "z_rand": 0}, "one must be above 0"),
         ("amcl", {"sigma_hit": 0}, "sigma_hit is 0"),
-        ("amcl", {"lambda_short": 0, "laser_model_type": "beam"}, "lambda_short is 0"),
+        ("amcl", {"lambda_short": -1, "laser_model_type": "beam"}, "lambda_short is -1"),
         ("amcl", {"laser_likelihood_max_dist": 0}, "laser_likelihood_max_dist is 0"),
         ("amcl", {"field_cell": 0}, "field_cell is 0"),
         ("amcl", {"field_cell": 1e-3}, "give larger cells"),
@@ -103,8 +103,8 @@ def test_update_before_reset_says_what_to_do(robot, name):
 
 
 BAD_INPUTS = [
-    *[("action", bad) for bad in (None, "ab", [0, INF], [], np.ones((1, 2)))],
-    *[("plan", bad) for bad in ("abc", [1, 2], [[1, 2], [3]], [[1, NAN]], np.ones((4, 3)))],
+    *[("action", bad) for bad in (None, "ab", [0, INF], [], [1, 2, 3, 4])],
+    *[("plan", bad) for bad in ("abc", [1, 2], [[1, 2], [3]], [[1, NAN]], np.ones((4, 4)))],
     *[("scan", bad) for bad in (None, ["a"], [1, 2], [[1], [2, 3]], np.ones((1, 2)))],
 ]
 

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import LARGEST
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
-from localizers.models.likelihood_field import LikelihoodField
 from localizers.models.scan import LidarScan, ScanTable
 
 SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
@@ -30,16 +29,12 @@ def maps(draw) -> PolygonMap:
 
 
 @st.composite
-def scan_models(draw) -> LidarScan | LikelihoodField:
+def scan_models(draw) -> LidarScan:
     """Every model there is, at any noise, and any shares, none too."""
     floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, LARGEST))
     lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
     sigma, share = draw(sizes(1e-30, 1.0, 100.0, LARGEST)), draw(SHARES)
-    kind = draw(st.sampled_from(["gaussian", "censored", "beam", "field"]))
-    if kind == "field":
-        farthest = draw(st.sampled_from([np.inf, 10 * sigma]))
-        params = {"sigma": sigma, "hit": 1 - share, "farthest": farthest, "cell": 20.0}
-        return LikelihoodField(floor_plan=floor_plan, lidar=lidar, **params)
+    kind = draw(st.sampled_from(["gaussian", "censored", "beam"]))
     if kind == "beam":
         short, largest = share * draw(SHARES), draw(st.sampled_from([0.0, 0.5])) * (1 - share)
         rest = {"short": short, "max": largest, "rand": share - short}
@@ -78,10 +73,7 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
     within, beyond = told[:3], told[3:]
     assert beyond.tolist() == [beyond[0]] * 3
     used = (scan >= 0) & (scan <= model.lidar.max_range)
-    if isinstance(model, LikelihoodField):
-        used &= scan < model.lidar.max_range
-    else:
-        assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(told, rel=1e-9)
+    assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(told, rel=1e-9)
     if not used.any():
         assert told.tolist() == [0.0] * 6
         return
@@ -90,18 +82,14 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
     assert (within >= beyond[0] - 1e-12 * abs(np.nan_to_num(beyond[0], neginf=0.0))).all()
 
 
-@pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel(), None])
+@pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
 @given(used=st.integers(0, 80), lost=st.integers(0, 80))
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
     room, beam, used, lost
 ):
     lidar = Lidar(beams=used + lost + 1, field_of_view=6.0, max_range=400.0)
-    model = (
-        LidarScan(floor_plan=room, lidar=lidar, beam=beam)
-        if beam
-        else LikelihoodField(floor_plan=room, lidar=lidar, sigma=5.0, cell=50.0)
-    )
+    model = LidarScan(floor_plan=room, lidar=lidar, beam=beam)
     scan = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
     outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
     assert model.log_likelihood(outside, scan).tolist() == [used * -30.0]

@@ -6,11 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, RobotModel
-from localizers.methods.amcl import LASER_MODELS, amcl
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.beams import beam_model
 
 MAX = 400.0
@@ -167,24 +165,6 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
-
-
-def test_amcl_takes_the_power_of_the_robots_scan_model_for_its_own():
-    hall = GridMap(
-        occupancy=np.pad(np.zeros((40, 60), np.int8), 1, constant_values=100), resolution=0.1
-    )
-    lidar = Lidar(beams=5, max_range=8.0, sigma=0.1)
-    ranges = np.array([1.0, 2.0, 1.5, 2.5, 1.0])
-    states = np.array([[2.0, 3.0], [1.0, 2.0], [0.0, 1.0]], np.float32)
-    found = []
-    for power in (1.0, 0.25):
-        scan = GaussianUniform(sigma=0.2, power=power)
-        robot = RobotModel(floor_plan=hall, lidar=lidar, scan=scan)
-        found += [
-            [amcl(robot, laser_model_type=kind)._scan.log_likelihood(states, ranges)]
-            for kind in LASER_MODELS
-        ]
-    np.testing.assert_allclose(found[3:], 0.25 * np.array(found[:3]))
 
 
 @pytest.mark.parametrize("power", [0, 1.1, -1, float("nan")])

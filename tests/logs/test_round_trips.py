@@ -153,3 +153,16 @@ def test_times_that_ros_cannot_hold_are_refused(tmp_path, ending):
         with pytest.raises(InputError, match="times in ROS are from 0"):
             logs.write(log, tmp_path / f"x{ending}")
     assert not list(tmp_path.iterdir())
+
+
+def test_ranges_beyond_the_bounds_given_are_no_measurements(tmp_path):
+    scanner = logs.Scanner(angles=(0.0, 0.1, 0.2), max_range=8.0, min_range=0.1)
+    log = logs.Log(scanner, np.arange(2.0), np.eye(2, 3), np.array([[0.2, 1.0, 7.0]] * 2))
+    logs.write(log, tmp_path / "x.csv")
+    for bounds, kept in (
+        ({"min_range": 0.5}, [False, True, True]),
+        ({"max_range": 5.0}, [True, True, False]),
+        ({"min_range": 0.05, "max_range": 9.0}, [True, True, True]),  # the scanner's own hold
+    ):
+        back = logs.read(tmp_path / "x.csv", **bounds)
+        assert np.isfinite(back.scanner.measured(back.ranges)[0]).tolist() == kept

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.suites.parts import axis, home_again, methods, noises, wrapper
+from benchmarks.sweeps.suites.parts import AMCL_ON_ROBOT, axis, home_again, methods, noises, wrapper
 from benchmarks.trials.spec import Trial, frozen
 
 PAPER_METHODS = (
@@ -121,7 +121,7 @@ PAPER_SUITES = MappingProxyType(
         "disturbed": replace(
             _VARIED,
             title="Disturbances halfway round: none, kidnapping, lost beams, a new plan",
-            localizers=methods(*PAPER_METHODS, *BEYOND, *CLASSICAL),
+            localizers=(*methods(*PAPER_METHODS, *BEYOND, *CLASSICAL), AMCL_ON_ROBOT),
             scenario="sharp",
             vary=(
                 axis(

@@ -18,6 +18,16 @@ def method(name: str, **params: Any) -> Method:
     return Method(name=name, params=frozen(params))
 
 
+# AMCL with the assumptions of all other filters, updated at every step; "amcl" alone is Nav2's
+AMCL_ON_ROBOT = method(
+    "amcl",
+    laser_model_type="robot",
+    robot_model_type="robot",
+    update_min_d=0.0,
+    update_min_a=0.0,
+)
+
+
 def axis(**values: Sequence[Any]) -> Axis:
     """An axis whose names are written with __ for a dot."""
     return Axis(values={name.replace("__", "."): tuple(v) for name, v in values.items()})

@@ -1,0 +1,323 @@
+"""p(x_t | x_{t-1}, u_t): the motion models of Nav2's AMCL, and their noise fitted to a log.
+
+An increment u = (forward, left, turn) turns by ``turn``, then moves by (forward, left) in the frame
+after the turn. Seen from the pose before it, it goes ρ = |(forward, left)| in the direction
+turn + atan2(left, forward). Facts from Nav2's nav2_amcl/src/motion_model.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Self, final
+
+import numpy as np
+
+from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps.units import LENGTH, PER_SQUARE, SQUARE
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import sincos32, wrapped32
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError, number
+from localizers.models.motion import increments
+from localizers.models.motion_kernels import normal_pairs
+
+_SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
+_LEAST = 10  # steps to fit to
+_ROUNDS = 500  # of the fit, which has converged long before
+_TINY = 1e-12  # a variance: of (10⁻⁶ rad)², or as small a length
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class DifferentialMotion:
+    """Turn by rot1, drive ρ, turn by rot2, each with noise; Thrun et al. 2005, table 5.6.
+
+    rot1 is the direction of the increment, rot2 = turn - rot1; rot1 = 0 if ρ < ``still``. With
+    rᵢ = min(|rotᵢ|, |rotᵢ - π|), which treats backward as forward, the variances are
+
+    - of rot1: α1 r1² + α2 ρ², of rot2: α1 r2² + α2 ρ²;
+    - of ρ: α3 ρ² + α4 (r1² + r2²).
+
+    Lengths are in the map's unit. The defaults are Nav2's, for a map in metres; for one in px, take
+    ``deqmcl_gym.maps.units.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
+
+    Source: differential_motion_model.cpp.
+
+    Attributes:
+        alpha1: of a turn from turning, pure number.
+        alpha2: of a turn from driving, rad² per length².
+        alpha3: of a drive from driving, pure number.
+        alpha4: of a drive from turning, length² per rad².
+        still: ρ below which the increment has no direction.
+    """
+
+    alpha1: float = 0.2
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
+    alpha3: float = 0.2
+    alpha4: float = field(default=0.2, metadata=SQUARE)
+    still: float = field(default=0.01, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
+        """Draw one successor of each pose.
+
+        Args:
+            states: rows x, y, θ, (3, n).
+            action: (forward, left, turn), or (distance, turn).
+            rng: draws 2 n uniform numbers, whatever the action.
+
+        Returns:
+            (3, n), θ in [-π, π].
+        """
+        rot1, drive, rot2 = _turns_and_drive(_rows(action), self.still)
+        r1, r2 = _either_way(rot1), _either_way(rot2)
+        sd1 = np.sqrt(self.alpha1 * r1**2 + self.alpha2 * drive**2)
+        sd_drive = np.sqrt(self.alpha3 * drive**2 + self.alpha4 * (r1**2 + r2**2))
+        sd2 = np.sqrt(self.alpha1 * r2**2 + self.alpha2 * drive**2)
+        means = np.concatenate([rot1, drive, rot2]).astype(np.float32)
+        noise = _noise(states.shape[1], (sd1, sd_drive, sd2), rng)
+        after = np.empty_like(states)
+        _turned_and_driven(states, means, noise, after)
+        return after
+
+    @classmethod
+    def fitted(cls, meant: Floats, done: Floats) -> Self:
+        """Return the model of greatest likelihood for steps of a log.
+
+        A drive that the odometry tells without its sign is an error of ρ, not half a turn. α3 and
+        α4 are then multiplied by one factor, 1 or more, such that 99 % of the errors of ρ lie
+        within 2.58 standard deviations: odometry that fails in one step of fifty must stay
+        possible. As the reference has noise of its own, directions and ρ count for the longer half
+        of the steps, the sum of both turns for all.
+
+        Args:
+            meant: increments of the odometry, (k, 3); rows with NaN are left out.
+            done: increments of the reference, (k, 3), likewise.
+
+        Raises:
+            InputError: fewer than 10 steps have movement and a reference.
+        """
+        told, true = _moving(meant, done)
+        still = cls().still
+        rot1, drive, rot2 = _turns_and_drive(told, still)
+        seen1, seen, _ = _turns_and_drive(true, still)
+        seen1 = np.where(seen < still, rot1, seen1)  # a reference that stands has no direction
+        long = _long(drive)
+        error1 = arrays.wrapped(rot1 - seen1)
+        backward = (np.abs(error1) > math.pi / 2) & long  # the nearer of two ways to tell the same
+        error1 = np.where(backward, arrays.wrapped(error1 - math.pi), error1)
+        seen = np.where(backward, -seen, seen)
+        error = arrays.wrapped(told[:, 2] - true[:, 2])
+        r1, r2, d = _either_way(rot1) ** 2, _either_way(rot2) ** 2, drive**2
+        of_turns = [
+            (error1[long], r1[long], d[long]),
+            (arrays.wrapped(error - error1)[long], r2[long], d[long]),
+            (error[~long], (r1 + r2)[~long], 2 * d[~long]),
+        ]
+        errors, turning, driving = (np.concatenate(parts) for parts in zip(*of_turns, strict=True))
+        alpha1, alpha2 = _most_likely(errors, np.stack([turning, driving]))
+        features = np.stack([d, r1 + r2])[:, long]
+        missed = (drive - seen)[long]
+        alpha3, alpha4 = _still_possible(_most_likely(missed, features), missed, features)
+        return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class OmniMotion:
+    """Move along the increment and across it, and turn, each with noise, whatever the direction.
+
+    The variances are α3 ρ² + α4 turn² along, α5 ρ² + α4 turn² across, α1 turn² + α2 ρ² of the turn.
+    Lengths and defaults as ``DifferentialMotion``.
+
+    Source: omni_motion_model.cpp.
+
+    Attributes:
+        alpha1: of the turn from turning, pure number.
+        alpha2: of the turn from driving, rad² per length².
+        alpha3: of the way along from driving, pure number.
+        alpha4: of both ways from turning, length² per rad².
+        alpha5: of the way across from driving, pure number.
+    """
+
+    alpha1: float = 0.2
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
+    alpha3: float = 0.2
+    alpha4: float = field(default=0.2, metadata=SQUARE)
+    alpha5: float = 0.2
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
+        """Draw one successor of each pose; as ``DifferentialMotion.sample``."""
+        told = _rows(action)
+        bearing, drive, _ = _turns_and_drive(told, 0.0)
+        turn = told[:, 2]
+        d, t = drive**2, turn**2
+        sd_along = np.sqrt(self.alpha3 * d + self.alpha4 * t)
+        sd_turn = np.sqrt(self.alpha1 * t + self.alpha2 * d)
+        sd_across = np.sqrt(self.alpha4 * t + self.alpha5 * d)
+        means = np.concatenate([bearing, drive, turn]).astype(np.float32)
+        noise = _noise(states.shape[1], (sd_along, sd_turn, sd_across), rng)
+        after = np.empty_like(states)
+        _moved_along(states, means, noise, after)
+        return after
+
+    @classmethod
+    def fitted(cls, meant: Floats, done: Floats) -> Self:
+        """Return the model of greatest likelihood for steps of a log.
+
+        As ``DifferentialMotion.fitted``: α3 to α5 grow by one factor until 99 % of the errors
+        along lie within 2.58 standard deviations.
+        """
+        told, true = _moving(meant, done)
+        bearing, drive, _ = _turns_and_drive(told, 0.0)
+        seen_bearing, seen, _ = _turns_and_drive(true, 0.0)
+        error = arrays.wrapped(told[:, 2] - true[:, 2])
+        turn, d, long = told[:, 2] ** 2, drive**2, _long(drive)
+        alpha1, alpha2 = _most_likely(error, np.stack([turn, d]))
+        off = seen_bearing - bearing
+        along, across = seen * arrays.cos(off) - drive, seen * arrays.sin(off)
+        none = np.zeros_like(d)
+        features = np.hstack(
+            [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, long]]
+        )
+        missed = np.concatenate([along[long], across[long]])
+        found = _most_likely(missed, features)
+        count = int(long.sum())
+        factor = _excess(found, missed[:count], features[:, :count])
+        alpha3, alpha4, alpha5 = (float(alpha * factor) for alpha in found)
+        return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4, alpha5=alpha5)
+
+
+def composed(first: Floats, then: Floats) -> Floats:
+    """Return one increment (3,) for two; the turn in [-π, π]."""
+    forward, left, turn = then.tolist()
+    cosine, sine = float(arrays.cos([turn])[0]), float(arrays.sin([turn])[0])
+    x, y, before = first.tolist()
+    turned = float(arrays.wrapped([before + turn])[0])
+    return np.array([forward + cosine * x + sine * y, left + cosine * y - sine * x, turned])
+
+
+def moved(states: Singles, increment: Floats) -> Singles:
+    """Return poses (3, n) after an increment (3,) without noise."""
+    moves = np.empty((3, states.shape[1]), np.float32)
+    moves[:] = increment[:, None]
+    after = np.empty_like(states)
+    kernels.drive(states, moves, after)
+    return after
+
+
+def _check(motion: Any) -> None:
+    for name, value in vars(motion).items():
+        number(name, value, low=0)
+
+
+def _rows(action: Floats) -> Floats:
+    return increments(action).reshape(1, 3)
+
+
+def _turns_and_drive(told: Floats, still: float) -> tuple[Floats, Floats, Floats]:
+    """Return rot1, ρ, rot2 of increments told (k, 3), (k,) each, the turns in [-π, π]."""
+    forward, left, turn = told.T
+    drive = np.sqrt(forward**2 + left**2)
+    rot1 = np.where(drive < still, 0.0, arrays.wrapped(turn + arrays.arctan2(left, forward)))
+    return rot1, drive, arrays.wrapped(turn - rot1)
+
+
+def _either_way(turns: Floats) -> Floats:
+    """Return the size of turns in [-π, π], as if driving backward were driving forward."""
+    size = np.abs(turns)
+    return np.minimum(size, np.pi - size)
+
+
+def _noise(n: int, sds: tuple[Floats, ...], rng: np.random.Generator) -> Singles:
+    """Draw normal numbers of the standard deviations given, (4, n), the last row unused."""
+    uniforms, noise = rng.random((2, n)), np.empty((4, n), np.float32)
+    first, second, third = (float(sd[0]) for sd in sds)
+    normal_pairs(uniforms[0], 0.0, first, 0.0, second, noise[0], noise[1])
+    normal_pairs(uniforms[1], 0.0, third, 0.0, 0.0, noise[2], noise[3])
+    return noise
+
+
+def _moving(meant: Floats, done: Floats) -> tuple[Floats, Floats]:
+    told, true = np.asarray(meant, np.float64), np.asarray(done, np.float64)
+    kept = np.isfinite(told).all(axis=1) & np.isfinite(true).all(axis=1)
+    kept &= np.abs(told).max(axis=1) > 0
+    if kept.sum() < _LEAST:
+        raise InputError(
+            f"{int(kept.sum())} steps have movement and a reference at both ends, too few to fit "
+            f"the noise of the motion to, which needs {_LEAST}: give the noise instead."
+        )
+    return told[kept], true[kept]
+
+
+def _long(drive: Floats) -> Bools:
+    """Which steps are of the longer half, (k,): noise of the reference matters less in them."""
+    long: Bools = drive >= max(float(np.median(drive)), 1e-9)
+    return long
+
+
+def _most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:
+    """Return α ≥ 0 that maximizes the likelihood of errors (k,) ~ N(0, Σ α_j f_j), f (J, k).
+
+    By multiplicative steps, none of which lowers the likelihood (Févotte & Idier 2011).
+    """
+    square = errors**2
+    used = features.max(axis=1, initial=0.0) > 0
+    alphas = np.zeros(len(features))
+    alphas[used] = square.mean() / features[used].mean(axis=1) if errors.size else 0.0
+    for _ in range(_ROUNDS):
+        variance = np.maximum(alphas @ features, _TINY)
+        above = (features * (square / variance**2)).sum(axis=1)
+        below = np.maximum((features / variance).sum(axis=1), _TINY)
+        alphas = alphas * np.sqrt(above / below)
+    return tuple(float(alpha) for alpha in alphas)
+
+
+def _excess(alphas: tuple[float, ...], errors: Floats, features: Floats) -> float:
+    """Return the factor, 1 or more, on α that brings 99 % of the errors within 2.58 σ."""
+    if errors.size == 0:
+        return 1.0
+    spread = np.sqrt(np.maximum(np.array(alphas) @ features, _TINY))
+    return max(1.0, float(np.quantile(np.abs(errors) / spread, _SHARE)) / _WITHIN) ** 2
+
+
+def _still_possible(
+    alphas: tuple[float, ...], errors: Floats, features: Floats
+) -> tuple[float, ...]:
+    factor = _excess(alphas, errors, features)
+    return tuple(alpha * factor for alpha in alphas)
+
+
+@compiled
+def _turned_and_driven(poses: Singles, means: Singles, noise: Singles, out: Singles) -> None:
+    """Turn, drive, turn: rows rot1, ρ, rot2 of the noise (4, n) are taken off the means (3,)."""
+    n = poses.shape[1]
+    heading, sine, cosine = np.empty((3, n), np.float32)
+    for i in range(n):
+        heading[i] = wrapped32(poses[2, i] + (means[0] - noise[0, i]))
+    sincos32(heading, sine, cosine)
+    for i in range(n):
+        drive = means[1] - noise[1, i]
+        out[0, i] = poses[0, i] + drive * cosine[i]
+        out[1, i] = poses[1, i] + drive * sine[i]
+        out[2, i] = wrapped32(heading[i] + (means[2] - noise[2, i]))
+
+
+@compiled
+def _moved_along(poses: Singles, means: Singles, noise: Singles, out: Singles) -> None:
+    """Move along the bearing and across it, and turn: noise rows along, turn, across, (4, n)."""
+    n = poses.shape[1]
+    bearing, sine, cosine = np.empty((3, n), np.float32)
+    for i in range(n):
+        bearing[i] = wrapped32(poses[2, i] + means[0])
+    sincos32(bearing, sine, cosine)
+    for i in range(n):
+        along, across = means[1] + noise[0, i], noise[2, i]
+        out[0, i] = poses[0, i] + (along * cosine[i] + across * sine[i])
+        out[1, i] = poses[1, i] + (along * sine[i] - across * cosine[i])
+        out[2, i] = wrapped32(poses[2, i] + (means[2] + noise[1, i]))

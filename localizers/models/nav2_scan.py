@@ -1,0 +1,321 @@
+"""p(o_t | x_t, m) as Nav2's AMCL weighs particles by it: three models, and beams that are skipped.
+
+Facts from Nav2's nav2_amcl/src/sensors/laser and nav2_amcl/src/map. A weight is no density: hits
+are not normalised, and two of the models add up cubes over beams. Lengths of attributes are in the
+map's unit; densities of random readings are per metre on every map, as there.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple, final
+
+import numpy as np
+
+from deqmcl_gym.maps import GridMap, Lidar, Map
+from deqmcl_gym.maps.clearance import to_nearest
+from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError, integer, number
+from localizers.models import field_kernels
+
+MOST_CELLS = 20_000_000
+_BLOCK = 8192  # poses at a time
+
+
+class DistanceTable(NamedTuple):
+    """Distances of square cells' centres to the nearest wall.
+
+    Attributes:
+        squares: squared distances in cells, (rows, columns), the lowest row first: whole numbers,
+            exact in float32, on a map of cells.
+        frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
+            cell's edge.
+        farthest: the largest distance told, which stands for ends off the table, too.
+    """
+
+    squares: Singles
+    frame: tuple[float, float, float, float, float]
+    farthest: float
+
+    @classmethod
+    def of(cls, floor_plan: Map, farthest: float, cell: float) -> "DistanceTable":
+        """Return the table of a map, up to a distance.
+
+        Of a map of cells its own, from centre to centre of *occupied* ones: unknown is no wall.
+        Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances;
+        walls are lines, seen from both sides.
+
+        Source: map_cspace.cpp; distances are exact here.
+        """
+        if isinstance(floor_plan, GridMap):
+            x, y, yaw = floor_plan.origin
+            cosine, sine = float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
+            frame = (float(x), float(y), cosine, sine, float(floor_plan.resolution))
+            squares = np.rint(np.square(to_nearest(_occupied(floor_plan))))
+        else:
+            distances, frame = _of_polygons(floor_plan, farthest, cell)
+            squares = np.square(distances / np.float32(cell))
+        return cls(np.ascontiguousarray(squares, np.float32), frame, float(farthest))
+
+    @property
+    def distances(self) -> Floats:
+        """In the map's unit, at most ``farthest``, (rows, columns)."""
+        return np.minimum(self.frame[-1] * np.sqrt(self.squares.astype(np.float64)), self.farthest)
+
+    def at_ends(self, origins: Singles, ranges: Floats, bearings: Floats) -> Singles:
+        """Squares at the cell that each beam ends in, inf off the table, (B, n)."""
+        out = np.empty((ranges.size, origins.shape[1]), np.float32)
+        field_kernels.table_at_ends(origins, ranges, bearings, self.squares, self.frame, out)
+        return out
+
+
+def _occupied(floor_plan: GridMap) -> Bools:
+    cells = floor_plan.occupancy
+    occupied: Bools = (cells >= 0) & (cells / 100.0 >= floor_plan.occupied_thresh)
+    return occupied
+
+
+def _of_polygons(
+    floor_plan: Map, farthest: float, cell: float
+) -> tuple[Singles, tuple[float, float, float, float, float]]:
+    x0, y0, x1, y1 = floor_plan.bounds
+    sides = x1 - x0 + 2 * farthest, y1 - y0 + 2 * farthest
+    columns, rows = (math.ceil(side / cell - 1e-9) for side in sides)
+    if columns * rows > MOST_CELLS:
+        raise InputError(
+            f"field_cell makes a table of {columns * rows:,} cells of {cell:g} {floor_plan.unit}, "
+            f"but at most {MOST_CELLS:,} are allowed: give larger cells."
+        )
+    left, low = x0 - farthest, y0 - farthest
+    xs, ys = left + cell * (np.arange(columns) + 0.5), low + cell * (np.arange(rows) + 0.5)
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    distances = floor_plan.distance(points).reshape(rows, columns)
+    return distances, (left, low, 1.0, 0.0, float(cell))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Field:
+    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end.
+
+    Attributes:
+        hit, rand: z_hit and z_rand, not normalised.
+        sigma: σ, in the map's unit.
+        farthest: the largest d, also that of ends off the map, in the map's unit.
+        max_beams: at least 2.
+        cell: edge of the table's cells on a map of polygons.
+    """
+
+    floor_plan: Map
+    lidar: Lidar
+    sigma: float
+    farthest: float
+    hit: float = 0.5
+    rand: float = 0.5
+    max_beams: int = 60
+    cell: float
+
+    def __post_init__(self) -> None:
+        number("sigma_hit", self.sigma, low=0, above=True)
+        number("laser_likelihood_max_dist", self.farthest, low=0, above=True)
+        number("z_hit", self.hit, low=0)
+        number("z_rand", self.rand, low=0)
+        number("field_cell", self.cell, low=0, above=True)
+        integer("max_beams", self.max_beams, low=2)
+        _ = self.table  # made now, not in the first update
+
+    @cached_property
+    def table(self) -> DistanceTable:
+        """Distances to the nearest wall."""
+        return DistanceTable.of(self.floor_plan, float(self.farthest), float(self.cell))
+
+    @property
+    def step(self) -> int:
+        """Every step-th beam is looked at."""
+        return _every(self.lidar.beams, self.max_beams)
+
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,): looked at, and shorter than the largest range."""
+        counted: Bools = np.zeros(ranges.size, np.bool_)
+        counted[:: self.step] = True
+        # NaN is neither; a range below 0 is one below the sensor's least, which Nav2 takes for none
+        counted &= (ranges >= 0.0) & (ranges < self.lidar.max_range)
+        return counted
+
+    def squares(self, states: Singles, ranges: Floats) -> Singles:
+        """Squared distances, in cells of the table, at the ends of the beams that count, (b, n)."""
+        counted = self.informative(ranges)
+        return self.table.at_ends(
+            _origins(self.lidar, states), ranges[counted], self.lidar.bearings[counted]
+        )
+
+    @property
+    def _model(self) -> tuple[float, float, float, float]:
+        edge = self.table.frame[-1]
+        rand = self.rand / (self.lidar.max_range * metres_in(self.floor_plan))
+        return (self.farthest / edge) ** 2, -0.5 * (edge / self.sigma) ** 2, self.hit, rand
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class LikelihoodField(_Field):
+    """w ∝ 1 + Σ over beams of q³: blunt on purpose, which is why it rarely loses a robot.
+
+    Source: likelihood_field_model.cpp. Attributes as ``_Field``.
+    """
+
+    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
+        return _in_blocks(self, field_kernels.sum_of_cubes, states, ranges)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class LikelihoodFieldProb(_Field):
+    """w ∝ Π over beams of q, as if beams were independent.
+
+    Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
+    """
+
+    @property
+    def step(self) -> int:
+        """Every step-th beam is looked at; this model alone rounds up."""
+        return max(1, math.ceil(self.lidar.beams / self.max_beams))
+
+    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
+        return _in_blocks(self, field_kernels.log_product, states, ranges)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class BeamSkipping:
+    """Leave out beams that end near a wall from too few particles: people, not the map.
+
+    A beam agrees with a particle if its end is nearer than ``distance`` to a wall. It is kept if
+    more than ``threshold`` of the particles agree. If ``error_threshold`` of ``max_beams`` or more
+    would be left out, the cloud itself may be wrong, and all are kept. Beams without a return are
+    among those left out, as are those that a small scan lacks.
+
+    Source: likelihood_field_model_prob.cpp.
+
+    Attributes:
+        distance: in the map's unit.
+        threshold, error_threshold: shares of the particles and of the beams.
+    """
+
+    distance: float
+    threshold: float
+    error_threshold: float
+
+    def __post_init__(self) -> None:
+        number("beam_skip_distance", self.distance, low=0)
+        number("beam_skip_threshold", self.threshold, low=0, high=1)
+        number("beam_skip_error_threshold", self.error_threshold, low=0, high=1)
+
+    def kept(self, field: _Field, states: Singles, ranges: Floats) -> Floats:
+        """Return the scan (B,) with NaN for the beams that the cloud (3, n) leaves out."""
+        counted = np.flatnonzero(field.informative(ranges))
+        near = field.squares(states, ranges) < (self.distance / field.table.frame[-1]) ** 2
+        agreeing = near.sum(axis=1) / states.shape[1] > self.threshold
+        if field.max_beams - int(agreeing.sum()) >= field.max_beams * self.error_threshold:
+            return ranges
+        kept = ranges.copy()
+        kept[counted[~agreeing]] = np.nan
+        return kept
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class BeamCubes:
+    """w ∝ 1 + Σ over beams of q³, q of four parts by the range z* that the map would give.
+
+    q = z_hit exp(-(z - z*)² / 2σ²) + [z < z*] z_short λ exp(-λ z) + [z = max_range] z_max +
+    [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside.
+
+    Source: beam_model.cpp, map_range.c; rays are exact here.
+
+    Attributes:
+        hit, short, max, rand: z_hit, z_short, z_max, z_rand, not normalised.
+        sigma: σ, in the map's unit.
+        decay: λ, per unit of length.
+        max_beams: at least 2.
+    """
+
+    floor_plan: Map
+    lidar: Lidar
+    hit: float = 0.5
+    short: float = 0.05
+    max: float = 0.05
+    rand: float = 0.5
+    sigma: float = field(default=0.2, metadata=LENGTH)
+    decay: float = field(default=0.1, metadata=PER_LENGTH)
+    max_beams: int = 60
+
+    def __post_init__(self) -> None:
+        for name in ("hit", "short", "max", "rand"):
+            number(f"z_{name}", getattr(self, name), low=0)
+        number("sigma_hit", self.sigma, low=0, above=True)
+        number("lambda_short", self.decay, low=0)
+        integer("max_beams", self.max_beams, low=2)
+        _ = self._stopping
+
+    def informative(self, ranges: Floats) -> Bools:
+        """Which beams of a scan count, (B,): looked at, and numbers."""
+        counted: Bools = np.zeros(ranges.size, np.bool_)
+        counted[:: _every(self.lidar.beams, self.max_beams)] = True
+        counted &= ~np.isnan(ranges)
+        return counted
+
+    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
+        counted = self.informative(ranges)
+        max_range = self.lidar.max_range
+        # below the sensor's least range is as no return, and so is infinitely far
+        told = np.where((ranges >= 0.0) & (ranges <= max_range), ranges, max_range)[counted]
+        bearings = self.lidar.bearings[counted].astype(np.float32)
+        metres = metres_in(self.floor_plan)
+        shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
+        model = max_range * metres, self.sigma * metres, self.decay / metres
+        out = np.zeros(states.shape[1])
+        for start in range(0, out.size if told.size else 0, _BLOCK):
+            some = _origins(self.lidar, states[:, start : start + _BLOCK])
+            expected = np.empty((told.size, some.shape[1]), np.float32)
+            self._stopping.caster.cast(some, bearings, expected)
+            field_kernels.beams_cubed(
+                told * metres, expected, metres, shares, model, out[start : start + _BLOCK]
+            )
+        return out
+
+    @cached_property
+    def _stopping(self) -> Map:
+        """The map, with unknown cells that stop rays."""
+        if isinstance(self.floor_plan, GridMap) and self.floor_plan.unknown != "obstacle":
+            return replace(self.floor_plan, unknown="obstacle")
+        return self.floor_plan
+
+
+def metres_in(floor_plan: Map) -> float:
+    """Return how many metres the map's unit of length is."""
+    return pixel("m") / pixel(floor_plan.unit)
+
+
+def _every(beams: int, most: int) -> int:
+    return max(1, (beams - 1) // (most - 1))
+
+
+def _origins(lidar: Lidar, states: Singles) -> Singles:
+    return np.ascontiguousarray(lidar.origins(states), dtype=np.float32)
+
+
+def _in_blocks(
+    field: _Field, combine: Callable[..., None], states: Singles, ranges: Floats
+) -> Floats:
+    out = np.zeros(states.shape[1])
+    if field.informative(ranges).any():
+        for start in range(0, out.size, _BLOCK):
+            some = slice(start, start + _BLOCK)
+            combine(field.squares(states[:, some], ranges), *field._model, out[some])
+    return out
