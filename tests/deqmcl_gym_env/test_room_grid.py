@@ -133,6 +133,18 @@ def test_a_thin_wall_is_still_seen_in_a_small_picture():
     assert (image[20:-20].min(axis=(1, 2)) < 60).all()
 
 
+def test_free_space_seen_by_single_rays_stays_free_in_a_small_picture():
+    """Rays a cell wide, 3 apart, in unknown space: each pixel has 7 cells, so a free one."""
+    cells = np.full((3000, 3000), -1, np.int8)
+    cells[:, ::3] = 0
+    cells[1000:1002] = 100
+    view = View(GridMap(occupancy=cells, resolution=0.05))
+    image = Drawing(view).image[view.margin : -view.margin, view.margin : -view.margin, 0]
+    walls = (image == BLACK[0]).mean(axis=1)
+    assert set(walls) == {0.0, 1.0}
+    assert (image[walls == 0] == 255).all()
+
+
 @pytest.mark.parametrize(
     ("floor_plan", "sentence"),
     [
