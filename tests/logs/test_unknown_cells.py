@@ -37,7 +37,7 @@ def test_the_env_a_scenario_and_a_sweep_have_the_map_that_is_asked_for(folder, w
         f'scenario = "log"\ntrials = 1\nlocalizers = ["dead-reckoning"]\n[world]\n{ENV}'
         '[[vary]]\n"world.unknown" = ["obstacle", "transparent", "free"]\n'
     )
-    trials = read_sweep("sweep.toml").trials
+    trials = read_sweep(folder / "sweep.toml").distinct()
     assert {scenario_of(one).room().floor_plan.unknown for one in trials} == set(WORDS)
 
 
@@ -53,7 +53,7 @@ def test_a_map_that_is_no_yaml_has_no_unknown_cells_to_speak_of(folder, given):
 
 
 def test_an_unknown_word_is_refused(folder):
-    with pytest.raises(InputError, match="allowed values: obstacle, transparent, free"):
+    with pytest.raises(InputError, match="unknown value of unknown 'wall': allowed values: free, obstacle, transparent"):
         LogEnv(log="lap.csv", map="hall.yaml", unknown="wall")
 
 
