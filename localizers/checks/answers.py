@@ -15,11 +15,14 @@ from localizers.checks.subject import (
     LawSkippedError,
     Snapshot,
     Subject,
+    first_difference,
     history,
     require_finite,
     require_normalized,
 )
+from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior
+from localizers.naming.plugins import raised
 
 
 def makes_a_localizer(subject: Subject) -> None:
@@ -95,6 +98,28 @@ def _half_turned(poses: Floats) -> Floats:
     turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
     turned[:, 2] = arrays.wrapped(turned[:, 2])
     return turned
+
+
+def increments_of_three(subject: Subject) -> str | None:
+    """Increments (d, 0, φ), as of recorded logs, give the beliefs that (d, φ) give, bit by bit.
+
+    A plug-in for which they do not gets a remark: it runs in rooms, but not on logs.
+    """
+    drive, ours = subject.drive, subject.factory.__module__.startswith("localizers.methods.")
+    plans = [increments(plan) for plan in drive.plans]
+    wide = replace(drive, actions=increments(drive.actions), plans=plans)
+    try:
+        where = first_difference(history(subject.made(), wide), subject.history())
+    except Exception as error:
+        if ours:
+            raise
+        return f"not for logs, whose increments have three numbers: {raised(error, subject.file)}"
+    if where is None:
+        return None
+    words = f"(d, 0, φ) gives another belief than (d, φ), first at {where}"
+    if ours:
+        raise LawBrokenError(words)
+    return f"not for logs, whose increments have three numbers: {words}"
 
 
 def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot], when: str) -> None:

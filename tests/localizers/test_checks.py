@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from broken import LeavesAProcess, ProcessStateUntouched
+from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTurn
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -62,6 +62,26 @@ def test_the_template_keeps(law):
 @pytest.mark.parametrize("law", [law.name for law in LAWS if law.name not in IN_A_PROCESS])
 def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
     assert broken_here(subject_of(example(law))) == [law]
+
+
+def test_a_plug_in_that_knows_increments_of_two_numbers_only_gets_a_remark():
+    def unpacks(robot):
+        localizer = MyLocalizer(robot)
+        update = localizer.update
+
+        def with_two(ranges, action, plan):
+            distance, turn = action
+            return update(ranges, (distance, turn), plan)
+
+        localizer.update = with_two
+        return localizer
+
+    law = next(law for law in LAWS if law.name == "increments of three")
+    for own, why in ((TakesTheSecondForTheTurn, "gives another belief"), (unpacks, "ValueError")):
+        verdict = Here(subject_of(own)).verdict(law)
+        assert verdict.status == "ok"
+        assert verdict.note.startswith("not for logs, whose increments have three numbers: ")
+        assert why in verdict.note
 
 
 def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():

@@ -53,7 +53,10 @@ def test_a_map_that_is_no_yaml_has_no_unknown_cells_to_speak_of(folder, given):
 
 
 def test_an_unknown_word_is_refused(folder):
-    with pytest.raises(InputError, match="unknown value of unknown 'wall': allowed values: free, obstacle, transparent"):
+    with pytest.raises(
+        InputError,
+        match="unknown value of unknown 'wall': allowed values: free, obstacle, transparent",
+    ):
         LogEnv(log="lap.csv", map="hall.yaml", unknown="wall")
 
 
