@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from localizers.api import mean_pose
@@ -65,15 +65,21 @@ def half_turn(subject: Subject) -> None:
     Where headings in one world are about 0, they are about ±π in the other: a mean of headings
     that is not a mean of directions shows.
     """
-    plan = subject.robot.floor_plan
-    if not isinstance(plan, PolygonMap):
-        raise LawSkippedError("the floor plan is not made of polygons, so it cannot be turned")
-    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
-    robot = replace(subject.robot, floor_plan=PolygonMap(outer=outer, obstacles=tuple(obstacles)))
+    robot = replace(subject.robot, floor_plan=_turned(subject.robot.floor_plan))
     prior = _HalfTurned(subject.drive.prior)
     turned = history(subject.made(robot), subject.drive, prior=prior)
     back: list[Snapshot] = [{0: (_half_turned(found[0][0]), found[0][1])} for found in turned]
     _require_alike(subject, subject.history(), back, "in a world turned by half a turn")
+
+
+def _turned(plan: Map) -> Map:
+    if isinstance(plan, GridMap):
+        x, y, yaw = plan.origin
+        return replace(plan, origin=(-x, -y, yaw - math.pi if yaw > 0 else yaw + math.pi))
+    if not isinstance(plan, PolygonMap):
+        raise LawSkippedError("the floor plan is of a form of its own, so it cannot be turned")
+    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
+    return PolygonMap(outer=outer, obstacles=tuple(obstacles), unit=plan.unit)
 
 
 @dataclass(frozen=True)

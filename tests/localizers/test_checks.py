@@ -14,7 +14,7 @@ import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
-from localizers.checks.drive import default_robot, random_drive
+from localizers.checks.drive import default_robot, random_drive, robot_on_cells
 from localizers.checks.run import Examination
 from localizers.checks.surroundings import set_state, state_of_process
 from localizers.checks.trying import Here, subject_of
@@ -122,9 +122,11 @@ def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(see
     assert broken_here(replace(subject, drive=drive)) == ["half turn"]
 
 
+@pytest.mark.parametrize("made", [default_robot, robot_on_cells])
 @pytest.mark.parametrize("seed", range(10))
-def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
-    robot = replace(default_robot(), lidar=Lidar(beams=8, max_range=150.0))
+def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed, made):
+    robot = made()
+    robot = replace(robot, lidar=replace(robot.lidar, max_range=robot.lidar.max_range * 3 / 8))
     drive = random_drive(robot, np.random.default_rng(seed))
     commands = dead_reckoning(robot)
     belief = commands.reset(drive.prior, drive.plans[0], np.random.default_rng(0))
@@ -133,7 +135,7 @@ def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
     assert not collides[drive.plans[0][:, 0] != 0].any()
     assert np.array_equal(drive.plans[0][: len(drive.actions)], drive.actions)
     assert drive.scans.shape == (len(drive.actions), 8)
-    assert ((drive.scans >= 0) & (drive.scans <= 150.0)).all()
+    assert ((drive.scans >= 0) & (drive.scans <= robot.lidar.max_range)).all()
 
 
 NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
