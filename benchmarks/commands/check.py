@@ -2,8 +2,14 @@
 
 import argparse
 from collections.abc import Sequence
+from contextlib import closing
+from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
+from deqmcl_gym.validation import InputError
+
+if TYPE_CHECKING:  # loaded when needed
+    from localizers.checks.laws import Law
 
 NAME = "check"
 HELP = "check that a localizer obeys the laws the benchmarks rely on"
@@ -11,6 +17,9 @@ DESCRIPTION = (
     "Check a localizer against named laws on a short random drive. One line per law: ok, FAILED or "
     "skipped, with the reason. Exit code 3 if a law fails."
 )
+
+
+_BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
 
 
 class LawsBrokenError(RuntimeError):
@@ -25,6 +34,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
     )
     parser.add_argument(
+        "--map",
+        metavar="MAP.yaml",
+        help="try it on this map, in m, instead of a small room of polygons",
+    )
+    parser.add_argument(
         "--timeout",
         type=float,
         default=60.0,
@@ -36,20 +50,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command, printing each law as it is tried; return the last lines."""
     del given
-    from contextlib import closing
-
+    from deqmcl_gym.maps import GridMap
+    from localizers.checks.drive import robot_on
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
     from localizers.naming.registry import complete
 
     name = complete(options.name)
+    robot = None if options.map is None else robot_on(GridMap.load(options.map))
     with doing(f"loading {name}"):
-        examination = examined(name, timeout=options.timeout)
+        examination = examined(name, robot, timeout=options.timeout)
     with closing(examination):
         tried = []
         for law in LAWS:
             with doing(f"trying the law {law.name!r}"):
                 tried.append(examination.verdict(law))
+            if robot is None and tried[-1].status == "FAILED":
+                _refuse_if_cells_are_needed(name, law, tried[-1].note, options.timeout)
             print(tried[-1], flush=True)
         failed = [verdict for verdict in tried if verdict.status == "FAILED"]
         if failed:
@@ -62,3 +79,21 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         f"time per step: {milliseconds:.3g} ms, the median of a short drive\n"
         f"{name} keeps all laws" + (f" ({skipped} skipped)." if skipped else ".")
     )
+
+
+def _refuse_if_cells_are_needed(name: str, law: "Law", why: str, timeout: float) -> None:
+    """Refuse a localizer that runs on a map of cells, but not in a room of polygons."""
+    from localizers.checks.drive import robot_on_cells
+    from localizers.checks.run import examined
+
+    if law.name not in _BEFORE_ANY:
+        return
+    with (
+        doing(f"trying {law.name!r} on a map of cells"),
+        closing(examined(name, robot_on_cells(), timeout=timeout)) as on_cells,
+    ):
+        if on_cells.verdict(law).status != "FAILED":
+            raise InputError(
+                f"{name} does not run in the room of polygons in which laws are tried ({why}), but "
+                "does on a map of cells: give one, as in --map MAP.yaml."
+            )

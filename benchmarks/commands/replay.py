@@ -30,6 +30,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("log", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file")
     add("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
     add(
+        "--unknown",
+        choices=("obstacle", "transparent", "free"),
+        default="obstacle",
+        help="what unknown cells of the map are: in the way of beams and of the robot, of the "
+        "robot alone, or of neither (obstacle)",
+    )
+    add(
         "--reference",
         metavar="REF.tum",
         help="true poses in the map's frame (the log's own, if any)",
@@ -109,6 +116,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         motion=options.motion,
         scan=options.scan,
         radius=options.radius,
+        unknown=options.unknown,
     ).or_nav2(nav2)
     with doing("reading the log and the map"), log_warnings() as said:
         reading = {} if nav2 is None else dict(nav2.reading)

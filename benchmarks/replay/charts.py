@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.axes import Axes
 
 from benchmarks.replay.scoring import Played, Row
 from benchmarks.replay.words import told
@@ -15,11 +15,13 @@ from benchmarks.tables.journeys import curve_of
 from benchmarks.trials.fixes import FOUND, NEAR
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.world.drawing import PALE, Drawing, View
 
 Looks = Mapping[str, Look]
 
-_SIDE = 500  # cells of a drawn map
-_WALL, _SOLID = (140, 140, 140, 255), (140, 140, 140, 50)
+_SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
+_GREY = 140  # of walls, in the light and in the dark
+_UNKNOWN = 50 / (255 - PALE[0])  # opacity per darkness: 50 of 255 for unknown cells, walls whole
 _POINTS = 300  # of a curve
 _LOST = "lost from here on"
 _LEAST = 0.01  # m: where the axis of errors begins
@@ -55,9 +57,7 @@ def trajectory_chart(
     height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
     labels = (row.localizer, "reference", *((_LOST,) if played.lost else ()))
     figure, axes = canvas(width, height, legend_of=labels)
-    axes.imshow(
-        _drawn(floor_plan), extent=(x0, x1, y0, y1), origin="lower", interpolation="nearest"
-    )
+    _draw(floor_plan, axes)
     if played.known.size:
         x, y, _ = played.track.truth[played.known].T
         axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
@@ -136,15 +136,16 @@ def _chosen(n: int) -> Indices:
     return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
 
 
-def _drawn(floor_plan: Map) -> NDArray[np.uint8]:
-    """Return an image of walls and solid areas, RGBA, transparent where the map is free."""
-    x0, y0, x1, y1 = floor_plan.bounds
-    step = max(x1 - x0, y1 - y0) / _SIDE
-    columns, rows = math.ceil((x1 - x0) / step), math.ceil((y1 - y0) / step)
-    xs = x0 + (x1 - x0) * (np.arange(columns) + 0.5) / columns
-    ys = y0 + (y1 - y0) * (np.arange(rows) + 0.5) / rows
-    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    image = np.zeros((rows, columns, 4), np.uint8)
-    image[~floor_plan.free(points).reshape(rows, columns)] = _SOLID
-    image[floor_plan.distance(points).reshape(rows, columns) <= 0.8 * step] = _WALL
-    return image
+def _draw(floor_plan: Map, axes: Axes) -> None:
+    """Draw a map's walls, and its unknown or solid areas paler; free space is transparent."""
+    view = View(floor_plan, _SCALE)
+    darkness = 255.0 - Drawing(view).image[:, :, 0]
+    image = np.full((*darkness.shape, 4), _GREY, np.uint8)
+    image[:, :, 3] = np.minimum(np.rint(_UNKNOWN * darkness), 255)
+    (width, height), margin = view.size, view.margin
+    x0, _, _, y1 = floor_plan.bounds
+    columns, rows = np.array((-margin, width - margin)), np.array((margin - height, margin))
+    left, right = x0 + columns / view.per_length
+    low, high = y1 + rows / view.per_length
+    # not thinned again: walls would be lost
+    axes.imshow(image, extent=(left, right, low, high), interpolation="none")

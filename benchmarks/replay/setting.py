@@ -38,6 +38,7 @@ class Setting:
     Attributes:
         log: the records that are played.
         map: path of its yaml.
+        unknown: what the map's unknown cells count as; see ``GridMap``.
         start: (x, y, θ) about which the robot's first pose is known; None: nothing is.
         motion, scan: the noise that the localizers assume.
         noise: where that of the motion is from.
@@ -47,6 +48,7 @@ class Setting:
 
     log: Log
     map: str
+    unknown: str
     start: tuple[float, float, float] | None
     motion: OdometryMotion
     scan: BeamDensity
@@ -56,7 +58,7 @@ class Setting:
 
     def env(self) -> LogEnv:
         """Return the log as an environment."""
-        return LogEnv(log=self.log, map=self.map)
+        return LogEnv(log=self.log, map=self.map, unknown=self.unknown)
 
     @property
     def metre(self) -> float:
@@ -75,6 +77,7 @@ class Told:
         scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
         radius: of the robot, m; None is 0.16 m.
         otherwise: the start of a log without a reference, if none is said.
+        unknown: what the map's unknown cells count as: "obstacle", "transparent" or "free".
     """
 
     start: str | None = None
@@ -84,6 +87,7 @@ class Told:
     scan: str | None = None
     radius: float | None = None
     otherwise: str | None = None
+    unknown: str = "obstacle"
 
     def or_nav2(self, nav2: Amcl | None) -> "Told":
         """Return this with what is not said from Nav2's parameters."""
@@ -128,6 +132,7 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     env = LogEnv(
         log=log,
         map=floor_plan,
+        unknown=told.unknown,
         every="0.2m,5deg" if told.every is None else told.every,
         max_beams=60 if told.max_beams is None else told.max_beams,
     )
@@ -136,6 +141,7 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
     return Setting(
         log=env.log,
         map=str(floor_plan),
+        unknown=told.unknown,
         start=_start(start, env),
         motion=noise,
         scan=_scan(told.scan, metre(log)),

@@ -10,6 +10,12 @@ NO_ERROR = (
     "substitute: a wrong place that looks alike agrees equally well."
 )
 
+_UNKNOWN = {
+    "obstacle": "obstacles, which stop beams and the robot",
+    "transparent": "transparent, they stop the robot but no beam",
+    "free": "free, they stop neither beams nor the robot",
+}
+
 
 def overview(setting: Setting) -> str:
     """Say what was played."""
@@ -27,6 +33,7 @@ def facts(setting: Setting) -> list[str]:
         f"Noise of the motion: drive {motion.drive:.3g}, turn {motion.turn:.3g}, drift "
         f"{motion.drift:.3g} rad/{log.unit} ({setting.noise}).",
         f"Scan model: {setting.scan}. Radius of the robot: {setting.radius:g} {log.unit}.",
+        f"Unknown cells of the map: {_UNKNOWN[setting.unknown]}.",
         "Start: anywhere on the map."
         if setting.start is None
         else "Start: known to 0.2 m and 0.1 rad, around ({:.2f}, {:.2f}, {:.2f} rad).".format(

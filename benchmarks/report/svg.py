@@ -99,6 +99,8 @@ class Picture:
         svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
         svg = svg.replace("font-family: 'DejaVu Sans', sans-serif; ", "font-family: sans-serif; ")
         used = set(re.findall(r"#([\w.-]+)[\")]", svg))  # others would be on the page many times
+        # smooth: else a browser that draws a map smaller leaves out rows, and with them walls
+        svg = svg.replace("image-rendering:crisp-edges;image-rendering:pixelated", "")
         svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
         width, height = (72 * inches for inches in self.figure.get_size_inches())
         opening = (

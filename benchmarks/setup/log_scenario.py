@@ -17,7 +17,8 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion, RobotModel
 
-_OURS = ("on_mismatch", "render_mode")  # arguments of the env that are not a scenario's to give
+# arguments of the env that are not a scenario's to give
+_OURS = ("on_mismatch", "render_mode", "others")
 _ARGUMENTS = tuple(name for name in signature(LogEnv).parameters if name not in _OURS)
 _EPISODES = ("segment", "plan", "horizon")  # of them, what may differ between envs of one log
 

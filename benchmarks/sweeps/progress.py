@@ -1,19 +1,27 @@
-"""The progress of a sweep while it runs."""
+"""The progress of many runs while they are made: a bar on a terminal, elsewhere a line a minute."""
 
+import io
+import math
+import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from benchmarks.console import doing
+
+MINUTE = 60.0  # s between two lines
+_LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
 
 
 @contextmanager
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line; give the function to call after each trial.
+    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
 
     Args:
         out: folder of the sweep; its name is shown.
@@ -25,14 +33,12 @@ def counted(
         A function of whether the trial failed.
     """
     name = out.resolve().name
-    failed = 0
-    with tqdm(
-        desc=name,
-        total=total,
-        initial=total - waiting,
-        unit="trial",
-        disable=None if shown else True,
-    ) as bar:
+    failed, lines = 0, shown and not sys.stderr.isatty()
+    kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
+    if lines:  # what tqdm would print goes nowhere; it counts and estimates
+        kept |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}
+        kept |= {"smoothing": 0.0}
+    with tqdm(**kept, unit="trial", disable=not shown) as bar:
 
         def count(failure: bool) -> None:
             nonlocal failed
@@ -40,9 +46,27 @@ def counted(
             bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
             bar.update()
 
-        if bar.disable and shown:
-            with doing(f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"):
+        if lines:
+            running = f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"
+            with doing(running), _told_every_minute(bar):
                 yield count
         else:
             bar.set_postfix_str("starting; kernels are compiled at first use")
             yield count
+
+
+@contextmanager
+def _told_every_minute(bar: "tqdm[Any]") -> Iterator[None]:
+    done = threading.Event()
+
+    def tell() -> None:
+        while not done.wait(MINUTE):
+            print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()

@@ -83,7 +83,10 @@ class LogEnv(gym.Env[Singles, Singles]):
             warns and plays the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         render_mode: None or "rgb_array".
-        unknown: any other argument is refused, with the nearest name.
+        unknown: what unknown cells of a map that is given by the path of its yaml count as:
+            "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy
+            from 0 to 1; see `deqmcl_gym.GridMap`.
+        others: any other argument is refused, with the nearest name.
 
     Raises:
         InputError: a value is bad, the log cannot be read or has fewer than two records, or the map
@@ -113,10 +116,11 @@ class LogEnv(gym.Env[Singles, Singles]):
         on_mismatch: str = "error",
         reading: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
-        **unknown: Any,
+        unknown: str | float | None = None,
+        **others: Any,
     ) -> None:
-        for name in unknown:
-            one_of("argument", name, set(signature(LogEnv).parameters) - {"unknown"})
+        for name in others:
+            one_of("argument", name, set(signature(LogEnv).parameters) - {"others"})
         if log is None:
             raise InputError("there is no log: give log=…, the path of one.")
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
@@ -133,7 +137,7 @@ class LogEnv(gym.Env[Singles, Singles]):
                 f"{self.log.source} has {len(self.log)} record to play (of {len(whole):,} in the "
                 "segment), but needs 2 or more: choose a longer segment or a smaller every."
             )
-        self._map = None if map is None else map_of(map, self.log)
+        self._map = map_of(map, unknown, self.log)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
         self._segments = segments_of(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)

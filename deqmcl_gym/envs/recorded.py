@@ -41,12 +41,22 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
     return given if reference is None else logs.referenced(given, reference)
 
 
-def map_of(given: Any, log: logs.Log) -> Map:
-    """Return a map given as a ``Map``, by its path or by its corners.
+def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
+    """Return a map given as a ``Map``, by its path or by its corners; None is none.
 
     Raises:
-        InputError: it is none of these, or not in the log's unit.
+        InputError: it is none of these, or not in the log's unit; or it is told what unknown cells
+            count as, but is not the path of a yaml.
     """
+    if unknown is not None:
+        if not (isinstance(given, str | PathLike) and str(given).endswith((".yaml", ".yml"))):
+            raise InputError(
+                f"unknown is {shown(unknown)} and map is {shown(given)}, but unknown cells are "
+                "only those of a map's yaml: give its path as map, or leave unknown out."
+            )
+        given = {"file": given, "unknown": unknown}
+    if given is None:
+        return None
     found = (
         given if isinstance(given, Map) else WORLDS["paper"].changed(floor_plan=given).floor_plan
     )

@@ -54,4 +54,4 @@ def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
     scaled = directed.astype(np.float64)
     scaled[:, :2] = (scaled[:, :2] - corner) / side
     scaled[:, 4:] /= side
-    return SortedWalls(corner, side, Table(reach, first, listed, scaled.astype(np.float32)))
+    return SortedWalls(corner, side, Table(reach, first, listed, scaled.astype(np.float32), False))

@@ -87,18 +87,20 @@ def cast(
     reach: Reach,
     frame: tuple[float, ...],
     yaw: float,
+    endless: bool,
     out: Singles,
 ) -> None:
     """Fill in the distance along each beam to the nearest face between an open and a solid cell.
 
-    The map's edge is a face, too; NaN for a pose that is not on the map.
+    The map's edge is a face, too, or ∞ far away; NaN for a pose that is not on the map.
 
     Args:
         poses: rows x, y, θ, (3, n), float32 or float64.
         bearings: (B,) rad.
-        reach: of the map's cells.
+        reach: of the map's cells, those solid that stop beams.
         frame: a :class:`Frame`, as a plain tuple: numba takes it faster.
         yaw: of the map.
+        endless: whether beams go on beyond the map's edge.
         out: (B, n).
     """
     n = poses.shape[1]
@@ -106,7 +108,7 @@ def cast(
     locate(poses, frame, u, v)
     for i in range(n):
         headings[i] = np.float32(poses[2, i] - yaw)
-    cast_among(u, v, headings, bearings, no_walls(reach), np.float32(frame[4]), out)
+    cast_among(u, v, headings, bearings, no_walls(reach, endless), np.float32(frame[4]), out)
     for beam in range(out.shape[0]):
         for i in range(n):
             if out[beam, i] == _ZERO:

@@ -27,10 +27,11 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
-Unknown = str | float  # "obstacle", "free", or an occupancy from 0 to 1
+Unknown = str | float  # "obstacle", "transparent", "free", or an occupancy from 0 to 1
 
 MAX_SIDE = 32_000  # cells: distances in cells fit 16 bits
-_SHARES = {"obstacle": 1.0, "free": 0.0}
+_SHARES = {"obstacle": 1.0, "transparent": 1.0, "free": 0.0}  # as bodies take them
+_NEVER = -1.0  # an occupancy below every threshold
 _RESOLVED = 16  # least number of float32 steps in a cell
 
 
@@ -40,14 +41,17 @@ class GridMap:
     """Square cells, solid or open, in metres; implements ``Map``.
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
-    solid and open cells and the edge of the map; all answers are exact for these squares.
+    solid and open cells and the edge of the map; all answers are exact for these squares. Unknown
+    cells are what ``unknown`` says: all but ``ranges`` and ``cast`` ask what stops a robot.
 
     Attributes:
         occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
             columns) int8, the lowest row first.
         resolution: edge of a cell, m.
         origin: pose of the lower left corner of the first cell (x, y, yaw).
-        unknown: what unknown cells count as: "obstacle", "free", or an occupancy from 0 to 1.
+        unknown: what unknown cells count as: "obstacle"; "transparent", which stops robots, but not
+            beams; "free"; or an occupancy from 0 to 1. On a map with transparent cells, beams that
+            reach its edge go on, too, and have the range ∞.
         occupied_thresh: occupancy from which a cell is solid, in (0, 1].
         free_thresh: occupancy up to which a cell is free when written to a file; below
             ``occupied_thresh``.
@@ -72,7 +76,8 @@ class GridMap:
         if isinstance(self.unknown, str):
             one_of("value of unknown", self.unknown, _SHARES)
         else:
-            number('unknown, if it is neither "obstacle" nor "free",', self.unknown, low=0, high=1)
+            words = " nor ".join(f'"{word}"' for word in _SHARES)
+            number(f"unknown, if it is neither {words},", self.unknown, low=0, high=1)
         keep_plain(self)
         self._check_resolved()
         if self.solid.all():
@@ -126,11 +131,14 @@ class GridMap:
 
     @cached_property
     def solid(self) -> Bools:
-        """Which cells are solid, (rows, columns), the lowest row first."""
-        shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
-        shares[0] = _SHARES[self.unknown] if isinstance(self.unknown, str) else self.unknown
-        solid: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
-        return solid
+        """Which cells robots cannot enter, (rows, columns), the lowest row first."""
+        unknown = _SHARES[self.unknown] if isinstance(self.unknown, str) else self.unknown
+        return self._at_least_occupied(unknown)
+
+    @cached_property
+    def occupied(self) -> Bools:
+        """Which cells are known to be occupied, (rows, columns): unknown ones never are."""
+        return self._at_least_occupied(_NEVER)
 
     @cached_property
     def bounds(self) -> Box:
@@ -168,7 +176,8 @@ class GridMap:
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        grid_kernels.cast(poses, bearings, self._reach, self._frame, self.origin[2], out)
+        reach, endless = self._sight
+        grid_kernels.cast(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
@@ -261,15 +270,33 @@ class GridMap:
 
     @cached_property
     def _reach(self) -> Reach:
-        reach = np.empty(np.add(self.solid.shape, 2), np.uint8)
-        stride_kernels.fill_reach(np.pad(self.solid, 1, constant_values=True), reach)
-        return reach
+        return _reach_among(self.solid)
+
+    @cached_property
+    def _sight(self) -> tuple[Reach, bool]:
+        """The reach of beams, and whether they go on beyond the map's edge."""
+        if self.unknown != "transparent":
+            return self._reach, False
+        return _reach_among(self.occupied), True
+
+    def _at_least_occupied(self, unknown: float) -> Bools:
+        """Which cells have an occupancy of ``occupied_thresh``, if that of unknown ones is this."""
+        shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
+        shares[0] = unknown
+        found: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
+        return found
 
     @cached_property
     def _runs(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
         up, down = np.zeros((2, *self._reach.shape), np.int16)
         grid_kernels.fill_runs(self._reach, up, down)
         return up, down
+
+
+def _reach_among(solid: Bools) -> Reach:
+    reach = np.empty(np.add(solid.shape, 2), np.uint8)
+    stride_kernels.fill_reach(np.pad(solid, 1, constant_values=True), reach)
+    return reach
 
 
 def _occupancy(given: Any) -> NDArray[np.int8]:

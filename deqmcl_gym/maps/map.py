@@ -14,7 +14,7 @@ class Caster(Protocol):
     """Ray casting on one map into given arrays."""
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """Fill in the distance of each beam to the nearest wall; NaN outside the building.
+        """Fill in the distance of each beam to the nearest wall; ∞ if none, NaN outside.
 
         Args:
             poses: rows x, y, θ, (3, n).
@@ -65,7 +65,7 @@ class Map(Protocol):
         ...
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """Exact distance along each beam to the nearest wall; NaN for a pose outside.
+        """Exact distance along each beam to the nearest wall; ∞ if none, NaN for a pose outside.
 
         Rays from inside an obstacle end at its walls.
 

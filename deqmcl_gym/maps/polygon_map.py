@@ -66,10 +66,18 @@ class PolygonMap:
         All other open regions count as solid.
 
         Args:
-            grid: a map of cells.
+            grid: a map of cells, none transparent.
             tolerance: largest distance of an outline from that of the cells, m; 0 keeps all
                 corners. It is smaller where two outlines would cross.
+
+        Raises:
+            InputError: the grid's unknown cells are transparent, or the tolerance is bad.
         """
+        if grid.unknown == "transparent":
+            raise InputError(
+                'the grid has unknown = "transparent", but walls of polygons stop beams and robots '
+                'alike: read the map with unknown = "obstacle" or "free".'
+            )
         number("tolerance", tolerance, low=0)
         outlines = grid_walls.outlines_of(grid.solid)
         if tolerance > 0.0:

@@ -34,18 +34,21 @@ class Table(NamedTuple):
         listed: numbers of walls, cell by cell.
         walls: (x₀, y₀, unit x, unit y, low, high), (S, 6): start, direction, and the stretch of it
             that is wall, in cells.
+        endless: whether rays that reach the table's edge go on for ever, or end there.
     """
 
     reach: Reach
     first: Ints
     listed: Ints
     walls: Singles
+    endless: bool
 
 
 @compiled
-def no_walls(reach: Reach) -> Table:
+def no_walls(reach: Reach, endless: bool) -> Table:
     """Return a table in which rays end where they enter a cell that is not open."""
-    return Table(reach, np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 6), np.float32))
+    none = np.empty(0, np.int32)
+    return Table(reach, none, none, np.empty((0, 6), np.float32), endless)
 
 
 @compiled
@@ -127,7 +130,7 @@ def cast_among(
     side: Single,
     out: Singles,
 ) -> None:
-    """Fill in how far the beams of poses come; NaN for poses that are not on the table.
+    """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
     Args:
         u, v: of the poses, in cells, (n,).
@@ -189,6 +192,7 @@ def _trace(
     walled = first.size > 0
     left, flat = from_x.size, cells.reach.reshape(-1)
     columns = np.int32(cells.reach.shape[1])
+    last_row, last_column = np.float32(cells.reach.shape[0] - 1), np.float32(columns - 1)
     # copies made here, as then the compiler knows that no two arrays share memory
     x, y, dx, dy = from_x.copy(), from_y.copy(), along_x.copy(), along_y.copy()
     per_dx, per_dy = np.empty(left, np.float32), np.empty(left, np.float32)
@@ -243,6 +247,9 @@ def _trace(
                 sideways = to_x < to_y
                 column[i] += right[i] if sideways else _ZERO
                 row[i] += _ZERO if sideways else up[i]
+            if cells.endless and not stays:
+                across = (column[i] == _ZERO) | (column[i] == last_column)
+                t[i] = _INF if across | (row[i] == _ZERO) | (row[i] == last_row) else t[i]
             out[who[i]] = t[i]
             x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
             per_dx[kept], per_dy[kept], right[kept], up[kept] = (

@@ -25,6 +25,7 @@ LIGHT_BLUE: Color = (90, 180, 240)
 MAX_SIDE = 8_192  # pixels: 200 MB
 _OF_CELLS = 480  # largest side of a picture of a map of cells, in pixels at scale 1
 _LEAST = 3.0  # pixels: smallest radius at which a robot is drawn
+_SHADES = np.array((PALE[0], 255, BLACK[0]), np.uint8)  # of unknown, free and occupied cells
 _SHIFT = 4  # OpenCV's fractional bits: sixteenths of a pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -99,13 +100,11 @@ class Drawing:
             cv2.polylines(self.image, [corners], True, BLACK, thickness, cv2.LINE_AA, _SHIFT)
 
     def _cells(self, floor_plan: GridMap) -> None:
-        occupancy = floor_plan.occupancy
-        occupied = occupancy / 100 >= floor_plan.occupied_thresh
-        shades: Image = np.full(occupancy.shape, 255, np.uint8)
-        shades[occupancy < 0], shades[occupied] = PALE[0], BLACK[0]
+        ranks = np.where(floor_plan.occupancy < 0, 0, 1 + floor_plan.occupied).astype(np.uint8)
         wide = math.ceil(1 / (self.view.per_length * floor_plan.resolution))
-        if wide > 1:  # cells per image pixel: the darkest one counts, so that no wall is lost
-            shades = np.asarray(cv2.erode(shades, np.ones((wide, wide), np.uint8)), np.uint8)
+        if wide > 1:  # cells per image pixel: a wall counts before free ones, these before unknown
+            ranks = np.asarray(cv2.dilate(ranks, np.ones((wide, wide), np.uint8)), np.uint8)
+        shades = _SHADES[ranks]
         corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
         placed = self.view.pixels(floor_plan.placed(corners + 0.5)) - 0.5  # centres of these cells
         move = cv2.getAffineTransform(corners.astype(np.float32), placed.astype(np.float32))

@@ -17,6 +17,7 @@ _CELL = 5.0  # px: 0.1 m
 _IN_SIGHT = 100  # cells ahead that are tried for a straight line
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # the other four are these reversed
 _COST_OF_WALLS = 4.0  # extra cost per length at a wall
+_SURELY = 1.01  # times the comfort: farther away than that, whatever float32 rounds
 
 
 @dataclass(frozen=True)
@@ -106,18 +107,20 @@ class Routes:
 
     @cached_property
     def _room(self) -> Floats:
-        """Distance to walls at the centre of each cell; 0 where the robot does not fit."""
+        """Distance to walls at each cell's centre, at most ``comfort``; 0 where no robot fits."""
         x_low, y_low, x_high, y_high = self.floor_plan.bounds
         across, up = (
             low + self._cell * (np.arange(int((high - low) / self._cell)) + 0.5)
             for low, high in ((x_low, x_high), (y_low, y_high))
         )
         centres = np.stack(np.meshgrid(across, up), axis=-1)
-        points = centres.reshape(-1, 2)
-        room = np.where(
-            self.floor_plan.free(points, self.radius), self.floor_plan.distance(points), 0
-        )
-        return room.reshape(centres.shape[:2]).astype(np.float64)
+        room = np.zeros(centres.shape[:2])
+        free = self.floor_plan.free(centres.reshape(-1, 2), self.radius).reshape(room.shape)
+        room[free] = self.comfort
+        near = free.copy()  # the only cells whose distance is looked up, which is slow in the open
+        near[free] = ~self.floor_plan.free(centres[free], _SURELY * self.comfort)
+        room[near] = np.minimum(self.floor_plan.distance(centres[near]), self.comfort)
+        return room
 
     @cached_property
     def _numbers(self) -> Indices:

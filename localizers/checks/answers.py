@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from localizers.api import mean_pose
@@ -15,11 +15,14 @@ from localizers.checks.subject import (
     LawSkippedError,
     Snapshot,
     Subject,
+    first_difference,
     history,
     require_finite,
     require_normalized,
 )
+from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior
+from localizers.naming.plugins import raised
 
 
 def makes_a_localizer(subject: Subject) -> None:
@@ -62,15 +65,21 @@ def half_turn(subject: Subject) -> None:
     Where headings in one world are about 0, they are about ±π in the other: a mean of headings
     that is not a mean of directions shows.
     """
-    plan = subject.robot.floor_plan
-    if not isinstance(plan, PolygonMap):
-        raise LawSkippedError("the floor plan is not made of polygons, so it cannot be turned")
-    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
-    robot = replace(subject.robot, floor_plan=PolygonMap(outer=outer, obstacles=tuple(obstacles)))
+    robot = replace(subject.robot, floor_plan=_turned(subject.robot.floor_plan))
     prior = _HalfTurned(subject.drive.prior)
     turned = history(subject.made(robot), subject.drive, prior=prior)
     back: list[Snapshot] = [{0: (_half_turned(found[0][0]), found[0][1])} for found in turned]
     _require_alike(subject, subject.history(), back, "in a world turned by half a turn")
+
+
+def _turned(plan: Map) -> Map:
+    if isinstance(plan, GridMap):
+        x, y, yaw = plan.origin
+        return replace(plan, origin=(-x, -y, yaw - math.pi if yaw > 0 else yaw + math.pi))
+    if not isinstance(plan, PolygonMap):
+        raise LawSkippedError("the floor plan is of a form of its own, so it cannot be turned")
+    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
+    return PolygonMap(outer=outer, obstacles=tuple(obstacles), unit=plan.unit)
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,28 @@ def _half_turned(poses: Floats) -> Floats:
     turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
     turned[:, 2] = arrays.wrapped(turned[:, 2])
     return turned
+
+
+def increments_of_three(subject: Subject) -> str | None:
+    """Increments (d, 0, φ), as of recorded logs, give the beliefs that (d, φ) give, bit by bit.
+
+    A plug-in for which they do not gets a remark: it runs in rooms, but not on logs.
+    """
+    drive, ours = subject.drive, subject.factory.__module__.startswith("localizers.methods.")
+    plans = [increments(plan) for plan in drive.plans]
+    wide = replace(drive, actions=increments(drive.actions), plans=plans)
+    try:
+        where = first_difference(history(subject.made(), wide), subject.history())
+    except Exception as error:
+        if ours:
+            raise
+        return f"not for logs, whose increments have three numbers: {raised(error, subject.file)}"
+    if where is None:
+        return None
+    words = f"(d, 0, φ) gives another belief than (d, φ), first at {where}"
+    if ours:
+        raise LawBrokenError(words)
+    return f"not for logs, whose increments have three numbers: {words}"
 
 
 def _require_alike(subject: Subject, run: list[Snapshot], other: list[Snapshot], when: str) -> None:

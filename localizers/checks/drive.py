@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deqmcl_gym.maps import Lidar, Map, PolygonMap
+from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import RobotModel
@@ -15,6 +16,7 @@ from localizers.models.prior import GaussianPrior
 
 STEPS = 12
 _TRIES = 100
+_LONGEST = 20.0  # px, of a step: 0.4 m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,14 +38,29 @@ class Drive:
 
 def default_robot() -> RobotModel:
     """Return a robot with eight beams in a rectangular corridor."""
-    return RobotModel(
-        floor_plan=PolygonMap(
+    return robot_on(
+        PolygonMap(
             outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
             obstacles=([(100, 100), (250, 100), (250, 200), (100, 200)],),
-        ),
-        lidar=Lidar(beams=8, field_of_view=2 * np.pi, max_range=400.0, sigma=10.0),
-        motion=OdometryMotion(drive=0.2, turn=0.3, drift=0.01),
-        scan=GaussianUniform(sigma=20.0),
+        )
+    )
+
+
+def robot_on_cells() -> RobotModel:
+    """Return the same robot in a hall of 9 m by 7 m with a pillar, in cells of 0.1 m."""
+    cells = np.zeros((70, 90), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[28:40, 28:60] = 100
+    return robot_on(GridMap(occupancy=cells, resolution=0.1))
+
+
+def robot_on(floor_plan: Map) -> RobotModel:
+    """Return a robot with eight beams of 400 px, or 8 m, on a map."""
+    px = pixel(floor_plan.unit)
+    return RobotModel(
+        floor_plan=floor_plan,
+        lidar=Lidar(beams=8, field_of_view=2 * np.pi, max_range=400.0 * px, sigma=10.0 * px),
+        motion=OdometryMotion(drive=0.2, turn=0.3, drift=0.01 / px),
+        scan=GaussianUniform(sigma=20.0 * px),
     )
 
 
@@ -53,7 +70,8 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     The noise is small and not that which the robot assumes: a check tests whether a localizer
     keeps the laws, not how accurate it is.
     """
-    stride = size_of(robot.floor_plan) / 30
+    longest = _LONGEST * pixel(robot.floor_plan.unit)
+    stride = min(size_of(robot.floor_plan) / 30, longest)
     poses = [_free_pose(robot, rng)]
     actions = []
     for _ in range(2 * STEPS):

@@ -65,6 +65,7 @@ LAWS = (
     Law(answers.whole_turn, _VALID),
     Law(answers.half_turn, _VALID),
     _REPEATABLE,
+    Law(answers.increments_of_three, _REPEATABLE),
     Law(randomness.other_rng_other_result, _REPEATABLE),
     Law(randomness.global_rng_untouched, _ANSWERING),
     Law(surroundings.process_state_untouched, _ANSWERING),

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics.types import Floats
 from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference.belief import Events
+from localizers.models.prior import GaussianPrior
 
 
 class Counted(Protocol):
@@ -49,6 +50,8 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
+        if isinstance(prior, GaussianPrior):
+            prior.check_unit(self.robot.floor_plan.unit)
         belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief

@@ -13,6 +13,8 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number, pose
 from localizers.models.free_space import free_share, random_poses
 
+_SD_IN_PX = 10.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianPrior:
@@ -20,15 +22,18 @@ class GaussianPrior:
 
     Attributes:
         mean: (x, y, θ rad).
-        sd_position: in x and in y, in the map's unit.
+        sd_position: in x and in y, in the map's unit; None is 10 px, refused on maps in metres.
         sd_heading: in rad.
     """
 
     mean: tuple[float, float, float] = field(metadata=POSE)
-    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_position: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
     sd_heading: float = 0.1
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "_in_px", self.sd_position is None)
+        if self.sd_position is None:
+            object.__setattr__(self, "sd_position", _SD_IN_PX)
         object.__setattr__(self, "mean", pose("the prior's mean", self.mean))
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
@@ -46,6 +51,14 @@ class GaussianPrior:
                 -0.5 * np.square(apart / self._sd) - arrays.log(self._sd * np.sqrt(2 * np.pi))
             ).sum(axis=1)
         return log_density
+
+    def check_unit(self, unit: str) -> None:
+        """Refuse a map in another unit than px if ``sd_position`` was not given."""
+        if unit != "px" and self.__dict__["_in_px"]:
+            raise InputError(
+                f"the prior has no sd_position, whose default of {_SD_IN_PX:g} is in px, but the "
+                f"map is in {unit}: give sd_position in {unit}, such as 0.2."
+            )
 
     @property
     def _sd(self) -> Floats:

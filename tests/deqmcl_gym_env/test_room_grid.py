@@ -56,9 +56,23 @@ def test_the_environment_checker_has_nothing_to_say(path):
     check_env(RoomEnv(floor_plan=path, lap={"waypoints": WAYPOINTS}), skip_render_check=True)
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.6])
-def test_many_rooms_in_it_are_as_many_single_ones(yaw):
-    grid = GridMap(occupancy=hall(), resolution=0.05, origin=(0, 0, yaw))
+def test_a_beam_through_transparent_cells_and_out_of_the_map_reads_its_limit():
+    cells, pose = hall(), (4.0, 1.0, math.pi / 2)  # towards the unknown corner
+    cells[-1, 75:] = -1
+    found = {}
+    for unknown in ("obstacle", "transparent"):
+        grid = GridMap(occupancy=cells, resolution=0.05, unknown=unknown)
+        env = RoomEnv(
+            floor_plan=grid, lap={"waypoints": WAYPOINTS}, start={"pose": pose},
+            lidar={"beams": 1, "sigma": 1e-9, "max_range": 8.0},
+        )  # fmt: skip
+        found[unknown] = env.reset(seed=0)[0][0]
+    assert found == {"obstacle": pytest.approx(55 * 0.05 - 1.0), "transparent": 8.0}
+
+
+@pytest.mark.parametrize(("yaw", "unknown"), [(0.0, "obstacle"), (0.6, "transparent")])
+def test_many_rooms_in_it_are_as_many_single_ones(yaw, unknown):
+    grid = GridMap(occupancy=hall(), resolution=0.05, origin=(0, 0, yaw), unknown=unknown)
     corners = tuple(map(tuple, grid.placed(20 * np.array(WAYPOINTS)).tolist()))
     contacts, _ = run_beside(
         *both(3, floor_plan=grid, lap={"waypoints": corners}, robot={"max_distance": 0.5}),
@@ -68,10 +82,11 @@ def test_many_rooms_in_it_are_as_many_single_ones(yaw):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed):
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["obstacle", "transparent"]))
+def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed, unknown):
     """What the map says of drives that end within 1e-6 m of a wall is left to rounding."""
-    rng, grid = np.random.default_rng(seed), GridMap(occupancy=hall(), resolution=0.05)
+    rng = np.random.default_rng(seed)
+    grid = GridMap(occupancy=hall(), resolution=0.05, unknown=unknown)
     still = {"drive": 0.0, "turn": 0.0, "drift": 0.0}
     robot = {"max_distance": 1.0, "max_turn": math.pi}
     env = RoomEnv(floor_plan=grid, lap={"waypoints": WAYPOINTS}, noise=still, robot=robot)
@@ -118,6 +133,18 @@ def test_a_thin_wall_is_still_seen_in_a_small_picture():
     assert (image[20:-20].min(axis=(1, 2)) < 60).all()
 
 
+def test_free_space_seen_by_single_rays_stays_free_in_a_small_picture():
+    """Rays a cell wide, 3 apart, in unknown space: each pixel has 7 cells, so a free one."""
+    cells = np.full((3000, 3000), -1, np.int8)
+    cells[:, ::3] = 0
+    cells[1000:1002] = 100
+    view = View(GridMap(occupancy=cells, resolution=0.05))
+    image = Drawing(view).image[view.margin : -view.margin, view.margin : -view.margin, 0]
+    walls = (image == BLACK[0]).mean(axis=1)
+    assert set(walls) == {0.0, 1.0}
+    assert (image[walls == 0] == 255).all()
+
+
 @pytest.mark.parametrize(
     ("floor_plan", "sentence"),
     [
@@ -145,6 +172,9 @@ def test_what_unknown_cells_count_as_is_an_argument(path):
         return RoomEnv(floor_plan=plan, lap={"waypoints": WAYPOINTS}).floor_plan
 
     corner = [(4.0, 3.0)]
-    assert room("free").free(corner)[0]
-    assert not room("obstacle").free(corner)[0]
+    assert [bool(room(one).free(corner)[0]) for one in ("free", "obstacle", "transparent")] == [
+        True,
+        False,
+        False,
+    ]
     assert "GridMap" in deqmcl_gym.__all__

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Office, PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.route import Routes
 
@@ -70,3 +70,17 @@ def test_no_way_is_said_to_be_none():
     )
     with pytest.raises(InputError, match="there is no route from"):
         Routes(closed, radius=10.0, comfort=20.0).between((50, 50), (300, 50))
+
+
+@pytest.mark.parametrize("form", ["grid", "polygons"])
+def test_cells_cost_as_if_the_distance_to_walls_were_known_at_each(form):
+    """It is looked up near walls only; beyond the comfort it costs nothing."""
+    plan, radius, comfort = getattr(Office(seed=2, wings=1), form), 0.3, 0.8
+    found = Routes(plan, radius, comfort)._room
+    x0, y0, _, _ = plan.bounds
+    rows, columns = np.indices(found.shape)
+    centres = np.column_stack([x0 + 0.1 * (columns.ravel() + 0.5), y0 + 0.1 * (rows.ravel() + 0.5)])
+    everywhere = np.minimum(plan.distance(centres), comfort)
+    expected = np.where(plan.free(centres, radius), everywhere, 0.0).reshape(found.shape)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert (found == comfort).any()

@@ -106,6 +106,24 @@ class OtherRngOtherResult(MyLocalizer):
         return super().reset(prior, plan, np.random.default_rng(0))
 
 
+class TakesTheSecondForTheTurn(MyLocalizer):
+    """Knows increments of two numbers only."""
+
+    def reset(self, prior, plan, rng):
+        return super().reset(prior, plan[:, :2], rng)
+
+    def update(self, ranges, action, plan):
+        return super().update(ranges, action[:2], plan[:, :2])
+
+
+def IncrementsOfThree(robot):  # noqa: N802
+    """As if it were built in, which plug-ins that run in rooms alone may do."""
+    return TakesTheSecondForTheTurn(robot)
+
+
+IncrementsOfThree.__module__ = "localizers.methods.mine"
+
+
 class GlobalRngUntouched(MyLocalizer):
     """Seeds the global generator, for results that repeat."""
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from broken import LeavesAProcess, ProcessStateUntouched
+from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTurn
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
-from localizers.checks.drive import default_robot, random_drive
+from localizers.checks.drive import default_robot, random_drive, robot_on_cells
 from localizers.checks.run import Examination
 from localizers.checks.surroundings import set_state, state_of_process
 from localizers.checks.trying import Here, subject_of
@@ -64,6 +64,26 @@ def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
     assert broken_here(subject_of(example(law))) == [law]
 
 
+def test_a_plug_in_that_knows_increments_of_two_numbers_only_gets_a_remark():
+    def unpacks(robot):
+        localizer = MyLocalizer(robot)
+        update = localizer.update
+
+        def with_two(ranges, action, plan):
+            distance, turn = action
+            return update(ranges, (distance, turn), plan)
+
+        localizer.update = with_two
+        return localizer
+
+    law = next(law for law in LAWS if law.name == "increments of three")
+    for own, why in ((TakesTheSecondForTheTurn, "gives another belief"), (unpacks, "ValueError")):
+        verdict = Here(subject_of(own)).verdict(law)
+        assert verdict.status == "ok"
+        assert verdict.note.startswith("not for logs, whose increments have three numbers: ")
+        assert why in verdict.note
+
+
 def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():
     report = check_localizer(example("runs in a worker"))
     (failed,) = map(str, report.failed)
@@ -102,9 +122,11 @@ def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(see
     assert broken_here(replace(subject, drive=drive)) == ["half turn"]
 
 
+@pytest.mark.parametrize("made", [default_robot, robot_on_cells])
 @pytest.mark.parametrize("seed", range(10))
-def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
-    robot = replace(default_robot(), lidar=Lidar(beams=8, max_range=150.0))
+def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed, made):
+    robot = made()
+    robot = replace(robot, lidar=replace(robot.lidar, max_range=robot.lidar.max_range * 3 / 8))
     drive = random_drive(robot, np.random.default_rng(seed))
     commands = dead_reckoning(robot)
     belief = commands.reset(drive.prior, drive.plans[0], np.random.default_rng(0))
@@ -113,7 +135,7 @@ def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed):
     assert not collides[drive.plans[0][:, 0] != 0].any()
     assert np.array_equal(drive.plans[0][: len(drive.actions)], drive.actions)
     assert drive.scans.shape == (len(drive.actions), 8)
-    assert ((drive.scans >= 0) & (drive.scans <= 150.0)).all()
+    assert ((drive.scans >= 0) & (drive.scans <= robot.lidar.max_range)).all()
 
 
 NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers import GaussianPrior, UniformPrior, make
+from localizers import GaussianPrior, RobotModel, UniformPrior, make
+from localizers.checks.drive import default_robot
 
+HALL = PolygonMap(outer=[(0, 0), (9, 0), (9, 6), (0, 6)], unit="m")
 PRIOR = GaussianPrior(mean=(50.0, 40.0, 3.0), sd_position=15.0, sd_heading=0.2)
 
 
@@ -83,3 +85,19 @@ def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robo
     assert np.abs(poses.mean(axis=0)[:2] - (175, 150)).max() < 5 * 110 / 100
     drawn = prior.sample(10_000, np.random.default_rng(1))[:, :2]
     assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)
+
+
+@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid"])
+def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres(name):
+    localizer = make(name, RobotModel(floor_plan=HALL, lidar=Lidar(max_range=9.0)))
+    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
+    with pytest.raises(InputError, match="give sd_position in m"):
+        localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0)), plan, rng)
+    localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0), sd_position=10.0), plan, rng)
+
+
+def test_a_spread_that_is_not_given_is_10_px_in_a_room():
+    assert GaussianPrior(mean=(1.0, 2.0, 0.0)) == GaussianPrior(mean=(1, 2, 0), sd_position=10.0)
+    robot = default_robot()
+    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
+    make("mcl", robot).reset(GaussianPrior(mean=(50.0, 50.0, 0.0)), plan, rng)

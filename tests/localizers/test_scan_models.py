@@ -40,6 +40,16 @@ def integral(model, expected: float) -> float:
     return total
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_a_beam_with_nothing_in_its_way_is_one_whose_wall_is_far_beyond_the_limit(model):
+    """At 1e6 px, 1e5 standard deviations beyond the limit, no normal is left in float64."""
+    ranges, nothing = np.array([0.0, 3.0, 200.0, MAX]), np.full((2, 4), np.inf)
+    beyond = np.full_like(nothing, 1e6)
+    told, far = (model(sigma=5.0).log_likelihood(ranges, e, MAX) for e in (nothing, beyond))
+    assert np.isfinite(told).all()
+    np.testing.assert_array_equal(told, far)
+
+
 @pytest.mark.parametrize("sigma", [5.0, 100.0])
 @pytest.mark.parametrize("expected", [0.5, 5.0, 120.0, 395.0, 400.0, 420.0, 800.0])
 def test_densities_and_atoms_come_to_one(expected, sigma):

@@ -6,12 +6,13 @@ from hypothesis.extra import numpy as arrays
 
 from deqmcl_gym.maps import GridMap
 
+UNKNOWN = ("obstacle", "transparent", "free")
 # (x, y, yaw): at home, and 6 km from it, where single precision still tells apart half a millimetre
 ORIGINS = [(0.0, 0.0, 0.0), (-3.7, 12.25, 0.6), (5123.25, -3300.5, -2.9), (-40.0, 7.0, 1.5707963)]
 
 
 @st.composite
-def grids(draw, longest=14):
+def grids(draw, longest=14, unknown=UNKNOWN):
     """Small maps, mostly open, of any size, resolution and pose."""
     shape = draw(st.tuples(st.integers(2, longest), st.integers(2, longest)))
     cells = draw(arrays.arrays(np.int8, shape, elements=st.sampled_from([0, 0, 0, 0, 100, -1])))
@@ -20,7 +21,7 @@ def grids(draw, longest=14):
         occupancy=cells,
         resolution=draw(st.sampled_from([0.05, 0.1, 1.0])),
         origin=draw(st.sampled_from(ORIGINS)),
-        unknown=draw(st.sampled_from(["obstacle", "free"])),
+        unknown=draw(st.sampled_from(unknown)),
     )
 
 
@@ -50,16 +51,16 @@ def somewhere(grid: GridMap, n: int, rng, margin: float = 0.0) -> np.ndarray:
     return grid.placed(rng.uniform((-margin, -margin), (columns + margin, rows + margin), (n, 2)))
 
 
-def boxes(grid: GridMap, solid: bool = True) -> np.ndarray:
-    """Lower left corners of all solid cells, or of all open ones, in cells, (k, 2)."""
-    rows, columns = np.nonzero(_solid(grid) == solid)
+def boxes(grid: GridMap, solid: bool = True, what: str = "bodies") -> np.ndarray:
+    """Lower left corners of all cells solid for bodies or beams, or of all open ones, (k, 2)."""
+    rows, columns = np.nonzero(_solid(grid, what) == solid)
     return np.column_stack([columns, rows]).astype(float)
 
 
-def is_solid(grid: GridMap, at: np.ndarray) -> np.ndarray:
-    """Whether points in cells (n, 2) on the map lie in solid cells."""
+def is_solid(grid: GridMap, at: np.ndarray, what: str = "bodies") -> np.ndarray:
+    """Whether points in cells (n, 2) on the map lie in cells solid for bodies or beams."""
     columns, rows = np.floor(at).astype(int).T
-    return _solid(grid)[rows, columns]
+    return _solid(grid, what)[rows, columns]
 
 
 def box_distance(at: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -75,6 +76,7 @@ def edge_distance(grid: GridMap, at: np.ndarray) -> np.ndarray:
     return np.where(outside > 0, outside, np.minimum(at, size - at).min(axis=1))
 
 
-def _solid(grid: GridMap) -> np.ndarray:
-    counted = {"obstacle": 100, "free": 0}[grid.unknown]
+def _solid(grid: GridMap, what: str) -> np.ndarray:
+    transparent = {"bodies": 100, "beams": 0}[what]
+    counted = {"obstacle": 100, "transparent": transparent, "free": 0}[grid.unknown]
     return np.where(grid.occupancy < 0, counted, grid.occupancy) >= 65

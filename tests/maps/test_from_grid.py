@@ -11,9 +11,11 @@ from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import close_pairs, crossings
 from deqmcl_gym.validation import InputError
 
+ALIKE = ("obstacle", "free")  # to beams and robots
+
 
 @settings(max_examples=100, deadline=None)
-@given(grids(), st.integers(0, 2**32 - 1))
+@given(grids(unknown=ALIKE), st.integers(0, 2**32 - 1))
 def test_what_is_free_in_it_is_open_in_the_grid_and_seen_alike(grid, seed):
     """Points on lines between cells apart; rays past corners apart, which are seen or not."""
     plan, rng = PolygonMap.from_grid(grid), np.random.default_rng(seed)
@@ -37,6 +39,12 @@ def test_all_of_one_region_is_kept_with_what_stands_in_it():
     assert abs(free - (~grid.solid).mean()) < 0.05
 
 
+def test_a_map_with_transparent_cells_has_no_polygons():
+    cells = np.array([[0, -1], [0, 0]], np.int8)
+    with pytest.raises(InputError, match='unknown = "transparent"'):
+        PolygonMap.from_grid(GridMap(occupancy=cells, resolution=1.0, unknown="transparent"))
+
+
 def test_a_room_within_a_wall_is_no_part_of_it_and_what_stands_there_neither():
     cells = np.zeros((20, 20), np.int8)
     cells[5:16, 5:16] = 100
@@ -49,7 +57,7 @@ def test_a_room_within_a_wall_is_no_part_of_it_and_what_stands_there_neither():
 
 
 @settings(max_examples=100, deadline=None)
-@given(grids(longest=24), st.sampled_from([0.3, 0.8, 1.5, 4.0, 30.0]))
+@given(grids(longest=24, unknown=ALIKE), st.sampled_from([0.3, 0.8, 1.5, 4.0, 30.0]))
 def test_a_thinned_outline_is_nowhere_farther_off_than_the_tolerance(grid, cells):
     """Also where holes touch by corners; what comes out is a map, which no outline crosses."""
     exact, plan = (PolygonMap.from_grid(grid, t * grid.resolution) for t in (0.0, cells))

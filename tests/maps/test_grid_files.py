@@ -112,11 +112,13 @@ def test_occupancies_in_between_survive_raw_exactly_and_scale_to_one_step(tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("unknown", "solid"), [("obstacle", True), ("free", False), (0.7, True), (0.5, False)]
+    ("unknown", "solid"),
+    [("obstacle", True), ("transparent", True), ("free", False), (0.7, True), (0.5, False)],
 )
 def test_what_unknown_cells_count_as_is_chosen_where_the_map_is_read(tmp_path, unknown, solid):
     grid = GridMap.load(written(tmp_path), unknown=unknown)
     assert grid.solid.tolist() == [[False, solid, False], [True, False, solid]]
+    assert grid.occupied.tolist() == [[False, False, False], [True, False, False]]
 
 
 def test_a_file_is_read_once_until_it_changes(tmp_path):

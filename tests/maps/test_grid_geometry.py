@@ -46,9 +46,10 @@ def left_map(grid, at, heading):
 def seen(grid, pose):
     """Range of one ray in cells: to a solid cell from an open one, to an open one from within."""
     at, heading = in_cells(grid, pose[None])[0], pose[2] - grid.origin[2]
-    inside = bool(is_solid(grid, at[None])[0])
-    nearest, _ = entered(at, heading, boxes(grid, solid=not inside))
-    return min(nearest, left_map(grid, at, heading))
+    inside = bool(is_solid(grid, at[None], "beams")[0])
+    nearest, _ = entered(at, heading, boxes(grid, solid=not inside, what="beams"))
+    endless = grid.unknown == "transparent" and not inside
+    return nearest if endless else min(nearest, left_map(grid, at, heading))
 
 
 @settings(max_examples=150, deadline=None)
@@ -66,6 +67,23 @@ def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
                 seen(grid, pose + np.array([0, 0, bearing + turn])) for turn in (-1e-5, 0.0, 1e-5)
             ]
             assert min(beside) - SINGLE <= ray <= max(beside) + SINGLE
+
+
+def test_beams_pass_transparent_cells_and_the_edge_behind_them_and_robots_do_not():
+    cells = np.array([[0, 0, -1, -1, 100], [0, 0, -1, -1, -1]], np.int8)
+    grid = GridMap(occupancy=cells, resolution=1.0, unknown="transparent")
+    poses = [(0.5, 0.5, 0.0), (0.5, 1.5, 0.0), (2.5, 0.5, 0.0), (0.5, 0.5, math.pi)]
+    assert grid.ranges(poses, [0.0])[:, 0].tolist() == [3.5, math.inf, 1.5, math.inf]
+    assert grid.free([(1.5, 0.5), (2.5, 0.5)]).tolist() == [True, False]
+    assert grid.collides([(1.5, 0.5)], [(2.5, 0.5)], 0.1)[0]
+    assert grid.distance([(1.25, 1.0)])[0] == 0.75
+    contact = grid.first_contact((0.5, 1.0), (3.5, 1.0), 0.25)
+    assert contact == pytest.approx(1.25 / 3)
+    twice_ahead = np.array([[[1.0], [0.0], [0.0]]] * 2, "f4")
+    _, hits = grid.rolled_out(np.array([[0.5], [1.0], [0.0]], "f4"), twice_ahead, 0.1, kept=1)
+    assert hits.tolist() == [1]
+    assert grid.occupied.tolist() == (cells == 100).tolist()
+    assert (grid.solid == (cells != 0)).all()
 
 
 def test_no_ray_slips_between_two_cells_that_touch_by_a_corner():

@@ -4,9 +4,11 @@ import ast
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
 
+from deqmcl_gym.maps import GridMap
 from localizers.checks import LAWS
 
 BROKEN = Path(__file__).parents[1] / "localizers" / "broken.py"
@@ -34,6 +36,39 @@ def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3(capsys):
     assert printed.err == (
         f"deqmcl: 1 of {len(LAWS)} laws failed: 'finite'. (--debug shows where)\n"
     )
+
+
+@pytest.fixture
+def cells_only(tmp_path):
+    """A localizer that takes maps of cells alone, and such a map."""
+    (tmp_path / "cells.py").write_text(
+        "from localizers.template import MyLocalizer\n"
+        "class CellsOnly(MyLocalizer):\n"
+        "    def __init__(self, robot):\n"
+        "        super().__init__(robot)\n"
+        "        self.shape = robot.floor_plan.occupancy.shape\n"
+    )
+    cells = np.zeros((60, 80), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[20:30, 30:40] = 100
+    GridMap(occupancy=cells, resolution=0.1).save(tmp_path / "hall.yaml")
+    return f"{tmp_path}/cells.py:CellsOnly", f"{tmp_path}/hall.yaml"
+
+
+def test_a_localizer_for_maps_of_cells_alone_is_told_so_in_one_sentence(cells_only, capsys):
+    assert exit_code("check", cells_only[0]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "does not run in the room of polygons" in printed.err
+    assert "give one, as in --map MAP.yaml" in printed.err
+
+
+def test_the_laws_can_be_tried_on_a_map_of_ones_own(cells_only, capsys):
+    name, path = cells_only
+    assert exit_code("check", name, "--map", path) == 0
+    verdicts = capsys.readouterr().out.splitlines()[: len(LAWS)]
+    assert [line for line in verdicts if not line.startswith("ok ")] == [
+        "skipped  one particle: it has no parameter particles"
+    ]
 
 
 def test_what_cannot_be_resolved_is_bad_input(capsys):
