@@ -18,12 +18,12 @@ from localizers.inference.parts import Motion
 from localizers.models import scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion, increments
+from localizers.models.nav2_motion import unknown_motion
 
 T = TypeVar("T")
 
 Points = tuple[Reals, Floats]
 _FLOAT64 = np.dtype(np.float64)
-METRE_NOISE = {"drive": 0.2, "turn": 0.2, "drift": 0.2}  # of a motion nothing is known of; rad/m
 METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
 _COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 
@@ -102,7 +102,7 @@ class RobotModel:
         lidar: geometry of the sensor.
         radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
         motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
-            0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
+            that of ``DifferentialMotion``.
         scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
             Nav2's sigma_hit.
     """
@@ -118,7 +118,7 @@ class RobotModel:
             object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
         metres = self.floor_plan.unit == "m"
         if self.motion is None:
-            motion = OdometryMotion(**METRE_NOISE) if metres else OdometryMotion()
+            motion = unknown_motion("differential", "m") if metres else OdometryMotion()
             object.__setattr__(self, "motion", motion)
         if self.scan is None:
             scan = GaussianUniform(sigma=METRE_SIGMA) if metres else GaussianUniform()

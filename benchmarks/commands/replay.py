@@ -74,8 +74,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_seed(parser)
     add(
         "--motion",
-        metavar="drive=…,turn=…,drift=…",
-        help="motion noise (estimated from the reference; 0.2 each without one)",
+        metavar="alpha1=…,alpha2=…,…",
+        help="motion noise, Nav2's alphas; kind=omni or kind=odometry selects another model "
+        "(kind=differential; estimated from the reference, and no less than Nav2's defaults)",
     )
     add(
         "--scan",

@@ -1,13 +1,12 @@
 """Nav2's AMCL parameters: of our ``amcl``, which has the same, and what others assume like it.
 
-Names, defaults and meaning are those of docs.nav2.org, "AMCL". For the other localizers an α, a
-share of variances, becomes a σ, its root: nav2_amcl, differential_motion_model.cpp.
+Names, defaults and meaning are those of docs.nav2.org, "AMCL".
 """
 
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,7 +16,9 @@ import yaml
 from benchmarks.files import UnreadableError, content_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of
-from localizers import GaussianUniform, OdometryMotion, RobotModel, make
+from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
+from localizers.methods.amcl import DIFFERENTIAL, OMNI
+from localizers.models.nav2_motion import MotionModel, kind_of
 
 # Nav2's defaults of what is used here
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
@@ -29,7 +30,7 @@ _DEFAULTS: Mapping[str, Any] = MappingProxyType(
         "laser_model_type": "likelihood_field", "max_beams": 60,
         "max_particles": 2000, "min_particles": 500, "pf_err": 0.05, "pf_z": 0.99,
         "recovery_alpha_fast": 0.0, "recovery_alpha_slow": 0.0, "resample_interval": 1,
-        "robot_model_type": "nav2_amcl::DifferentialMotionModel", "sigma_hit": 0.2,
+        "robot_model_type": DIFFERENTIAL, "sigma_hit": 0.2,
         "update_min_a": 0.2, "update_min_d": 0.25,
         "z_hit": 0.5, "z_max": 0.05, "z_rand": 0.5, "z_short": 0.05,
     }
@@ -45,10 +46,10 @@ _RANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 _LASERS = ("likelihood_field", "likelihood_field_prob", "beam")
 _ROBOTS = MappingProxyType(
     {
-        "nav2_amcl::DifferentialMotionModel": "nav2_amcl::DifferentialMotionModel",
-        "nav2_amcl::OmniMotionModel": "nav2_amcl::OmniMotionModel",
-        "differential": "nav2_amcl::DifferentialMotionModel",  # before Humble
-        "omnidirectional": "nav2_amcl::OmniMotionModel",
+        DIFFERENTIAL: DIFFERENTIAL,
+        OMNI: OMNI,
+        "differential": DIFFERENTIAL,  # before Humble
+        "omnidirectional": OMNI,
     }
 )
 _FINER = 4  # records to the least movement between two updates
@@ -84,7 +85,7 @@ class Amcl:
     source: str
     params: Mapping[str, Any]
     reading: Mapping[str, float]
-    motion: OdometryMotion
+    motion: MotionModel
     sigma: float
     every: tuple[float, float]
     max_beams: int
@@ -101,7 +102,7 @@ class Amcl:
     def toml(self) -> str:
         """A sweep file without its log."""
         distance, angle = self.every
-        motion = {name: round(value, 6) for name, value in vars(self.motion).items()}
+        motion = {"kind": kind_of(self.motion), **vars(self.motion)}
         at = [] if self.start is None else [self.start]
         lines = [
             f"# {self.source}",
@@ -120,7 +121,7 @@ class Amcl:
             "",
             "[assumed]",
             f"scan.sigma = {self.sigma}",
-            *(f"motion.{name} = {value}" for name, value in motion.items()),
+            *(f"motion.{name} = {json.dumps(value)}" for name, value in motion.items()),
             "",
             "[params]",
             *(f"{name} = {json.dumps(value)}" for name, value in self.params.items()),
@@ -165,11 +166,7 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
         source=source,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if value > 0},
-        motion=OdometryMotion(
-            drive=math.sqrt(said["alpha3"]),
-            turn=math.sqrt(said["alpha1"]),
-            drift=math.sqrt(2 * said["alpha2"]),
-        ),
+        motion=_motion(said),
         sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
         max_beams=said["max_beams"],
@@ -178,6 +175,13 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     )
     _check(found)
     return found
+
+
+def _motion(said: Mapping[str, Any]) -> MotionModel:
+    """Return Nav2's motion model with its alphas, for the other localizers."""
+    model = OmniMotion if said["robot_model_type"] == OMNI else DifferentialMotion
+    names = [own.name for own in fields(model) if own.name.startswith("alpha")]
+    return model(**{name: said[name] for name in names})
 
 
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:

@@ -19,16 +19,15 @@ from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
     GaussianPrior,
     GaussianUniform,
-    OdometryMotion,
     Prior,
     RobotModel,
     UniformPrior,
 )
+from localizers.api import METRE_SIGMA
 from localizers.models.beams import BEAM_MODELS, BeamDensity
+from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, kind_of, unknown_motion
 
 START = 0.2, 0.1  # m and rad: standard deviations of a start that is known
-SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
-NOISE = {"drive": 0.2, "turn": 0.2, "drift": 0.2}  # of a motion that nothing is known of; rad/m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,7 @@ class Setting:
     map: str
     unknown: str
     start: tuple[float, float, float] | None
-    motion: OdometryMotion
+    motion: MotionModel
     scan: BeamDensity
     noise: str
     reference: str
@@ -73,7 +72,7 @@ class Told:
     Attributes:
         start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
         every, max_beams: see ``LogEnv``; None is 0.2 m or 5°, and 60.
-        motion: "drive=…,turn=…,drift=…"; None estimates it from the reference if there is one.
+        motion: "kind=differential,alpha1=…"; None estimates it from the reference if there is one.
         scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
         radius: of the robot, m; None is 0.16 m.
         otherwise: the start of a log without a reference, if none is said.
@@ -93,7 +92,8 @@ class Told:
         """Return this with what is not said from Nav2's parameters."""
         if nav2 is None:
             return self
-        motion = ",".join(f"{name}={value!r}" for name, value in vars(nav2.motion).items())
+        words = {"kind": kind_of(nav2.motion), **vars(nav2.motion)}
+        motion = ",".join(f"{name}={value}" for name, value in words.items())
         scan = f"sigma={nav2.sigma!r}"
         return replace(
             self,
@@ -246,27 +246,26 @@ def _reference(whole: Log, played: Log) -> str:
     )
 
 
-def _motion(log: Log, given: str | None) -> tuple[OdometryMotion, str]:
+def _motion(log: Log, given: str | None) -> tuple[MotionModel, str]:
     """Return the motion's noise, and where it is from."""
-    names = [field.name for field in fields(OdometryMotion)]
-    keys = {} if given is None else _keys("--motion", given, names)
-    if len(keys) == len(names):
-        return OdometryMotion(**keys), "given"
-    noise, origin = _unknown_motion(log), "assumed, as there is no reference"
+    words = dict(_pairs("--motion", given or ""))
+    kind = one_of("motion model", words.pop("kind", "differential"), MOTION_MODELS)
+    noise, origin = unknown_motion(kind, log.unit), "assumed, as there is no reference"
+    names = [field.name for field in fields(noise)]
+    keys = _keys("--motion", words, names)
+    if set(names) - {"still"} <= keys.keys():
+        return replace(noise, **keys), "given"
     if log.reference is not None:
-        noise, origin = motion_noise(log), "estimated from the log's odometry and its reference"
+        noise = motion_noise(log, kind)
+        origin = "of the log's odometry against its reference, but no less than Nav2's defaults"
     return replace(noise, **keys), f"{', '.join(keys)} given; the rest {origin}" if keys else origin
-
-
-def _unknown_motion(log: Log) -> OdometryMotion:
-    return OdometryMotion(**{**NOISE, "drift": NOISE["drift"] / metre(log)})
 
 
 def _scan(given: str | None, metre: float) -> BeamDensity:
     words = dict(_pairs("--scan", given or ""))
     kind = BEAM_MODELS[one_of("beam model", words.pop("kind", "gaussian-uniform"), BEAM_MODELS)]
     keys = _keys("--scan", words, [field.name for field in fields(kind)])
-    lengths: Mapping[str, float] = {"sigma": SIGMA * metre}
+    lengths: Mapping[str, float] = {"sigma": METRE_SIGMA * metre}
     if kind is not GaussianUniform and "decay" in {field.name for field in fields(kind)}:
         lengths = {**lengths, "decay": 0.5 / metre}
     return kind(**{**lengths, **keys})

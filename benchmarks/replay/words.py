@@ -4,6 +4,7 @@ from benchmarks.replay.scoring import Played
 from benchmarks.replay.setting import Setting
 from benchmarks.trials.fixes import FOUND
 from deqmcl_gym.logs import Log
+from localizers.models.nav2_motion import kind_of
 
 NO_ERROR = (
     "There is no reference, so no error is known. The share of beams that agree with the map is no "
@@ -30,8 +31,9 @@ def facts(setting: Setting) -> list[str]:
     """Say what the localizers assume."""
     motion, log = setting.motion, setting.log
     found = [
-        f"Noise of the motion: drive {motion.drive:.3g}, turn {motion.turn:.3g}, drift "
-        f"{motion.drift:.3g} rad/{log.unit} ({setting.noise}).",
+        f"Motion model: {kind_of(motion)}, "
+        + ", ".join(f"{name} {value:.3g}" for name, value in vars(motion).items())
+        + f" ({setting.noise}).",
         f"Scan model: {setting.scan}. Radius of the robot: {setting.radius:g} {log.unit}.",
         f"Unknown cells of the map: {_UNKNOWN[setting.unknown]}.",
         "Start: anywhere on the map."

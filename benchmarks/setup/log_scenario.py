@@ -15,7 +15,8 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
-from localizers import OdometryMotion, RobotModel
+from localizers import RobotModel
+from localizers.models.nav2_motion import MotionModel, kind_of
 
 # arguments of the env that are not a scenario's to give
 _OURS = ("on_mismatch", "render_mode", "others")
@@ -71,16 +72,16 @@ class LogScenario(Scenario):
         robot = super().robot_model(room)
         return replace(robot, motion=self.motion_of(self._recording()[0]))
 
-    def motion_of(self, log: Log) -> OdometryMotion:
+    def motion_of(self, log: Log) -> MotionModel:
         """Return the motion that the filters assume."""
-        return _noise(log) if self.estimated else self.motion
+        return _noise(log, kind_of(self.motion)) if self.estimated else self.motion
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
     ) -> Self:
         """Return this scenario with some values changed; noise that is given is not estimated."""
         found = super().changed(world, assumed)
-        given = any(name.partition(".")[0] == "motion" for name in assumed)
+        given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
         return replace(found, estimated=found.estimated and not given)
 
     def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -131,5 +132,5 @@ def _read(arguments: str, digests: str) -> tuple[Log, Map]:
 
 
 @lru_cache(maxsize=4)
-def _noise(log: Log) -> OdometryMotion:
-    return motion_noise(log)
+def _noise(log: Log, kind: str) -> MotionModel:
+    return motion_noise(log, kind)

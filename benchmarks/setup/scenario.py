@@ -16,10 +16,13 @@ from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
+from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion
 
 T = TypeVar("T")
 
-_KINDS: Mapping[str, Mapping[str, Any]] = {"scan": BEAM_MODELS, "prior": PRIORS}
+_KINDS: Mapping[str, Mapping[str, Any]] = {
+    "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
+}  # fmt: skip
 _PARTS = tuple(own.name for own in fields(World))
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -44,7 +47,7 @@ class Scenario:
 
     words: str
     env: Mapping[str, Any]
-    motion: OdometryMotion = field(default_factory=OdometryMotion)
+    motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
@@ -177,11 +180,14 @@ def _changed(part: str, current: T, keys: Any, unit: str) -> T:
         )
     changes = dict(keys)
     if kinds and "kind" in changes:
-        kind = kinds[one_of(f"kind of {part}", changes.pop("kind"), kinds)]
+        given = one_of(f"kind of {part}", changes.pop("kind"), kinds)
+        kind = kinds[given]
         if not isinstance(current, kind):
             known = {own.name for own in fields(kind)}
             shared = {name: value for name, value in vars(current).items() if name in known}
-            current = replace(scaled(kind(), pixel(unit)), **shared)
+            motion = part == "motion"
+            fresh: Any = unknown_motion(given, unit) if motion else scaled(kind(), pixel(unit))
+            current = replace(fresh, **shared)
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
     return replace(current, **changes)  # type: ignore[type-var]

@@ -9,7 +9,7 @@ as a twist of the filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
 from dataclasses import replace
 
 from deqmcl_gym.maps.units import pixel
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.validation import integer, one_of
 from localizers.api import RobotModel
 from localizers.inference.lookahead import Pilots, Tabulated
 from localizers.inference.particle_filter import ParticleFilter
@@ -17,7 +17,7 @@ from localizers.inference.resampling import Selection, by_own_weight, by_reporte
 from localizers.methods.family import Shared, method
 from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.lookahead_grid import LookaheadGrid
-from localizers.models.motion import OdometryMotion
+from localizers.models.motion import odometry
 
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
 
@@ -41,18 +41,14 @@ def mcl_h(
         headings: how many the table has, evenly spaced.
 
     Raises:
-        InputError: the robot's motion is not an ``OdometryMotion``.
+        InputError: the robot's motion is neither an ``OdometryMotion`` nor a
+            ``DifferentialMotion``.
     """
-    if not isinstance(robot.motion, OdometryMotion):
-        raise InputError(
-            f"the robot's motion is a {type(robot.motion).__name__}, but the table of mcl-h is "
-            "made for OdometryMotion: use mcl-pilots, which rolls out any motion."
-        )
     grid = LookaheadGrid(
         floor_plan=robot.floor_plan,
         radius=robot.radius,
         beta=shared.beta,
-        motion=robot.motion,
+        motion=odometry(robot.motion, "mcl-h"),
         cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
         headings=headings,
     )

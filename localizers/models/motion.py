@@ -106,10 +106,11 @@ def distance_and_bearing(action: Floats) -> tuple[float, float]:
 
 
 def odometry(motion: object, method: str) -> OdometryMotion:
-    """Return a motion model if its noise is known in closed form, else refuse it for a method."""
+    """Return a motion model whose noise is known in closed form, else refuse it for a method."""
+    motion = getattr(motion, "turn_and_drive", motion)
     if not isinstance(motion, OdometryMotion):
         raise InputError(
             f"the motion is {motion!r}, but the localizer {method!r} needs the spread of its "
-            "noise, not only draws: give an OdometryMotion."
+            "noise, not only draws: give an OdometryMotion or a DifferentialMotion."
         )
     return motion

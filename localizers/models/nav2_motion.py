@@ -6,19 +6,21 @@ turn + atan2(left, forward). Facts from Nav2's nav2_amcl/src/motion_model.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Self, final
 
 import numpy as np
 
 from deqmcl_gym.maps import kernels
-from deqmcl_gym.maps.units import LENGTH, PER_SQUARE, SQUARE
+from deqmcl_gym.maps.units import LENGTH, PER_SQUARE, PIXELS, SQUARE, pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from deqmcl_gym.validation import InputError, number
-from localizers.models.motion import increments
+from deqmcl_gym.validation import InputError, number, one_of
+from localizers.models.motion import OdometryMotion, increments
 from localizers.models.motion_kernels import normal_pairs
 
 _SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
@@ -82,15 +84,23 @@ class DifferentialMotion:
         _turned_and_driven(states, means, noise, after)
         return after
 
+    @property
+    def turn_and_drive(self) -> OdometryMotion:
+        """The two noises of the same variances, for estimators that need them in closed form.
+
+        Exact but for α4, and for turns: there it has the sum of both, before the drive.
+        """
+        turn, drive, drift = math.sqrt(self.alpha1), math.sqrt(self.alpha3), 2 * self.alpha2
+        return OdometryMotion(drive=drive, turn=turn, drift=math.sqrt(drift))
+
     @classmethod
     def fitted(cls, meant: Floats, done: Floats) -> Self:
         """Return the model of greatest likelihood for steps of a log.
 
-        A drive that the odometry tells without its sign is an error of ρ, not half a turn. α3 and
-        α4 are then multiplied by one factor, 1 or more, such that 99 % of the errors of ρ lie
-        within 2.58 standard deviations: odometry that fails in one step of fifty must stay
-        possible. As the reference has noise of its own, directions and ρ count for the longer half
-        of the steps, the sum of both turns for all.
+        A drive that the odometry tells without its sign is an error of ρ, not half a turn. α3 is
+        then raised until 99 % of the errors of ρ lie within 2.58 standard deviations: odometry that
+        fails in one step of fifty must stay possible. As the reference has noise of its own,
+        directions and ρ count for the longer half of the steps, the sum of both turns for all.
 
         Args:
             meant: increments of the odometry, (k, 3); rows with NaN are left out.
@@ -120,7 +130,8 @@ class DifferentialMotion:
         alpha1, alpha2 = _most_likely(errors, np.stack([turning, driving]))
         features = np.stack([d, r1 + r2])[:, long]
         missed = (drive - seen)[long]
-        alpha3, alpha4 = _still_possible(_most_likely(missed, features), missed, features)
+        alpha3, alpha4 = _most_likely(missed, features)
+        alpha3 *= _excess((alpha3, alpha4), missed, features)
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4)
 
 
@@ -191,6 +202,27 @@ class OmniMotion:
         factor = _excess(found, missed[:count], features[:, :count])
         alpha3, alpha4, alpha5 = (float(alpha * factor) for alpha in found)
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4, alpha5=alpha5)
+
+
+MotionModel = OdometryMotion | DifferentialMotion | OmniMotion
+MOTION_MODELS: Mapping[str, type[MotionModel]] = MappingProxyType(
+    {"odometry": OdometryMotion, "differential": DifferentialMotion, "omni": OmniMotion}
+)
+
+
+def kind_of(motion: MotionModel) -> str:
+    """Return the name of a motion model in ``MOTION_MODELS``."""
+    return next(kind for kind, model in MOTION_MODELS.items() if isinstance(motion, model))
+
+
+def unknown_motion(kind: str, unit: str) -> MotionModel:
+    """Return what is assumed of a robot of which nothing is known, for a map in ``unit``.
+
+    Nav2's defaults; for "odometry" 0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
+    """
+    model = MOTION_MODELS[one_of("motion model", kind, MOTION_MODELS)]
+    found = model(drive=0.2, turn=0.2, drift=0.2) if model is OdometryMotion else model()
+    return scaled(found, pixel(unit) / PIXELS["m"])
 
 
 def composed(first: Floats, then: Floats) -> Floats:
@@ -284,13 +316,6 @@ def _excess(alphas: tuple[float, ...], errors: Floats, features: Floats) -> floa
         return 1.0
     spread = np.sqrt(np.maximum(np.array(alphas) @ features, _TINY))
     return max(1.0, float(np.quantile(np.abs(errors) / spread, _SHARE)) / _WITHIN) ** 2
-
-
-def _still_possible(
-    alphas: tuple[float, ...], errors: Floats, features: Floats
-) -> tuple[float, ...]:
-    factor = _excess(alphas, errors, features)
-    return tuple(alpha * factor for alpha in alphas)
 
 
 @compiled
