@@ -69,19 +69,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--max-beams", type=int, metavar="B", help="beams used of a scan, evenly spread (60)")
     add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
-    add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
+    add(
+        "--particles",
+        type=int,
+        metavar="N",
+        help="particles (each method's default: 1000; amcl: at most 2000)",
+    )
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
     add_seed(parser)
     add(
         "--motion",
         metavar="alpha1=…,alpha2=…,…",
         help="motion noise, Nav2's alphas; kind=omni or kind=odometry selects another model "
-        "(kind=differential; estimated from the reference, and no less than Nav2's defaults)",
+        "(kind=differential; estimated from the reference, at least half of Nav2's defaults)",
     )
     add(
         "--scan",
         metavar="sigma=…,power=…,…",
-        help="parameters of the beam model; kind=NAME selects another model (sigma=0.2, in m)",
+        help="parameters of the beam model; kind=NAME selects another model (sigma=0.2, in m; "
+        "power is fitted to the first part of the log)",
     )
     add(
         "--nav2",
@@ -99,9 +105,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
+    from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import run_replay
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.running import check, runs_of
+    from benchmarks.replay.running import check, gated, runs_of
     from benchmarks.replay.setting import Told, reading_of, setting_of
     from deqmcl_gym.envs.recorded import log_of
     from deqmcl_gym.validation import InputError
@@ -124,6 +131,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         reading |= reading_of(options.read)
         log = log_of(options.log, options.reference, reading)
         setting = setting_of(log, options.map, told)
+    if not told.power:
+        with doing("fitting the power of the scan model to the first part of the log"):
+            setting = calibrated(setting)
     with answered_within(options.timeout):
         localizers = localizers_named(options.localizers)
         runs = runs_of(
@@ -136,5 +146,6 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             own=params_named(options.param, localizers),
         )
         check(runs)
+    said += gated(runs, told.every)
     notes = said if nav2 is None else [*said, *nav2.notes]
     return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.execution.apart import checked_apart, parameters
 from benchmarks.replay.agreement import agreement
 from benchmarks.replay.playing import replay
-from benchmarks.replay.setting import Setting, robot_of
+from benchmarks.replay.setting import EVERY, Setting, robot_of
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.spec import Params, frozen
 from deqmcl_gym.validation import InputError, in_words, integer
@@ -54,7 +54,7 @@ def runs_of(
     setting: Setting,
     localizers: Sequence[str],
     *,
-    particles: int,
+    particles: int | None,
     seeds: int,
     root: int,
     shared: Mapping[str, Mapping[str, Any]],
@@ -63,12 +63,13 @@ def runs_of(
     """Return all runs by their keys, those of one seed after another.
 
     A localizer has the parameters of ``shared`` by its name, else as many particles as are asked
-    for; what is its ``own`` comes before both.
+    for, None: its own default; what is its ``own`` comes before both.
 
     Raises:
         InputError: an unknown localizer, one named twice, or a number out of range.
     """
-    integer("--particles", particles, low=1)
+    if particles is not None:
+        integer("--particles", particles, low=1)
     integer("--seeds", seeds, low=1, high=10_000)
     integer("--seed", root)
     if not localizers:
@@ -142,8 +143,27 @@ def attempt(run: Run, key: str) -> Outcome:
     return Outcome(record={"track": track, "agreement": agreed}, seconds=track.seconds.sum())
 
 
-def _given(name: str, particles: int) -> Mapping[str, Any]:
+def gated(runs: Mapping[str, Run], every: object) -> list[str]:
+    """Return the note that ``amcl`` will update less often than on a robot; none if it will not."""
+    waits = [run for run in runs.values() if run.localizer == "amcl"]
+    if (
+        every is not None
+        or not waits
+        or {"update_min_d", "update_min_a"} & dict(waits[0].params).keys()
+    ):
+        return []
+    return [
+        "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
+        f"records {EVERY} apart are played, so it updates less often than on a robot: add --every "
+        "0.0625m,3deg for that, or --param amcl.update_min_d=0 --param amcl.update_min_a=0 to "
+        "update at each record."
+    ]
+
+
+def _given(name: str, particles: int | None) -> Mapping[str, Any]:
     """Return the number of particles by whatever name a localizer takes it."""
+    if particles is None:
+        return {}
     taken = parameters(name)
     given: dict[str, Any] = {
         word: particles for word in _PARTICLES if taken is not None and word in taken

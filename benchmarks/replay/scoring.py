@@ -84,7 +84,7 @@ class Played:
             "ape_rmse": math.nan if self.errors is None else self.errors.rmse,
             "rpe_rmse": math.nan if self.relative is None else self.relative.rmse,
             **{f"coverage_{level}": self._covered(level) for level in LEVELS},
-            "nees": mean(self.track.nees[np.isfinite(self.track.nees)]),
+            "nees": mean(self._judged(self.track.nees)),
             "agreement_01": self.agreement[0],
             "agreement_03": self.agreement[1],
             "ms_per_step": float(1000 * np.median(self.track.seconds[1:])),
@@ -106,8 +106,13 @@ class Played:
         return int(self.known[first]), float(self.fixes.way[first])
 
     def _covered(self, level: int) -> float:
-        ranks = self.track.ranks[np.isfinite(self.track.ranks)]
+        ranks = self._judged(self.track.ranks)
         return mean((ranks <= level / 100).astype(np.float64))
+
+    def _judged(self, values: Floats) -> Floats:
+        """Return those of the records that nothing was fitted on, where they are known."""
+        held_out = values[self.run.setting.judged :]
+        return held_out[np.isfinite(held_out)]
 
     @property
     def _lost(self) -> float:

@@ -27,6 +27,7 @@ from localizers.api import METRE_SIGMA
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, kind_of, unknown_motion
 
+EVERY = "0.2m,5deg"
 START = 0.2, 0.1  # m and rad: standard deviations of a start that is known
 
 
@@ -43,6 +44,8 @@ class Setting:
         noise: where that of the motion is from.
         reference: where the true poses are from, in words; "" without any.
         radius: of the robot, in the log's unit.
+        calibration: how the power of the scan model was fitted, in words; "" if it was not.
+        judged: first record by which beliefs are judged: it was not fitted on.
     """
 
     log: Log
@@ -54,6 +57,8 @@ class Setting:
     noise: str
     reference: str
     radius: float
+    calibration: str = ""
+    judged: int = 0
 
     def env(self) -> LogEnv:
         """Return the log as an environment."""
@@ -71,7 +76,7 @@ class Told:
 
     Attributes:
         start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
-        every, max_beams: see ``LogEnv``; None is 0.2 m or 5°, and 60.
+        every, max_beams: see ``LogEnv``; None is ``EVERY``, and 60.
         motion: "kind=differential,alpha1=…"; None estimates it from the reference if there is one.
         scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
         radius: of the robot, m; None is 0.16 m.
@@ -87,6 +92,11 @@ class Told:
     radius: float | None = None
     otherwise: str | None = None
     unknown: str = "obstacle"
+
+    @property
+    def power(self) -> bool:
+        """Whether the power of the scan model is given."""
+        return any(name == "power" for name, _ in _pairs("--scan", self.scan or ""))
 
     def or_nav2(self, nav2: Amcl | None) -> "Told":
         """Return this with what is not said from Nav2's parameters."""
@@ -133,7 +143,7 @@ def setting_of(log: Log, floor_plan: str | Path, told: Told) -> Setting:
         log=log,
         map=floor_plan,
         unknown=told.unknown,
-        every="0.2m,5deg" if told.every is None else told.every,
+        every=EVERY if told.every is None else told.every,
         max_beams=60 if told.max_beams is None else told.max_beams,
     )
     check_inside(env.log, env.floor_plan)
@@ -257,7 +267,7 @@ def _motion(log: Log, given: str | None) -> tuple[MotionModel, str]:
         return replace(noise, **keys), "given"
     if log.reference is not None:
         noise = motion_noise(log, kind)
-        origin = "of the log's odometry against its reference, but no less than Nav2's defaults"
+        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
     return replace(noise, **keys), f"{', '.join(keys)} given; the rest {origin}" if keys else origin
 
 

@@ -44,6 +44,8 @@ def facts(setting: Setting) -> list[str]:
         "Poses are of the robot's base (ROS: base_link): the start, the reference and tracks/*.tum."
         + _mounted(log),
     ]
+    if setting.calibration:
+        found.insert(2, setting.calibration)
     return [*found, setting.reference or NO_ERROR]
 
 

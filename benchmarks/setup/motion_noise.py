@@ -80,9 +80,8 @@ def _explained(errors: Floats, by: Floats) -> Floats:
 def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
     """Return the motion model of a kind with the noise that a log shows, or what it assumes anyway.
 
-    Each number is that of the fit or of ``unknown_motion``, whichever is larger: the reference of a
-    log and its map have errors, too, so odometry that seems to be better than usual may only have
-    served to make them.
+    Each number is that of the fit, but at least half of ``unknown_motion``'s: where a reference was
+    made with the help of the odometry, it denies its noise.
 
     Args:
         log: with a reference; thinned as it will be played, as the noise is that of a step.
@@ -93,7 +92,8 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
     found = _odometry(*steps) if isinstance(least, OdometryMotion) else type(least).fitted(*steps)
-    larger = {name: max(value, getattr(found, name)) for name, value in vars(least).items()}
+    noise = [name for name in vars(least) if name != "still"]
+    larger = {name: max(getattr(least, name) / 2, getattr(found, name)) for name in noise}
     return replace(least, **larger)
 
 
