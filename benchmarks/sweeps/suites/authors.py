@@ -19,6 +19,7 @@ _FILTERS = (
 )
 # Nav2's AMCL assumes a sensor of σ = 0.2 m, 10 px, whatever the robot's is.
 _CLASSICAL = (*methods(*CLASSICAL), AMCL_ON_ROBOT)
+_AMCL = (*methods("amcl"), AMCL_ON_ROBOT)
 _EXACT, _ONCE = method("mcl-plan", keep=0.0), method("mcl-plan", charge="new")
 
 AUTHOR_SUITES = MappingProxyType(
@@ -31,6 +32,15 @@ AUTHOR_SUITES = MappingProxyType(
             filter_seeds=3,
             vary=(axis(scenario=("guided", "paper")), _PARTICLES),
             limits=limits_of((*_FILTERS, *_CLASSICAL)),
+        ),
+        "amcl-rooms": Sweep(
+            title="Nav2's AMCL, with its assumptions and those of all others: 200 worlds",
+            localizers=(*methods("mcl-map"), *_AMCL),
+            baseline="mcl-map",
+            trials=200,
+            filter_seeds=3,
+            params=frozen({"particles": 300}),
+            vary=(axis(scenario=("guided", "paper")),),
         ),
         "matched-sharp": Sweep(
             title="Every method, all assumptions right or a sharp sensor: 200 worlds",
