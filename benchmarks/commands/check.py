@@ -6,7 +6,6 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
-from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks.laws import Law
@@ -83,6 +82,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
 def _refuse_if_cells_are_needed(name: str, law: "Law", why: str, timeout: float) -> None:
     """Refuse a localizer that runs on a map of cells, but not in a room of polygons."""
+    from deqmcl_gym.validation import InputError
     from localizers.checks.drive import robot_on_cells
     from localizers.checks.run import examined
 

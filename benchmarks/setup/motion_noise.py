@@ -24,7 +24,7 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     odometry, so they know nothing of its noise. A stretch of n > 1 records is told as one of its
     steps, of root mean square length and turn. Its error is 1/n of what the length and the turn of
     all stretches explain (a wheel that is too small adds up by steps) and 1/√n of the rest (noise
-    adds up by variances).
+    adds up by variances). In which direction such a step went is not known: its ``left`` is NaN.
 
     Raises:
         InputError: no reference, or fewer than 10 stretches with movement.
@@ -50,10 +50,10 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     n = steps[:, None]
     error = explained / n + rest / np.sqrt(n)
     typical = np.sqrt(np.column_stack([_over(length**2, own), _over(turn**2, own)]) / n)
-    single, nothing = steps == 1, np.zeros(len(steps))
-    told = np.column_stack([typical[:, 0], nothing, typical[:, 1]])
+    single, unknown = steps == 1, np.full(len(steps), np.nan)
+    told = np.column_stack([typical[:, 0], np.zeros(len(steps)), typical[:, 1]])
     told[single] = meant[single]
-    true = told + np.column_stack([error[:, 0], nothing, error[:, 1]])
+    true = np.column_stack([told[:, 0] + error[:, 0], unknown, told[:, 2] + error[:, 1]])
     true[single] = done[single]
     moving = np.abs(told).max(axis=1, initial=0.0) > 0
     if moving.sum() < _LEAST:
@@ -109,6 +109,7 @@ def _odometry(meant: Floats, done: Floats) -> OdometryMotion:
     """
     driven, turned = lengths_of(meant), np.abs(meant[:, 2])
     off = done - meant
+    off[np.isnan(off[:, 1]), 1] = 0.0
     missed = (off[:, :2] * meant[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
     missed_turn = arrays.wrapped(off[:, 2])
     long = driven >= max(np.median(driven), 1e-9)

@@ -31,6 +31,7 @@ from localizers.models.nav2_scan import (
     LikelihoodFieldProb,
     metres_in,
 )
+from localizers.models.prior import GaussianPrior
 from localizers.models.scan import LidarScan
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
@@ -187,6 +188,8 @@ class AdaptiveLocalizer:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start a new run with the largest cloud; see ``Localizer.reset``. The plan is not used."""
+        if isinstance(prior, GaussianPrior):
+            prior.check_unit(self.robot.floor_plan.unit)
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)

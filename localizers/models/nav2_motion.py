@@ -88,7 +88,10 @@ class DifferentialMotion:
     def turn_and_drive(self) -> OdometryMotion:
         """The two noises of the same variances, for estimators that need them in closed form.
 
-        Exact but for α4, and for turns: there it has the sum of both, before the drive.
+        Of a straight drive ρ and the heading after it have exactly these variances, but for α4.
+        All noise of the heading comes before the drive, so that across it the variance is twice
+        that of rot1. Of a turn the standard deviations from turning and driving add up, which is
+        never less.
         """
         turn, drive, drift = math.sqrt(self.alpha1), math.sqrt(self.alpha3), 2 * self.alpha2
         return OdometryMotion(drive=drive, turn=turn, drift=math.sqrt(drift))
@@ -104,17 +107,20 @@ class DifferentialMotion:
 
         Args:
             meant: increments of the odometry, (k, 3); rows with NaN are left out.
-            done: increments of the reference, (k, 3), likewise.
+            done: increments of the reference, (k, 3), likewise. Of one whose ``left`` alone is NaN
+                only the way ahead, with its sign, and the turn are known, not the direction.
 
         Raises:
             InputError: fewer than 10 steps have movement and a reference.
         """
-        told, true = _moving(meant, done)
+        told, true, directed = _moving(meant, done)
         still = cls().still
         rot1, drive, rot2 = _turns_and_drive(told, still)
-        seen1, seen, _ = _turns_and_drive(true, still)
+        seen1, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), still)
         seen1 = np.where(seen < still, rot1, seen1)  # a reference that stands has no direction
+        seen = np.where(directed, seen, true[:, 0])
         long = _long(drive)
+        apart = long & directed  # the turns before and after the drive are known, not only both
         error1 = arrays.wrapped(rot1 - seen1)
         backward = (np.abs(error1) > math.pi / 2) & long  # the nearer of two ways to tell the same
         error1 = np.where(backward, arrays.wrapped(error1 - math.pi), error1)
@@ -122,9 +128,9 @@ class DifferentialMotion:
         error = arrays.wrapped(told[:, 2] - true[:, 2])
         r1, r2, d = _either_way(rot1) ** 2, _either_way(rot2) ** 2, drive**2
         of_turns = [
-            (error1[long], r1[long], d[long]),
-            (arrays.wrapped(error - error1)[long], r2[long], d[long]),
-            (error[~long], (r1 + r2)[~long], 2 * d[~long]),
+            (error1[apart], r1[apart], d[apart]),
+            (arrays.wrapped(error - error1)[apart], r2[apart], d[apart]),
+            (error[~apart], (r1 + r2)[~apart], 2 * d[~apart]),
         ]
         errors, turning, driving = (np.concatenate(parts) for parts in zip(*of_turns, strict=True))
         alpha1, alpha2 = _most_likely(errors, np.stack([turning, driving]))
@@ -182,21 +188,21 @@ class OmniMotion:
         """Return the model of greatest likelihood for steps of a log.
 
         As ``DifferentialMotion.fitted``: α3 to α5 grow by one factor until 99 % of the errors
-        along lie within 2.58 standard deviations.
+        along lie within 2.58 standard deviations. α5 is 0 if no step has a direction.
         """
-        told, true = _moving(meant, done)
+        told, true, directed = _moving(meant, done)
         bearing, drive, _ = _turns_and_drive(told, 0.0)
-        seen_bearing, seen, _ = _turns_and_drive(true, 0.0)
+        seen_bearing, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), 0.0)
         error = arrays.wrapped(told[:, 2] - true[:, 2])
         turn, d, long = told[:, 2] ** 2, drive**2, _long(drive)
         alpha1, alpha2 = _most_likely(error, np.stack([turn, d]))
         off = seen_bearing - bearing
-        along, across = seen * arrays.cos(off) - drive, seen * arrays.sin(off)
-        none = np.zeros_like(d)
+        along = np.where(directed, seen * arrays.cos(off), true[:, 0]) - drive
+        across, apart, none = seen * arrays.sin(off), long & directed, np.zeros_like(d)
         features = np.hstack(
-            [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, long]]
+            [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, apart]]
         )
-        missed = np.concatenate([along[long], across[long]])
+        missed = np.concatenate([along[long], across[apart]])
         found = _most_likely(missed, features)
         count = int(long.sum())
         factor = _excess(found, missed[:count], features[:, :count])
@@ -275,16 +281,17 @@ def _noise(n: int, sds: tuple[Floats, ...], rng: np.random.Generator) -> Singles
     return noise
 
 
-def _moving(meant: Floats, done: Floats) -> tuple[Floats, Floats]:
+def _moving(meant: Floats, done: Floats) -> tuple[Floats, Floats, Bools]:
+    """Return the steps with movement and a reference, (k, 3) each, and which have a direction."""
     told, true = np.asarray(meant, np.float64), np.asarray(done, np.float64)
-    kept = np.isfinite(told).all(axis=1) & np.isfinite(true).all(axis=1)
+    kept = np.isfinite(told).all(axis=1) & np.isfinite(true[:, ::2]).all(axis=1)
     kept &= np.abs(told).max(axis=1) > 0
     if kept.sum() < _LEAST:
         raise InputError(
             f"{int(kept.sum())} steps have movement and a reference at both ends, too few to fit "
             f"the noise of the motion to, which needs {_LEAST}: give the noise instead."
         )
-    return told[kept], true[kept]
+    return told[kept], true[kept], np.isfinite(true[kept, 1])
 
 
 def _long(drive: Floats) -> Bools:

@@ -54,7 +54,7 @@ class DistanceTable(NamedTuple):
             x, y, yaw = floor_plan.origin
             cosine, sine = float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
             frame = (float(x), float(y), cosine, sine, float(floor_plan.resolution))
-            squares = np.rint(np.square(to_nearest(_occupied(floor_plan))))
+            squares = np.rint(np.square(to_nearest(floor_plan.occupied)))
         else:
             distances, frame = _of_polygons(floor_plan, farthest, cell)
             squares = np.square(distances / np.float32(cell))
@@ -70,12 +70,6 @@ class DistanceTable(NamedTuple):
         out = np.empty((ranges.size, origins.shape[1]), np.float32)
         field_kernels.table_at_ends(origins, ranges, bearings, self.squares, self.frame, out)
         return out
-
-
-def _occupied(floor_plan: GridMap) -> Bools:
-    cells = floor_plan.occupancy
-    occupied: Bools = (cells >= 0) & (cells / 100.0 >= floor_plan.occupied_thresh)
-    return occupied
 
 
 def _of_polygons(

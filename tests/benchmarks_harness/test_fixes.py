@@ -79,7 +79,8 @@ def test_a_kidnapped_robot_is_found_where_twenty_good_steps_on_end_begin():
 
 
 def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
-    assert driven([[1.0, 9.0], [-2.0, 0.0], [0.3, 0.4, 7.0]]).tolist() == [0, 1, 3, 3.5]
+    assert driven([[1.0, 9.0], [-2.0, 0.0]]).tolist() == [0, 1, 3]
+    assert driven([[-2.0, 0.0, 9.0], [0.3, 0.4, 7.0]]).tolist() == [0, 2, 2.5]
     assert (metre("px"), metre("m")) == (50.0, 1.0)
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from benchmarks.trials.plugins import key_of
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.validation import InputError
+from localizers import OdometryMotion
+from localizers.models.nav2_motion import MOTION_MODELS, DifferentialMotion, unknown_motion
 
 WORLD = """
 log = "data/lap.csv"
@@ -113,13 +116,27 @@ def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):
     assert anywhere.mean is None
 
 
-def test_the_noise_is_that_of_the_log_unless_it_is_given(folder):
+@pytest.mark.parametrize("kind", [None, *MOTION_MODELS])
+def test_the_noise_is_that_of_the_log_unless_it_is_given(folder, kind):
+    chosen = {} if kind is None else {"motion.kind": kind}
+    name, value = ("drive", 0.5) if kind == "odometry" else ("alpha3", 0.5)
+    assumed = unknown_motion(kind or "differential", "m")
     ours = scenario(str(folder / "hall.toml"))
     room = ours.room()
-    assert ours.robot_model(room).motion == motion_noise(room.log)
-    told = ours.changed(assumed={"motion.drive": 0.5})
-    assert told.robot_model(room).motion.drive == 0.5
-    assert told.robot_model(room).motion.turn == 0.2
+    found = ours.changed(assumed=chosen).robot_model(room).motion
+    assert found == motion_noise(room.log, kind or "differential")
+    told = ours.changed(assumed=chosen | {f"motion.{name}": value})
+    assert told.robot_model(room).motion == replace(assumed, **{name: value})
+
+
+def test_the_kind_of_motion_is_told_in_scenario_and_sweep_files(folder):
+    (folder / "hall.toml").write_text(SCENARIO + '[assumed]\nmotion.kind = "omni"\n')
+    ours = scenario(str(folder / "hall.toml"))
+    assert ours.robot_model(ours.room()).motion == motion_noise(ours.room().log, "omni")
+    kinds = SWEEP + '[[vary]]\nassumed.motion.kind = ["odometry", "differential"]\n'
+    both = [scenario_of(trial) for trial in trials(folder, kinds)]
+    made = {type(one.robot_model(one.room()).motion) for one in both}
+    assert made == {OdometryMotion, DifferentialMotion}
 
 
 @pytest.mark.parametrize("plan", ["odometry", "reference", "none"])
@@ -175,6 +192,8 @@ BAD = [
     ("segment = 3.0", "segment = 0.0", "segment is 0"),
     ("segment", "sigment", "did you mean 'segment'?"),
     ("segment", 'plan = "odo"\nsegment', "plan"),
+    ("[params]", '[assumed]\nmotion.kind = "omny"\n[params]', "did you mean 'omni'?"),
+    ("[params]", "[assumed]\nmotion.drive = 0.1\n[params]", "'motion.drive'"),
     (
         "[params]",
         '[[disturbance]]\nkind = "kidnap"\nstep = 3\n[params]',

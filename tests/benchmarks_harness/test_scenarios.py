@@ -15,6 +15,7 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform
+from localizers.models.nav2_motion import unknown_motion
 
 
 def trial(**changes):
@@ -60,6 +61,20 @@ def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
     assert same.scan == scenario("sharp").scan
 
 
+@pytest.mark.parametrize("kind", ["differential", "omni"])
+def test_another_kind_of_motion_has_its_own_defaults_in_the_worlds_unit(kind):
+    sharp, assumed = scenario("sharp"), {"motion.kind": kind, "motion.alpha3": 0.1}
+    changed = sharp.changed(assumed=assumed)
+    assert changed.motion == replace(unknown_motion(kind, "px"), alpha3=0.1)
+    assert changed.motion.alpha4 == pytest.approx(0.2 * 50**2)
+    assert sharp.changed(assumed={"motion.kind": "odometry"}).motion == sharp.motion
+    other = {"differential": "omni", "omni": "differential"}[kind]
+    kept = changed.changed(assumed={"motion.kind": other}).motion
+    assert kept == replace(unknown_motion(other, "px"), alpha3=0.1)
+    moments = list(trial_moments(trial(localizer="mcl", assumed=tuple(assumed.items()))))
+    assert len(moments) > 5
+
+
 def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
     changed = scenario("paper").changed(assumed={"prior.kind": "uniform"})
     room = changed.room()
@@ -88,6 +103,9 @@ BAD = [
     ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
     ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
     ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
+    ({"assumed": (("motion.kind", "diff"),)}, ["kind of motion 'diff'", "omni"]),
+    ({"assumed": (("motion.kind", "omni"), ("motion.drive", 1))}, ["'motion.drive'", "alpha1"]),
+    ({"assumed": (("motion.kind", "omni"), ("motion.alpha5", -1))}, ["alpha5", "-1"]),
     ({"assumed": (("prior.kind", "gauss"),)}, ["'gauss'", "did you mean 'gaussian'?"]),
     ({"assumed": (("prior.kind", "uniform"), ("prior.mean", 3))}, ["'prior.mean'", "prior.kind"]),
     ({"assumed": (("prior.sd_position", -1),)}, ["prior.sd_position", "-1"]),

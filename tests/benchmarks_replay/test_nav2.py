@@ -2,7 +2,6 @@
 
 import csv
 import inspect
-import math
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 from localizers.methods.amcl import amcl
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 # As in a robot's bring-up, other nodes left in
 BRINGUP = """
@@ -120,13 +120,11 @@ def test_older_names_and_a_least_range_are_read(params):
     assert read_nav2(far).reading == {}  # what the sensor says
 
 
-def test_the_noise_of_a_step_has_the_variance_of_navs_model(params):
-    """Nav2: two turns of variance α1 φ² + α2 d² (d ≫ φ: 2 α2 d²), a drive of α3 d² + α4 φ²."""
-    motion = read_nav2(params()).motion
-    for drive, turn in ((1.0, 0.0), (0.0, 1.0)):
-        sd_drive, sd_turn = motion.spread(np.array([drive, turn]))
-        assert sd_drive**2 == pytest.approx(0.09 * drive**2)
-        assert sd_turn**2 == pytest.approx(0.04 * turn**2 + 2 * 0.08 * drive**2)
+def test_the_motion_is_navs_model_with_the_files_parameters(params):
+    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
+    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
+    omni = params("Differential", "Omni")
+    assert read_nav2(omni).motion == OmniMotion(**alphas, alpha5=0.2)
 
 
 def test_what_is_not_given_has_navs_defaults(tmp_path):
@@ -135,7 +133,7 @@ def test_what_is_not_given_has_navs_defaults(tmp_path):
     found = read_nav2(path)
     assert found.params["lambda_short"] == 0.1
     assert found.params["max_beams"] == 60
-    assert found.motion.drive == math.sqrt(0.2)
+    assert found.motion == DifferentialMotion()
     assert found.start is None
     assert found.notes == []
 
@@ -241,7 +239,7 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     assert main([*told, "--out", "out"]) == 0
     said = capsys.readouterr()
     assert "not used: kld_err" in said.err
-    assert "drive 0.3, turn 0.2, drift 0.4 rad/m" in said.out
+    assert "differential, alpha1 0.04, alpha2 0.08, alpha3 0.09, alpha4 0.2" in said.out
     assert "around (1.20, 1.00, 0.10 rad)" in said.out
     assert "15 records" in said.out  # 0.5 m, a record each 17 mm, of which two make 25 mm
     with open("out/results.csv", newline="") as file:

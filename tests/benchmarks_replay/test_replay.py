@@ -8,14 +8,12 @@ from hypothesis import strategies as st
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.replay.playing import played, replay
-from benchmarks.setup.motion_noise import motion_noise
 from benchmarks.setup.names import scenario
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.recording import RecordLog
-from deqmcl_gym.logs import Log, Scanner
-from deqmcl_gym.logs.motion import dead_reckoned
+from deqmcl_gym.logs import Log
 from deqmcl_gym.validation import InputError
 from localizers import PointsBelief, best_cluster, make
 
@@ -46,7 +44,7 @@ def lap():
 
 
 @pytest.mark.parametrize("name", ["mcl", "deq-mcl", "dead-reckoning"])
-def test_a_replayed_lap_is_the_lap_to_the_bit(lap, name):
+def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(lap, name):
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
     setup = scenario("sharp")
     room = setup.room()
@@ -64,7 +62,8 @@ def test_a_replayed_lap_is_the_lap_to_the_bit(lap, name):
     assert len(again) == len(live)
     for one, other in zip(live, again, strict=True):
         for mine, theirs in zip(one.belief.points(), other.belief.points(), strict=True):
-            np.testing.assert_array_equal(mine, theirs)
+            # an increment between two poses is off by 1e-13 px, below float32 of the particles
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9)
 
 
 def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
@@ -106,28 +105,6 @@ def test_a_cluster_on_the_edge_of_cells_is_whole(heading, x, y):
     rng = np.random.default_rng(1)
     poses = rng.normal((x, y, heading), 0.05, (100, 3))
     assert best_cluster(poses, np.full(100, 0.01), unit="m").share == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("noise", [(0.1, 0.2, 0.05), (0.4, 0.05, 0.2)])
-def test_the_noise_of_a_log_is_found_from_its_reference(noise):
-    drive, turn, drift = noise
-    rng = np.random.default_rng(0)
-    n = 4000
-    actions = np.column_stack([rng.uniform(0.05, 0.4, n), rng.normal(0, 0.3, n)])
-    d, phi = np.abs(actions).T
-    done = actions + rng.standard_normal((n, 2)) * np.column_stack(
-        [drive * d, turn * phi + drift * d]
-    )
-    scanner = Scanner(angles=(0.0,), max_range=5.0)
-    told, true = dead_reckoned(actions), dead_reckoned(done)
-    log = Log(scanner, np.arange(n + 1.0), told, np.ones((n + 1, 1)), true)
-    found = motion_noise(log)
-    # Relative standard errors are about 1/sqrt(2 n) = 1.1 %; those of turn and drift trade off.
-    assert (found.drive, found.turn, found.drift) == pytest.approx(noise, rel=0.1)
-    with pytest.raises(InputError, match="no reference"):
-        motion_noise(Log(scanner, log.times, told, log.ranges))
-    with pytest.raises(InputError, match="needs 10"):
-        motion_noise(log.segment(0, 5))
 
 
 class Answers:

@@ -2,8 +2,8 @@
 
 import csv
 import math
-import re
 import statistics
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +13,14 @@ from hall import recorded_in_a_hall
 from benchmarks.cli import main
 from benchmarks.replay.playing import Track
 from benchmarks.replay.scoring import Played, Row
+from benchmarks.replay.setting import Told, setting_of
 from benchmarks.replay.tables import results_table
 from benchmarks.replay.verdict import differences, family_of
 from benchmarks.replay.words import told
+from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
+from localizers.models.nav2_motion import DifferentialMotion, unknown_motion
 
 COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--max-beams", "20")
 KNOWN = (*COMMAND, "--reference", "lap.tum", "--particles", "200", "--seeds", "3", "--jobs", "1")
@@ -200,16 +203,40 @@ def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys
     assert "no free space" in refusal
 
 
-def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, capsys):
-    noises = []
-    for words in ((), ("--motion", "drive=0.5"), ("--motion", "drive=0.5,turn=0.1,drift=0")):
-        assert replay(*KNOWN, *words, "--localizers", "dead-reckoning", "--out", "o") == 0
-        noises.append(capsys.readouterr().out)
-    estimated, part, whole = (re.search(r"drive (\S+).*?\)", text, re.S)[0] for text in noises)
-    assert part == estimated.replace(estimated.split()[1], "0.5,").replace(
-        "(estimated", "(drive given; the rest estimated"
-    )
-    assert whole.endswith("(given)")
+@pytest.mark.parametrize(
+    ("kind", "part", "rest"),
+    [
+        ("differential", "alpha3=0.5", "alpha1=0.1,alpha2=0.1,alpha4=0"),
+        ("omni", "alpha5=0.5", "alpha1=0.1,alpha2=0.1,alpha3=0.1,alpha4=0"),
+        ("odometry", "drive=0.5", "turn=0.1,drift=0"),
+    ],
+)
+def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, part, rest):
+    log = logs.referenced(logs.read("lap.csv"), "lap.tum")
+    blind = replace(log, reference=None, interpolated=None)
+    (name, value), chosen = part.split("="), f"kind={kind}"
+    origin = "of the log's odometry against its reference"
+    settings = [
+        setting_of(log, "hall.yaml", Told(motion=",".join(words)))
+        for words in ((chosen,), (chosen, part), (chosen, part, rest))
+    ]
+    estimated, partly, whole = (setting.motion for setting in settings)
+    assert estimated == motion_noise(settings[0].log, kind)
+    assert partly == replace(estimated, **{name: float(value)})
+    words = dict(one.split("=") for one in f"{part},{rest}".split(","))
+    assert vars(whole) == vars(whole) | {key: float(word) for key, word in words.items()}
+    said = [setting.noise for setting in settings]
+    assert said[0].startswith(origin)
+    assert said[1].startswith(f"{name} given; the rest {origin}")
+    assert said[2] == "given"
+    unknown = setting_of(blind, "hall.yaml", Told(motion=chosen, start="1.2,1,0"))
+    assert unknown.motion == unknown_motion(kind, "m")
+    assert unknown.noise == "assumed, as there is no reference"
+
+
+def test_the_motion_of_a_replay_is_differential_unless_another_kind_is_told(recorded):
+    told = Told(start="1.2,1,0")
+    assert setting_of(logs.read("lap.csv"), "hall.yaml", told).motion == DifferentialMotion()
 
 
 def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, capsys):
@@ -308,8 +335,12 @@ def test_a_plug_in_that_hangs_is_ended_in_time(recorded, capsys):
         (("--read", "scanner=front"), "write it into the file"),
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
-        (("--motion", "dive=1"), "'drive'"),
-        (("--motion", "drive=much"), "must be a number"),
+        (("--motion", "kind=omny"), "did you mean 'omni'?"),
+        (("--motion", "drive=1"), "unknown name in --motion 'drive': allowed values: alpha1"),
+        (("--motion", "kind=odometry,dive=1"), "did you mean 'drive'?"),
+        (("--motion", "kind=omni,still=1"), "'still'"),
+        (("--motion", "alpha1=much"), "must be a number"),
+        (("--motion", "alpha1=-1"), "alpha1 is -1"),
         (("--scan", "power=0"), "scan.power"),
         (("--scan", "kind=sonar"), "beam model"),
         (("--max-beams", "0"), "max_beams"),

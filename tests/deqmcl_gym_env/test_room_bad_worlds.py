@@ -52,6 +52,9 @@ BESIDE = {"waypoints": [(82, 50), (300, 50), (300, 250), (82, 250)]}
         ("did you mean 'outer'?", {"floor_plan": {"outter": OUTER}}),
         ("lidar is 3, but must be a Lidar or a mapping of beams", {"lidar": 3}),
         ("robot is ", {"robot": Lidar()}),
+        ("lidar.mounting is (6.0, -6.0), 8.485 px from the robot's centre, but its radius is 8",
+         {"lidar": {"mounting": (6, -6)}}),
+        ("lidar.mounting", {"lidar": {"mounting": (1, 2, 3)}}),
         ("unknown render_mode 'ansi'", {"render_mode": "ansi"}),
         ("horizon is 0", {"horizon": 0}),
         ("ends_at_goal is 0", {"ends_at_goal": 0}),
@@ -102,6 +105,7 @@ def test_a_size_just_outside_its_range_or_none_at_all_is_refused_by_name(part, f
         {"lidar": Lidar(sigma=0, field_of_view=2 * math.pi, beams=8)},
         {"robot": Robot(max_turn=math.pi, radius=0)},
         {"robot": Robot(radius=49.9)},  # of 50 px to the walls
+        {"lidar": Lidar(mounting=(0, -8))},
         {"start": Start(pose=(175, 50, -2 * math.pi))},
         {"floor_plan": RECESS, "lap": BESIDE, "start": Start(pose=(30, 240, 0.0))},
         {"lap": Lap(turn=math.pi / 4)},

@@ -86,6 +86,14 @@ def test_rough_drives_agree_contacts_and_new_episodes_included(plan, seed):
     assert ends >= 2 * 8
 
 
+def test_a_lidar_that_is_not_in_the_robots_centre_agrees():
+    lidar = {**ROUGH["lidar"], "mounting": (4.0, -6.0)}
+    native, loop = both(4, max_episode_steps=120, **{**ROUGH, "lidar": lidar})
+    contacts, ends = run_beside(native, loop, 150, planned=0.3, seed=1)
+    assert contacts > 50
+    assert ends >= 4
+
+
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("preset", ["paper", "matched", "sharp"])
 def test_laps_agree_to_their_end_and_into_the_next(preset, mode):

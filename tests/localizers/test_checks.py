@@ -12,17 +12,22 @@ from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTu
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
+from localizers.checks.answers import increments_of_three
 from localizers.checks.drive import default_robot, random_drive, robot_on_cells
 from localizers.checks.run import Examination
+from localizers.checks.subject import first_difference
 from localizers.checks.surroundings import set_state, state_of_process
 from localizers.checks.trying import Here, subject_of
 from localizers.methods.dead_reckoning import dead_reckoning
+from localizers.models.nav2_motion import DifferentialMotion
 from localizers.naming import registry
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken.py"
+NAV2 = scaled(DifferentialMotion(), 50.0)  # in px
 IN_A_PROCESS = ("answers in time", "runs in a worker")
 
 
@@ -44,10 +49,14 @@ def broken_here(subject):
     return [v.law for v in verdicts if v.status == "FAILED" and v.law not in IN_A_PROCESS]
 
 
+def coarse(name):
+    """Parameters without which a localizer is slow."""
+    return {"cell": 20.0, "headings": 36} if name in ("grid", "mcl-h") else {}
+
+
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_keeps_all_laws(name):
-    coarse = {"cell": 20.0, "headings": 36} if name in ("grid", "mcl-h") else {}  # else slow
-    report = check_localizer(name, **coarse)
+    report = check_localizer(name, **coarse(name))
     assert report.passed, str(report)
     skipped = [verdict.law for verdict in report.verdicts if verdict.status == "skipped"]
     has_particles = "particles" in localizers.parameters(name)
@@ -62,6 +71,27 @@ def test_the_template_keeps(law):
 @pytest.mark.parametrize("law", [law.name for law in LAWS if law.name not in IN_A_PROCESS])
 def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
     assert broken_here(subject_of(example(law))) == [law]
+
+
+@pytest.mark.parametrize("name", localizers.names())
+def test_every_built_in_localizer_takes_increments_with_navs_motion_model_too(name):
+    subject = subject_of(name, replace(default_robot(), motion=NAV2), **coarse(name))
+    assert increments_of_three(subject) is None
+
+
+@pytest.mark.parametrize("name", ["ekf", "grid"])
+def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its_variances(name):
+    own, stated = (
+        subject_of(name, replace(default_robot(), motion=one), **coarse(name)).history()
+        for one in (NAV2, NAV2.turn_and_drive)
+    )
+    assert first_difference(own, stated) is None
+
+
+def test_mcl_h_moves_its_particles_by_navs_motion_and_its_table_by_its_turn_and_drive():
+    made = localizers.make("mcl-h", replace(default_robot(), motion=NAV2), **coarse("mcl-h"))
+    assert made.filter.motion == NAV2
+    assert made.filter.lookahead.table.motion == NAV2.turn_and_drive
 
 
 def test_a_plug_in_that_knows_increments_of_two_numbers_only_gets_a_remark():

@@ -16,11 +16,12 @@ from localizers.inference.gaussian import gaussian_points, sigma_points
 COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
 
 
-def test_the_prediction_is_f_p_f_plus_v_q_v():
+@pytest.mark.parametrize("bearing", [0.0, 0.9, -math.pi / 2])
+def test_the_prediction_is_f_p_f_plus_v_q_v(bearing):
     mean, covariance = np.array([10.0, 20.0, 0.7]), COVARIANCE.copy()
-    kernels.predict(mean, covariance, 12.0, 0.4, 1.5, 0.2)
+    kernels.predict(mean, covariance, 12.0, bearing, 0.4, 1.5, 0.2)
     heading = 0.7 + 0.4
-    s, c = math.sin(heading), math.cos(heading)
+    s, c = math.sin(heading + bearing), math.cos(heading + bearing)
     f = np.array([[1, 0, -12 * s], [0, 1, 12 * c], [0, 0, 1]])
     v = np.array([[c, -12 * s], [s, 12 * c], [0, 1]])
     expected = f @ COVARIANCE @ f.T + v @ np.diag([1.5**2, 0.2**2]) @ v.T

@@ -11,6 +11,7 @@ import localizers
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior
+from localizers.models.nav2_motion import OmniMotion
 
 NAN, INF = math.nan, math.inf
 RNG = np.random.default_rng
@@ -80,13 +81,20 @@ def test_a_bad_parameter_is_refused_with_what_is_allowed(robot, name, params, wo
         ("ekf", "scan", "hit_moments"),
         ("ekf", "motion", "give an OdometryMotion"),
         ("grid", "motion", "give an OdometryMotion"),
-        ("mcl-h", "motion", "use mcl-pilots"),
+        ("mcl-h", "motion", "give an OdometryMotion"),
     ],
 )
 def test_a_model_without_what_the_method_needs_is_refused(robot, name, part, words):
     with pytest.raises(InputError) as caught:
         localizers.make(name, replace(robot, **{part: object()}))
     assert words in sentence(caught)
+
+
+@pytest.mark.parametrize("name", ["ekf", "grid", "mcl-h"])
+def test_motion_whose_noise_is_not_of_a_turn_and_a_drive_is_refused(robot, name):
+    with pytest.raises(InputError) as caught:
+        localizers.make(name, replace(robot, motion=OmniMotion()))
+    assert "OdometryMotion" in sentence(caught)
 
 
 def test_a_robot_with_a_bad_radius_is_refused(room):

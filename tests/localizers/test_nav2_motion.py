@@ -97,6 +97,32 @@ def test_without_noise_a_pose_goes_where_the_odometry_does(model, case):
     np.testing.assert_allclose(moved(states, np.array(increment))[:2, 0], [x, y], atol=1e-6)
 
 
+@pytest.mark.parametrize("alpha2", [0.002, 0.02])
+@pytest.mark.parametrize("distance", [0.3, -1.0])
+def test_two_noises_stand_for_three_exactly_along_a_straight_drive_and_double_across(
+    distance, alpha2
+):
+    alphas = ALPHAS | {"alpha2": alpha2, "alpha4": 0.0}
+    model, increment = DifferentialMotion(**alphas), (distance, 0.0, 0.0)
+    # turns before and after are independent, and both of variance α2 ρ²
+    turned = alpha2 * distance**2
+    for one, across in ((model, turned), (model.turn_and_drive, 2 * turned)):
+        x, y, heading = draws(one, increment)
+        assert_normal(np.hypot(x, y), abs(distance), alphas["alpha3"] * distance**2)
+        assert_normal(wrapped(heading), 0.0, 2 * turned)
+        direction = wrapped(np.arctan2(y, x) - (math.pi if distance < 0 else 0.0))
+        assert_normal(direction, 0.0, across)
+
+
+@pytest.mark.parametrize("turn", [0.1, -0.7, 2.5])
+def test_two_noises_spread_the_heading_of_a_turn_no_less_than_three(turn):
+    model = DifferentialMotion(**ALPHAS)
+    for increment in ((0.0, 0.0, turn), (0.3, 0.0, turn)):
+        (*_, own), (*_, other) = (draws(one, increment) for one in (model, model.turn_and_drive))
+        ratio = wrapped(other - turn).var() / wrapped(own - turn).var()
+        assert ratio > 1 - 5 * math.sqrt(4 / N)
+
+
 def test_increments_compose_as_the_poses_they_lead_to():
     rng = np.random.default_rng(0)
     pose, total = np.zeros((3, 1), np.float32), np.zeros(3)

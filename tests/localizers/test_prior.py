@@ -87,7 +87,7 @@ def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robo
     assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)
 
 
-@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid"])
+@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid", "amcl"])
 def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres(name):
     localizer = make(name, RobotModel(floor_plan=HALL, lidar=Lidar(max_range=9.0)))
     plan, rng = np.zeros((0, 2)), np.random.default_rng(0)

@@ -45,7 +45,7 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
             out = np.empty((3, some.shape[1]), np.float32)
             caster.cast(some, bearings, out)
             yield f"ranges, {type(caster).__name__}, {some.shape[1]}", out
-    moves = np.float32(rng.uniform(0, 1, (3, 2, 20))) * np.float32([[20], [1]])
+    moves = np.float32(rng.uniform(0, 1, (3, 3, 20))) * np.float32([[20], [5], [1]])
     ends, hits = plan.rolled_out(poses, moves, 2.0, kept=3)
     collides = [plan.collides(a.T, b.T, 2.0) for a, b in pairwise([poses, *ends])]
     for name, said in {

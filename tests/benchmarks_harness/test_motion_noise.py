@@ -1,0 +1,174 @@
+"""The noise of a log's motion: that which made it, whether its reference is dense or sparse.
+
+Logs are drawn from motion models. Sampling errors: a variance of k errors is right to √(2 / k) of
+itself; the 99 % point of their size, to which drives are raised, to 0.0995 / (0.029 √k), which is
+1.33 / √k of its 2.58 and twice that of the variance.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.setup.motion_noise import motion_noise, typical_steps
+from deqmcl_gym.logs import Log, Scanner, Trajectory
+from deqmcl_gym.logs.motion import dead_reckoned, increments_of
+from deqmcl_gym.logs.trajectory import referenced
+from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.validation import InputError
+from localizers import OdometryMotion
+from localizers.models.nav2_motion import (
+    MOTION_MODELS,
+    DifferentialMotion,
+    OmniMotion,
+    kind_of,
+    unknown_motion,
+)
+
+STEPS = 4000
+# all above what is assumed anyway
+NOISY = [
+    OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
+    DifferentialMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3),
+    OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
+]
+# as of good odometry
+QUIET = [
+    OdometryMotion(drive=0.1, turn=0.1, drift=0.1),
+    DifferentialMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002),
+    OmniMotion(alpha1=0.02, alpha2=0.01, alpha3=0.01, alpha4=0.002, alpha5=0.01),
+]
+
+
+def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:
+    """Increments of 0.1 to 0.4 m, some 0.2 rad each."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack(
+        [rng.uniform(0.1, 0.4, steps), np.zeros(steps), rng.normal(0, 0.2, steps)]
+    )
+
+
+def done_by(model, meant: np.ndarray, seed: int = 1) -> np.ndarray:
+    """What a robot of a model does when its odometry tells ``meant``."""
+    rng, begin = np.random.default_rng(seed), np.zeros((3, 1), np.float32)
+    ends = np.array([model.sample(begin, one, rng)[:, 0] for one in meant], dtype=float)
+    return np.array([increments_of(np.vstack([np.zeros(3), end]))[0] for end in ends])
+
+
+def log_of(meant: np.ndarray, done: np.ndarray, every: int = 1, unit: str = "m") -> Log:
+    """A log whose reference has the pose of every so many-th record."""
+    times = np.arange(len(meant) + 1.0)
+    scanner = Scanner(angles=(0.0,), max_range=5.0)
+    ranges = np.ones((times.size, 1))
+    log = Log(scanner, times, dead_reckoned(meant), ranges, unit=unit)
+    truth = Trajectory(times[::every], dead_reckoned(done)[::every])
+    return referenced(log, truth, max_gap=math.inf)
+
+
+def fitted(log: Log, kind: str):
+    """The noise of a log's steps, whatever is assumed anyway."""
+    if kind == "odometry":
+        drive, turn, drift = errors_per_step(*typical_steps(log))
+        return OdometryMotion(drive=drive, turn=turn, drift=drift)
+    return MOTION_MODELS[kind].fitted(*typical_steps(log))
+
+
+def errors_per_step(meant, done) -> tuple[float, float, float]:
+    """Shares of the way, and of the turn alone: root mean squares, no fit."""
+    way, turn = meant[:, 0], np.abs(meant[:, 2])
+    off = done - meant
+    share = math.sqrt(np.mean(off[:, 0] ** 2) / np.mean(way**2))
+    both = math.sqrt(np.mean(off[:, 2] ** 2) / np.mean((turn + way) ** 2))
+    return share, both, both
+
+
+@pytest.mark.parametrize("model", NOISY, ids=kind_of)
+def test_noise_above_what_is_assumed_is_found_again_by_a_model_of_its_kind(model):
+    # Half of the 4,000 steps tell the noise of drives: √(2 / 2,000) = 3 %, the 99 % point 6 % of a
+    # variance. Noise from turning and from driving trades off, by some times that: 25 %; α4 is
+    # a fifth of its variance at most: 60 %.
+    meant = told()
+    found = motion_noise(log_of(meant, done_by(model, meant)), kind_of(model))
+    assert type(found) is type(model)
+    for name, value in vars(model).items():
+        assert getattr(found, name) == pytest.approx(value, rel=0.6 if name == "alpha4" else 0.25)
+
+
+@pytest.mark.parametrize("unit", ["m", "px"])
+@pytest.mark.parametrize("kind", MOTION_MODELS)
+def test_noise_is_never_less_than_what_is_assumed_of_an_unknown_robot(kind, unit):
+    meant = told(200)
+    perfect = log_of(meant * ([50, 50, 1] if unit == "px" else 1), meant, unit=unit)
+    perfect = log_of(perfect.increments, perfect.increments, unit=unit)
+    assert motion_noise(perfect, kind) == unknown_motion(kind, unit)
+
+
+@pytest.mark.parametrize("kind", MOTION_MODELS)
+def test_an_unknown_robot_is_the_same_in_pixels(kind):
+    in_metres, in_pixels = unknown_motion(kind, "m"), unknown_motion(kind, "px")
+    for name, value in vars(scaled(in_metres, 50.0)).items():  # 1 px is 0.02 m
+        assert getattr(in_pixels, name) == pytest.approx(value)
+    assert {vars(in_metres)[name] for name in vars(in_metres) if name != "still"} == {0.2}
+    assert kind_of(in_metres) == kind
+
+
+def test_an_unknown_kind_is_refused_in_a_sentence():
+    with pytest.raises(InputError, match=r"unknown motion model 'omny': did you mean 'omni'\?"):
+        unknown_motion("omny", "m")
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+@pytest.mark.parametrize("model", QUIET, ids=kind_of)
+def test_a_sparse_reference_tells_the_noise_of_a_step_as_a_dense_one_does(model, every):
+    meant = told()
+    done, kind = done_by(model, meant), kind_of(model)
+    dense, sparse = (fitted(log_of(meant, done, each), kind) for each in (1, every))
+    stretches = STEPS // every
+    of_turns, of_drives = 5 * math.sqrt(2 / stretches), 5 * 2 * 1.33 / math.sqrt(stretches / 2)
+    ways, turns = np.mean(meant[:, 0] ** 2), np.mean(meant[:, 2] ** 2)
+
+    def variances(found) -> tuple[float, float]:  # of an average step's way and turn
+        if isinstance(found, OdometryMotion):
+            return found.drive**2 * ways, found.turn**2 * turns
+        return found.alpha3 * ways + found.alpha4 * turns, found.alpha1 * turns + 2 * (
+            found.alpha2 * ways
+        ) / (1 if isinstance(found, DifferentialMotion) else 2)
+
+    (drive, turn), (own_drive, own_turn) = variances(sparse), variances(dense)
+    assert abs(math.log(turn / own_turn)) < math.log1p(of_turns), (turn, own_turn)
+    assert abs(math.log(drive / own_drive)) < math.log1p(of_drives), (drive, own_drive)
+
+
+@pytest.mark.parametrize("every", [1, 4, 20])
+def test_a_wheel_that_is_too_small_is_an_error_of_each_step_however_sparse_the_reference(every):
+    # 5 % of each way and turn. Were it noise, it would grow as √n in a stretch: 0.22 for 20.
+    meant = np.tile([0.25, 0.0, 0.02], (STEPS, 1))
+    steps, true = typical_steps(log_of(meant, meant * 1.05, every))
+    # a stretch is a chord of an arc of θ ≤ 0.4 rad, shorter by θ² / 24, of which the difference
+    # (1.05³ - 1) θ² / 24 = 0.001
+    assert (true - steps)[:, 0] / steps[:, 0] == pytest.approx(0.05, abs=0.002)
+    assert (true - steps)[:, 2] / steps[:, 2] == pytest.approx(0.05, abs=0.002)
+
+
+def test_odometry_that_loses_the_sign_of_some_drives_raises_the_noise_of_drives_alone():
+    meant = told()
+    done = done_by(QUIET[1], meant)
+    lost = np.random.default_rng(2).random(STEPS) < 0.02
+    backward = done.copy()
+    backward[lost, :2] = -meant[lost, :2]
+    found, clean = (motion_noise(log_of(meant, each)) for each in (backward, done))
+    # the error is 2 ρ, and in 1 of 50: within 2.58 to 4 standard deviations
+    assert 2 / 4 < math.sqrt(found.alpha3) < 2 / 2.4
+    assert clean == unknown_motion("differential", "m")
+    assert (found.alpha1, found.alpha2) == (clean.alpha1, clean.alpha2)
+
+
+def test_what_cannot_be_estimated_from_is_refused_with_what_to_give_instead():
+    meant = told(20)
+    log = log_of(meant, meant)
+    with pytest.raises(InputError, match="no reference: give the noise of the motion instead"):
+        motion_noise(Log(log.scanner, log.times, log.odometry, log.ranges))
+    with pytest.raises(InputError, match=r"has 9 stretches .* needs 10: give it by --motion"):
+        motion_noise(log.segment(0, 10))
+    with pytest.raises(InputError, match="has 4 stretches"):
+        motion_noise(log_of(meant, meant, every=5))
