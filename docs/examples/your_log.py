@@ -22,6 +22,8 @@ cells = np.zeros((120, 180), np.int8)
 cells[[0, -1]] = cells[:, [0, -1]] = 100
 cells[40:80, 50:120] = 100
 cells[0:14, 60:80] = cells[106:, 130:150] = cells[60:70, 0:20] = 100
+cells[41:79, 51:119] = -1  # unknown inside, as on a map that a robot has made
+cells[1:13, 61:79] = cells[107:119, 131:149] = cells[61:69, 1:19] = -1
 GridMap(occupancy=cells, resolution=0.05).save(folder / "hall.yaml")
 
 env = RecordLog(
@@ -40,7 +42,7 @@ while info["planned_count"]:
 logs.write(env.log, folder / "lap.log.gz")
 
 # %%
-# Play the log: actions are the odometry, observations the scans.
+# Play the log: actions are the odometry (forward, left, turn), observations the scans.
 
 env = gym.make(
     "deqmcl_gym/Log-v0",
@@ -53,7 +55,7 @@ log = env.unwrapped
 robot = localizers.RobotModel(
     floor_plan=log.floor_plan,
     lidar=log.lidar,
-    motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.1),
+    motion=localizers.DifferentialMotion(),
     scan=localizers.GaussianUniform(sigma=0.2),
 )
 localizer = localizers.make("mcl", robot)
@@ -65,12 +67,12 @@ while not terminated:
     ranges, _, terminated, _, info = env.step(log.next_action)
     belief = localizer.update(ranges, info["action"], info["planned_actions"])
     way.append(localizers.best_cluster(*belief.points(), unit="m").mean)
-    distance, turn = info["action"]
+    forward, left, turn = info["action"]
     x, y, heading = odometry[-1]
     heading += turn
-    odometry.append(
-        np.array([x + distance * np.cos(heading), y + distance * np.sin(heading), heading])
-    )
+    x += forward * np.cos(heading) - left * np.sin(heading)
+    y += forward * np.sin(heading) + left * np.cos(heading)
+    odometry.append(np.array([x, y, heading]))
 
 plt.imshow(cells == 0, cmap="gray", origin="lower", extent=(0, 9, 0, 6))
 plt.plot(*np.array(odometry)[:, :2].T, "--", color="tab:gray", label="odometry alone")

@@ -35,7 +35,7 @@ class DifferentialMotion:
     """Turn by rot1, drive ρ, turn by rot2, each with noise; Thrun et al. 2005, table 5.6.
 
     rot1 is the direction of the increment, rot2 = turn - rot1; rot1 = 0 if ρ < ``still``. With
-    rᵢ = min(|rotᵢ|, |rotᵢ - π|), which treats backward as forward, the variances are
+    rᵢ = min(abs(rotᵢ), abs(rotᵢ - π)), which treats backward as forward, the variances are
 
     - of rot1: α1 r1² + α2 ρ², of rot2: α1 r2² + α2 ρ²;
     - of ρ: α3 ρ² + α4 (r1² + r2²).
