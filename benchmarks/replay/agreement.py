@@ -10,7 +10,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
-FEW = 0.4  # share of beams within the larger one below which log and map do not fit
+FEW = 0.5  # share of beams within the larger one below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
 
 

@@ -386,7 +386,7 @@ def test_a_folder_that_holds_other_files_is_refused(recorded, capsys):
 
 
 def test_params_reach_their_localizer_and_no_other(recorded):
-    words = (*KNOWN, "--localizers", "mcl,mcl-map")
+    words = (*KNOWN, "--seeds", "1", "--localizers", "mcl,mcl-map")
     assert replay(*words, "--out", "plain") == 0
     given = ("--param", "mcl-map.particles=37", "--param", "mcl-map.start_draws=3")
     assert replay(*words, *given, "--out", "own") == 0

@@ -90,7 +90,7 @@ def test_a_lidar_anywhere_on_the_robot_localizes_it_as_well_as_one_in_its_centre
     # means. Without the sideways part of the increments the error is some 0.4 m, 40 times this.
     seeds = range(2 if method in SLOW else 6)
     central = np.array([error(method, CENTRE, noise, seed) for seed in seeds])
-    for place in PLACES:
+    for place in PLACES[1::2] if method in SLOW else PLACES:
         off = np.array([error(method, place, noise, seed)[0] for seed in seeds])
         most = 1.2 * (central[:, 0] + math.hypot(*place) * central[:, 1])
         doubt = math.hypot(*(x.std(ddof=1) / math.sqrt(x.size) for x in (off, most)))
