@@ -8,9 +8,11 @@ from benchmarks.replay.setting import Setting, metre
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
+from localizers import OmniMotion
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
 FEW = 0.5  # share of beams within the larger one below which log and map do not fit
+SIDEWAYS = 0.1  # share of the way above which sideways motion is told; 1 to 2 % in two real logs
 _LOOKED_AT = 200  # reference poses
 
 
@@ -42,6 +44,19 @@ def disagreement(setting: Setting) -> str | None:
     floor_plan = setting.env().floor_plan
     _, share = agreement(part, floor_plan, part.reference)
     return misfit_words(share, "from the reference poses")
+
+
+def sideways(setting: Setting) -> str | None:
+    """Return the warning that the odometry moves the robot sideways; None if it hardly does."""
+    log = setting.log
+    aside, driven = float(np.abs(log.residuals).sum()), float(log.driven[-1])
+    if isinstance(setting.motion, OmniMotion) or aside <= SIDEWAYS * driven:
+        return None
+    return (
+        f"{aside:.1f} of {driven:.1f} {log.unit} of odometry are sideways: for a robot that can "
+        "move so, add --motion kind=omni; for one that cannot, its odometry is not of the point "
+        "between its wheels, or the wheels slip."
+    )
 
 
 def misfit_words(share: float, where: str) -> str | None:

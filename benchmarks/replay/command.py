@@ -9,7 +9,7 @@ from benchmarks.console import doing, warn
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.files import own_folder, utf8, write_part
-from benchmarks.replay.agreement import disagreement, misfit_words
+from benchmarks.replay.agreement import disagreement, misfit_words, sideways
 from benchmarks.replay.running import Run, attempt, guest_of
 from benchmarks.replay.scoring import Played, Row, rows_of
 from benchmarks.replay.setting import Setting
@@ -46,7 +46,7 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     own_folder(out, "replay")
-    said = warn([*warnings, disagreement(setting)])
+    said = warn([*warnings, sideways(setting), disagreement(setting)])
     played, failures = _played(runs, out, where)
     rows = rows_of(runs, played)
     said += warn([_misfit(setting, rows)])

@@ -433,3 +433,18 @@ def test_poses_are_those_of_the_robot_wherever_its_lidar_is(recorded, capsys):
     for seed in range(3):
         one, two = (recorded / out / f"tracks/dead-reckoning-{seed}.tum" for out in ("o", "p"))
         assert one.read_bytes() == two.read_bytes()  # the same start, in whichever words
+
+
+def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(recorded, capsys):
+    log = logs.read("lap.csv")
+    strafing = log.odometry.copy()
+    strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
+    logs.write(replace(log, odometry=strafing), "strafing.csv")
+    words = ("strafing.csv", *KNOWN[1:], "--localizers", "dead-reckoning")
+    assert replay(*words, "--out", "o") == 0
+    assert "of odometry are sideways: for a robot that can move so, add --motion kind=omni" in (
+        " ".join(capsys.readouterr().err.split())
+    )
+    assert replay(*words, "--motion", "kind=omni", "--out", "p") == 0
+    assert replay("lap.csv", *words[1:], "--out", "q") == 0
+    assert "sideways" not in capsys.readouterr().err
