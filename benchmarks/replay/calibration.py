@@ -13,6 +13,7 @@ import numpy as np
 
 from benchmarks.replay.playing import Track, replay
 from benchmarks.replay.setting import Setting, robot_of
+from benchmarks.tables.text import percent
 from deqmcl_gym.logs import Log
 from localizers import GaussianPrior, make
 from localizers.models.beams import BeamDensity
@@ -48,9 +49,9 @@ class Fit:
         """What was done, in a sentence or two."""
         return (
             f"The likelihood of a scan is raised to the power {self.power:.3g}: with it, the 95 % "
-            f"region of `mcl` covers {self.covered:.0%} of the reference's poses in the first "
-            f"{self.records:,} records ({self.untempered:.0%} with power 1). Coverage and NEES in "
-            "the tables are those of the records after them."
+            f"region of mcl covers {percent(self.covered)} of the reference's poses in the first "
+            f"{self.records:,} records ({percent(self.untempered)} with power 1). Coverage and NEES "
+            "in the tables are those of the records after them."
         )
 
 
