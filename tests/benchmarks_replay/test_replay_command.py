@@ -62,7 +62,7 @@ def played_at(errors, seed=0, interpolated=None):
         nees=np.full(n, 4.0), seconds=np.ones(n), unit="m",
     )  # fmt: skip
     log = SimpleNamespace(unit="m", interpolated=interpolated)
-    run = SimpleNamespace(setting=SimpleNamespace(log=log), seed=seed)
+    run = SimpleNamespace(setting=SimpleNamespace(log=log, judged=0), seed=seed)
     return Played(run=run, track=track, agreement=(0.0, 0.0))
 
 
@@ -259,7 +259,7 @@ def test_lost_runs_are_counted_among_those_that_ended():
         ranks=seconds, nees=seconds, seconds=seconds, unit="m",
     )  # fmt: skip
     log = SimpleNamespace(unit="m", interpolated=None)
-    run = SimpleNamespace(setting=SimpleNamespace(log=log), seed=0)
+    run = SimpleNamespace(setting=SimpleNamespace(log=log, judged=0), seed=0)
     played = [Played(run=run, track=track, agreement=(0.0, 0.0))] * 2
     row = Row(localizer="mcl", played=played, failed_seeds=(2, 3))
     told = results_table([row], referenced=True)
