@@ -50,8 +50,8 @@ class Fit:
         return (
             f"The likelihood of a scan is raised to the power {self.power:.3g}: with it, the 95 % "
             f"region of mcl covers {percent(self.covered)} of the reference's poses in the first "
-            f"{self.records:,} records ({percent(self.untempered)} with power 1). Coverage and NEES "
-            "in the tables are those of the records after them."
+            f"{self.records:,} records ({percent(self.untempered)} with power 1). Coverage and "
+            "NEES in the tables are those of the records after them."
         )
 
 

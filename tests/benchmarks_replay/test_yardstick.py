@@ -28,15 +28,15 @@ def hall() -> GridMap:
     return GridMap(occupancy=cells, resolution=0.05)
 
 
-def recorded(seed: int) -> Log:
-    """A lap of 23 m on arcs and with turns on the spot, a lidar ahead of the wheels."""
+def recorded(seed: int, laps: int = 1) -> Log:
+    """Laps of 23 m on arcs and with turns on the spot, a lidar ahead of the wheels."""
     rng, turns = np.random.default_rng(seed), [(0.0, 0.0, math.pi / 20)] * 10
     lap = []
     for length in (7.0, 4.5, 7.0, 4.5):
         bends = rng.uniform(-0.02, 0.02, round(length / 0.1))
         lap += [(0.1, 0.0, bend) for bend in bends - bends.mean()] + turns
     start = (1.5, 1.6, 0.0)
-    truth = dead_reckoned(np.array(lap), start)
+    truth = dead_reckoned(np.array(lap * laps), start)
     moved = increments_of(truth)
     moved *= 1 + rng.normal(0, 0.1, moved.shape)
     scanner = Scanner(
