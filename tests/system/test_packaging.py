@@ -73,11 +73,10 @@ def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
             ast.parse(path.read_text(), feature_version=(3, 11))
 
 
-def test_citation_and_changelog_are_those_of_this_version():
+def test_citation_and_the_newest_release_in_the_changelog_are_those_of_this_version():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    newest = next(
-        line for line in (ROOT / "CHANGELOG.md").read_text().splitlines() if line.startswith("## ")
-    )
+    lines = (ROOT / "CHANGELOG.md").read_text().splitlines()
+    newest = next(line for line in lines if line.startswith("## ") and line != "## [Unreleased]")
     assert cited["version"] == deqmcl_gym.__version__
     assert newest == f"## [{cited['version']}] - {cited['date-released']}"
 
