@@ -7,7 +7,7 @@ ARGS ?=
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help
-.PHONY: help setup paper test test-slow check format lint types contracts docs site release clean
+.PHONY: help setup paper test test-slow check format lint types contracts docs docs-numbers site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -18,7 +18,7 @@ paper: $(READY)  ## Run the paper's experiment into results/paper (more argument
 	$(BIN)/deqmcl paper $(ARGS)
 
 test: $(READY)  ## Run the tests, without those of minutes
-	$(BIN)/python -m pytest -m "not slow" -n auto $(ARGS)
+	$(BIN)/python -m pytest -m "not slow" -n auto --durations=25 $(ARGS)
 
 test-slow: $(READY)  ## Run the tests of minutes: statistics, random faults
 	$(BIN)/python -m pytest -m slow -n auto $(ARGS)
@@ -40,6 +40,9 @@ contracts: $(READY)  ## Check who may import whom
 
 docs: $(READY)  ## Run the code of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
+
+docs-numbers: $(READY)  ## Write the tables of README and docs from the CSV files of docs/reports
+	$(BIN)/python docs/numbers.py
 
 site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
 	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site

@@ -1,0 +1,181 @@
+"""How far a run walks: the files of ours whose functions it enters, by a profile hook.
+
+``python tests/walks.py`` prints the table; ``system/test_walks.py`` holds it below ``LIMITS``. All
+threads and processes of a run count, calls made while a module is being imported do not.
+"""
+
+import contextlib
+import graphlib
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = "deqmcl_gym", "localizers", "benchmarks"
+OURS = tuple(f"{ROOT / package}{os.sep}" for package in PACKAGES)
+
+LIMITS = {  # the most files that each may enter
+    "deqmcl paper": 157,
+    "a sweep cell": 169,
+    "a trial of mcl": 77,
+    "a trial of deq-mcl": 81,
+    "update of mcl": 22,
+    "env.step": 14,
+}
+MOST_FILES = 365  # of source
+
+COMMANDS = {
+    "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",
+    "a sweep cell": "sweep {cell} --jobs 1 --out {out}",
+}
+CELL = """
+title = "a cell"
+scenario = "guided"
+localizers = ["deq-mcl"]
+trials = 1
+"""
+EVERYWHERE = """
+import sys
+sys.path.insert(0, {tests!r})
+import walks
+sys.path.remove({tests!r})
+walks.follow({log!r})
+"""
+
+
+class _Hook:
+    """A profile hook that hands on each file of ours when its first function is called."""
+
+    def __init__(self, seen: Callable[[str], object]) -> None:
+        self._seen, self._files = seen, set()
+        self._imports = threading.local()
+
+    def __call__(self, frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        depth = getattr(self._imports, "depth", 0)
+        if code.co_name == "<module>" and frame.f_globals.get("__name__") != "__main__":
+            self._imports.depth = max(0, depth + (event == "call") - (event == "return"))
+        elif event == "call" and depth == 0:
+            file = code.co_filename
+            if file not in self._files and file.startswith(OURS):
+                self._files.add(file)
+                self._seen(os.path.relpath(file, ROOT))
+
+
+def follow(log: str) -> None:
+    """From here on write each file entered to ``log``, in forked processes too."""
+    line = os.open(log, os.O_WRONLY | os.O_APPEND)
+    hook = _Hook(lambda file: os.write(line, f"{file}\n".encode()))
+    threading.setprofile(hook)
+    sys.setprofile(hook)
+
+
+@contextlib.contextmanager
+def followed() -> Iterator[set[str]]:
+    """Yield the set of files that this thread enters within the context."""
+    files: set[str] = set()
+    sys.setprofile(_Hook(files.add))
+    try:
+        yield files
+    finally:
+        sys.setprofile(None)
+
+
+def of_command(name: str) -> set[str]:
+    """Return the files that a command of ``COMMANDS`` enters, in all its processes."""
+    with tempfile.TemporaryDirectory() as folder:
+        log, cell, site = (Path(folder, part) for part in ("log", "cell.toml", "site"))
+        log.touch()
+        cell.write_text(CELL)
+        site.mkdir()  # what Python imports when it starts
+        text = EVERYWHERE.format(tests=str(ROOT / "tests"), log=str(log))
+        (site / "sitecustomize.py").write_text(text)
+        words = COMMANDS[name].format(cell=cell, out=Path(folder, "out")).split()
+        path = os.pathsep.join([str(site), str(ROOT)])
+        subprocess.run(
+            [sys.executable, "-m", "benchmarks", *words],
+            env=os.environ | {"PYTHONPATH": path},
+            check=True,
+            capture_output=True,
+        )
+        return set(log.read_text().split())
+
+
+def of_a_trial(method: str) -> set[str]:
+    """Return the files that one trial enters, without its worker and its store."""
+    from benchmarks.sweeps.sweepfile import sweeps_named
+    from benchmarks.trials.attempt import attempt
+    from benchmarks.trials.plugins import key_of
+
+    with tempfile.TemporaryDirectory() as folder:
+        cell = Path(folder, "cell.toml")
+        cell.write_text(CELL.replace("guided", "paper").replace("deq-mcl", method))
+        (sweep,) = sweeps_named(str(cell)).values()
+    (trial,) = sweep.distinct()
+    key = key_of(trial)
+    with followed() as files:
+        assert attempt(trial, key).record
+    return files
+
+
+def of_a_step() -> tuple[set[str], set[str]]:
+    """Return the files that one ``env.step`` and one ``update`` of MCL enter, not the first."""
+    import gymnasium as gym
+    import numpy as np
+
+    import deqmcl_gym  # noqa: F401 - registers the environment
+    import localizers
+
+    env = gym.make("deqmcl_gym/Room-v0").unwrapped
+    _, info = env.reset(seed=0)
+    plan = info["planned_actions"]
+    robot = localizers.RobotModel(floor_plan=env.floor_plan, lidar=env.lidar)
+    mcl = localizers.make("mcl", robot)
+    mcl.reset(localizers.UniformPrior(floor_plan=env.floor_plan), plan, np.random.default_rng(0))
+    for k in range(4):
+        with followed() as stepping:
+            ranges = env.step(plan[k])[0]
+        with followed() as updating:
+            mcl.update(ranges, plan[k], plan[k + 1 :])
+    return stepping, updating
+
+
+def walks() -> dict[str, set[str]]:
+    """Return the files that each walk of ``LIMITS`` enters."""
+    stepping, updating = of_a_step()
+    files = {name: of_command(name) for name in COMMANDS}
+    files |= {f"a trial of {method}": of_a_trial(method) for method in ("mcl", "deq-mcl")}
+    return files | {"update of mcl": updating, "env.step": stepping}
+
+
+def source() -> list[Path]:
+    """Return the files of source."""
+    return sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+
+def circle() -> list[str]:
+    """Return the modules of an import circle, lazy imports included; empty if there is none."""
+    import grimp
+
+    graph = grimp.build_graph(*PACKAGES, cache_dir=None)
+    imports = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
+    try:
+        graphlib.TopologicalSorter(imports).prepare()
+    except graphlib.CycleError as error:
+        return error.args[1]
+    return []
+
+
+if __name__ == "__main__":
+    sys.path[0] = str(ROOT)  # not tests/, which has folders of the same names
+    for name, files in walks().items():
+        print(f"{name:20}{len(files):5} files of at most {LIMITS[name]}")
+        if sys.argv[1:] == ["--files"]:
+            print(*sorted(files), sep="\n")
+    print(f"{'source':20}{len(source()):5} files of at most {MOST_FILES}")
+    print(f"import circle: {' → '.join(circle()) or 'none'}")
