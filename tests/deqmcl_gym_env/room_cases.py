@@ -33,6 +33,15 @@ SPIKE = {
 EMPTY = {"outer": [[0, 0], [0, 300], [350, 300], [350, 0]]}  # clockwise
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}
 
+# An office and a route in it, as in the scenarios lost and driving.
+WORLD = {
+    "robot": {"radius": 0.25},
+    "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
+    "lap": {"step": 0.2},
+    "route": {"min_length": 15.0, "max_length": 60.0},
+}
+SMALL = {"wings": 1, "corridors": 1}
+
 # One long episode of an undisturbed robot: a 40,000 px wide hall whose planned lap has > 20,000
 # steps, so that samples are drawn step by step, without resets and walls.
 _WIDE = {"outer": [[0, 0], [40_000, 0], [40_000, 40_000], [0, 40_000]]}

@@ -211,22 +211,3 @@ def test_any_world_can_have_a_driver_and_lose_it_and_its_keys_change_alone():
     driver = guided(driver={"look_ahead": 40}).world.driver
     assert (driver.look_ahead, driver.on_the_spot) == (40, 0.5)
     assert infos_of(RoomEnv(driver=driver))[-1]["planned_count"] == 0
-
-
-@pytest.mark.parametrize(
-    ("driver", "said"),
-    [
-        ({"speed": 3}, "key in driver"),
-        (5, "driver is 5, but must be a Driver"),
-        ("nobody", r'driver is \'nobody\', but must be .* or "none" for no driver'),
-        ({"look_ahead": 300}, r"meets a wall near .*: give another driver\.look_ahead"),
-        (
-            {"look_ahead": 0.3},
-            "does not complete the lap in 408 steps",
-        ),  # it overshoots, to and fro
-    ],
-)
-def test_a_driver_that_cannot_be_is_refused_in_one_sentence(driver, said):
-    with pytest.raises(InputError, match=said) as refused:
-        RoomEnv(driver=driver)
-    assert "\n" not in str(refused.value)

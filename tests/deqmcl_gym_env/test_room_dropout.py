@@ -8,7 +8,6 @@ from room_cases import drive
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout
-from deqmcl_gym.validation import InputError
 
 BEAMS = {"lidar": {"beams": 100, "sigma": 5.0}}
 
@@ -72,9 +71,3 @@ def test_what_is_lost_follows_from_the_seed_and_the_episode():
     again, _ = episode(env, seed=5)
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(np.isinf(first), np.isinf(second))
-
-
-@pytest.mark.parametrize("probability", [-0.1, 1.1])
-def test_what_is_no_probability_is_refused(probability):
-    with pytest.raises(InputError, match=r"probability is .* from 0 to 1"):
-        BeamDropout(RoomEnv(), probability)

@@ -145,22 +145,6 @@ def test_free_space_seen_by_single_rays_stays_free_in_a_small_picture():
     assert (image[walls == 0] == 255).all()
 
 
-@pytest.mark.parametrize(
-    ("floor_plan", "sentence"),
-    [
-        ("lost.yaml", "does not exist"),
-        ({"file": "lost.yaml"}, "does not exist"),
-        ({"file": "m.yaml", "outer": []}, "unknown key in floor_plan 'outer'"),
-        ({"unknown": "free"}, "unknown key in floor_plan 'unknown'"),
-        (7, "must be a map, the path"),
-    ],
-)
-def test_a_floor_plan_that_is_none_is_refused(floor_plan, sentence):
-    with pytest.raises(InputError) as refused:
-        RoomEnv(floor_plan=floor_plan)
-    assert sentence in str(refused.value)
-
-
 def test_a_map_of_cells_has_no_lap_of_its_own(path):
     with pytest.raises(InputError, match=r"lap\.waypoints is None, but a lap can only"):
         RoomEnv(floor_plan=path)

@@ -119,18 +119,3 @@ def test_sentences_say_the_unit_of_the_map():
     for changed in ({"start": {"pose": (0, 0, 0)}}, {"robot": {"radius": 1.2}}):
         with pytest.raises(InputError, match=r"radius [0-9.]+ m"):
             RoomEnv(floor_plan=metres(PAPER), **changed)
-
-
-@pytest.mark.parametrize(
-    ("text", "kwargs"),
-    [
-        ("unknown unit of length 'km'", {"floor_plan": PAPER | {"unit": "km"}}),
-        ("unknown unit of length None", {"floor_plan": PAPER | {"unit": None}}),
-        ("would have 9016 x 9016 pixels", {
-            "floor_plan": {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"},
-            "render_mode": "rgb_array"}),
-    ],
-)  # fmt: skip
-def test_an_unknown_unit_and_a_room_too_large_in_metres_for_a_picture_are_refused(text, kwargs):
-    with pytest.raises(InputError, match=text):
-        RoomEnv(**kwargs)

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from room_cases import STILL
+from room_cases import SMALL, STILL, WORLD
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
@@ -16,14 +16,6 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world import route as planner
 from deqmcl_gym.world.path import Path
 
-# of the scenarios lost and driving
-WORLD = {
-    "robot": {"radius": 0.25},
-    "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
-    "lap": {"step": 0.2},
-    "route": {"min_length": 15.0, "max_length": 60.0},
-}
-SMALL = {"wings": 1, "corridors": 1}
 CLOSED = {
     "outer": [(0, 0), (350, 0), (350, 300), (0, 300)],
     "obstacles": [[(150, 5), (160, 5), (160, 295), (150, 295)]],
@@ -158,25 +150,6 @@ def test_gymnasium_finds_nothing_wrong_and_one_draws_it():
 def test_many_rooms_with_routes_run_one_by_one():
     with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync", horizon='):
         gym.make_vec(ROOM_ID, num_envs=2, floor_plan={"office": SMALL}, **WORLD)
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "said"),
-    [
-        ({"route": {"min_length": 20, "max_length": 10}}, "must be at most route.max_length, 10"),
-        ({"route": {"goal": (0.1, 0.1)}}, r"the route\.goal \(0\.1, 0\.1\) is less than 0\.3 m"),
-        ({"start": {"pose": (0.1, 0.1, 0)}}, r"the start\.pose .* give a place in free space"),
-        ({"robot": {"radius": 3.0}}, "the floor plan has no place for a robot that needs 3.05 m"),
-        ({"route": "there"}, r"route is 'there', but must be a Route"),
-        ({"route": {"way": 3}}, "key in route"),
-        ({"lap": {"waypoints": [(1, 1), (2, 1), (2, 2)]}}, "a route or lap.waypoints"),
-        ({"floor_plan": {"office": {"floors": 3}}}, "key in floor_plan.office"),
-    ],
-)
-def test_a_world_that_has_no_routes_is_refused_in_one_sentence(kwargs, said):
-    with pytest.raises(InputError, match=said) as refused:
-        RoomEnv(**({"floor_plan": {"office": SMALL}} | WORLD | kwargs))
-    assert "\n" not in str(refused.value)
 
 
 def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():

@@ -125,21 +125,6 @@ def test_a_bad_call_is_refused_and_all_episodes_go_on(call, given, text):
     np.testing.assert_equal(env.step(forward()), untouched.step(forward()))
 
 
-@pytest.mark.parametrize(
-    ("kwargs", "text"),
-    [
-        ({"num_envs": 0}, "num_envs is 0"),
-        ({"max_episode_steps": 0}, "max_episode_steps is 0"),
-        ({"autoreset_mode": "samestep"}, "did you mean 'SameStep'"),
-        ({"preset": "papre"}, "did you mean 'paper'"),
-        ({"render_mode": "human"}, "unknown render_mode"),
-    ],
-)
-def test_bad_arguments_are_refused(kwargs, text):
-    with pytest.raises(InputError, match=text):
-        RoomVectorEnv(**kwargs)
-
-
 def test_a_step_outside_an_episode_says_what_to_do():
     env = gym.make_vec(ROOM_ID, num_envs=3, autoreset_mode="Disabled", max_episode_steps=1)
     with pytest.raises(RuntimeError, match="room 0 has not begun: call reset"):

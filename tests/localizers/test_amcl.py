@@ -10,7 +10,6 @@ from following import updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
-from deqmcl_gym.validation import InputError
 from localizers.inference import adaptive_kernels
 from localizers.inference.adaptive import KldSampling
 from localizers.methods.amcl import OMNI, UpdateGate, WeightAverages
@@ -266,24 +265,6 @@ def test_the_omni_model_spreads_across_the_drive(robot):
         x, y, _ = updated("amcl", robot, prior, [math.nan], (100, 0), **params).present
         assert x.std() < 1e-3
         assert y.std() == pytest.approx(spread, rel=0.1, abs=1e-6)  # 5 / √(2 · 2,000)
-
-
-@pytest.mark.parametrize(
-    ("params", "said"),
-    [
-        ({"robot_model_type": "differential"}, "robot_model_type"),
-        ({"alpha4": -0.2}, "alpha4 is -0.2"),
-        ({"update_min_a": -1}, "update_min_a is -1"),
-        ({"max_beams": 1}, "max_beams is 1"),
-        ({"do_beamskip": 1}, "do_beamskip is 1"),
-        ({"beam_skip_threshold": 1.5}, "beam_skip_threshold is 1.5"),
-        ({"laser_likelihood_max_dist": 0}, "laser_likelihood_max_dist is 0"),
-        ({"field_cell": 1e-5}, "field_cell makes a table of"),
-    ],
-)
-def test_a_bad_parameter_is_refused_by_its_name(robot, params, said):
-    with pytest.raises(InputError, match=said):
-        localizers.make("amcl", robot, **params)
 
 
 def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:

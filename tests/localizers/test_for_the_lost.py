@@ -241,19 +241,6 @@ def test_a_route_is_news_only_for_a_while_however_lost_the_robot_is(robot, prior
     assert news == [0, 0, 3, 2, 1, *[0] * 8]
 
 
-@pytest.mark.parametrize(
-    ("wanted", "named"),
-    [
-        ({"scan_keep": 1.5}, "scan_keep"),
-        ({"recovery_alpha_fast": 2.0}, "recovery_alpha_fast"),
-        ({"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
-    ],
-)
-def test_what_cannot_be_is_refused(robot, wanted, named):
-    with pytest.raises(InputError, match=named):
-        localizers.make("mcl-map", robot, **wanted)
-
-
 def test_random_poses_come_by_the_ratio_of_the_two_averages():
     recovery = Recovery(alpha_slow=0.1, alpha_fast=0.5)
     for likelihood in (0.2, 0.4, 0.6):

@@ -8,7 +8,6 @@ import pytest
 from following import follow, same, varied
 
 import localizers
-from deqmcl_gym.validation import InputError
 from localizers.models.motion import increments
 from localizers.models.plan_sensor import PlanSensor
 
@@ -148,17 +147,3 @@ def test_a_stale_plan_is_noticed_where_the_sensor_holds_the_cloud(robot, prior, 
     own = [b.plan_reading.valid for b in follow(doubting, prior, drive)][:-1]
     assert told[-1] < 0.05
     assert min(own) > 0.5
-
-
-@pytest.mark.parametrize(
-    ("wanted", "named"),
-    [
-        ({"validity": 0.01}, "keep = 0"),
-        ({"validity": 0.01, "keep": 0.0, "charge": "new"}, "always"),
-        ({"validity": 0.6, "keep": 0.0}, "validity"),
-        ({"validity": "often", "keep": 0.0}, "validity"),
-    ],
-)
-def test_a_doubt_that_cannot_be_is_refused(robot, wanted, named):
-    with pytest.raises(InputError, match=named):
-        localizers.make("mcl-plan", robot, **wanted)

@@ -141,13 +141,6 @@ def test_navs_noise_in_a_room_of_pixels_is_that_in_metres(model):
     np.testing.assert_allclose(in_pixels, in_metres * [[50], [50], [1]], atol=1e-3)
 
 
-@pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])
-@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
-def test_a_bad_alpha_is_refused(model, value):
-    with pytest.raises(InputError, match=r"^alpha2 is "):
-        model(alpha2=value)
-
-
 def driven(model, steps, rng) -> tuple[np.ndarray, np.ndarray]:
     """Increments that an odometry tells, and those of robots that move so by the model."""
     meant = np.column_stack(

@@ -36,23 +36,6 @@ def test_headings_a_full_turn_apart_have_the_same_density():
     assert density == pytest.approx(np.full(3, density[0]), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"mean": (1, 2)},
-        {"mean": (1, 2, 90)},
-        {"mean": (math.nan, 2, 0)},
-        {"mean": "abc"},
-        {"sd_position": -1},
-        {"sd_heading": math.nan},
-    ],
-)
-def test_a_bad_prior_is_refused_on_one_line(bad):
-    with pytest.raises(InputError, match=r"prior.*\.$") as caught:
-        GaussianPrior(**{"mean": (1, 2, 0), **bad})
-    assert "\n" not in str(caught.value)
-
-
 def test_draws_of_a_uniform_prior_are_free_and_even_over_space_and_headings(room):
     prior = UniformPrior(floor_plan=room, radius=8.0)
     poses = prior.sample(4000, np.random.default_rng(0))
@@ -70,12 +53,6 @@ def test_the_density_of_a_uniform_prior_is_one_over_free_space_and_turns(room):
     # free space is counted at 16,384 even points: to a percent
     assert prior.log_density(poses)[:2] == pytest.approx([level, level], abs=0.01)
     assert prior.log_density(poses)[2:].tolist() == [-math.inf, -math.inf]
-
-
-def test_a_uniform_prior_for_a_robot_too_wide_is_refused():
-    narrow = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
-    with pytest.raises(InputError, match=r"prior\.radius is 8, but a disc that wide does not fit"):
-        UniformPrior(floor_plan=narrow, radius=8)
 
 
 def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):

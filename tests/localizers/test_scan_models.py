@@ -68,22 +68,6 @@ def test_densities_and_atoms_come_to_one(expected, sigma):
     assert published == pytest.approx(0.95 * kept + 0.05, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("model", "bad", "words"),
-    [
-        *[(model, {"sigma": 0}, r"^scan\.sigma is 0.* above 0\.$") for model in MODELS],
-        (GaussianUniform, {"uniform": 1.1}, r"^scan\.uniform is .* from 0 to 1\.$"),
-        (CensoredGaussianUniform, {"uniform": -0.1}, r"^scan\.uniform is .* from 0 to 1\.$"),
-        (BeamModel, {"hit": 0.9}, "must add up to 1"),
-        (BeamModel, {"rand": -0.1}, r"scan\.rand is -0\.1"),
-        (BeamModel, {"decay": 0}, r"scan\.decay is 0"),
-    ],
-)
-def test_a_bad_parameter_is_refused_with_its_field(model, bad, words):
-    with pytest.raises(InputError, match=words):
-        model(**bad)
-
-
 def exact_density(model, o: float, expected: float) -> float:
     """A beam's density, or mass, by the formulas alone."""
     sigma, seen = model.sigma, min(expected, MAX)
@@ -175,9 +159,3 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
-
-
-@pytest.mark.parametrize("power", [0, 1.1, -1, float("nan")])
-def test_a_power_outside_its_range_is_refused(power):
-    with pytest.raises(InputError, match=r"^scan\.power is "):
-        GaussianUniform(power=power)

@@ -33,24 +33,6 @@ def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"office": {"sed": 3}}, "did you mean 'seed'"),
-        ({"office": 3}, "floor_plan.office is 3"),
-        ({"office": {}, "frm": 1}, "did you mean 'form'"),
-        ({"office": {}, "form": "x"}, "allowed values: grid, polygons"),
-        ({"offic": {}}, "did you mean 'office'"),
-        ({"file": "a.json", "unknown": "free"}, "unknown key in floor_plan 'unknown'"),
-        ("nowhere.json", "does not exist"),
-        (3, "floor_plan is 3, but must be a map"),
-    ],
-)
-def test_what_is_no_floor_plan_is_refused(given, words):
-    with pytest.raises(InputError, match=words):
-        floor_plan(given)
-
-
-@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("{", "is truncated, or not JSON"),

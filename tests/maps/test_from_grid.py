@@ -1,7 +1,6 @@
 """PolygonMap.from_grid: the same building in segments."""
 
 import numpy as np
-import pytest
 from grid_cases import grids, in_cells, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,7 +8,6 @@ from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import close_pairs, crossings
-from deqmcl_gym.validation import InputError
 
 ALIKE = ("obstacle", "free")  # to beams and robots
 
@@ -37,12 +35,6 @@ def test_all_of_one_region_is_kept_with_what_stands_in_it():
     assert len(plan.obstacles) > 5
     free = plan.free(somewhere(grid, 20_000, rng)).mean()
     assert abs(free - (~grid.solid).mean()) < 0.05
-
-
-def test_a_map_with_transparent_cells_has_no_polygons():
-    cells = np.array([[0, -1], [0, 0]], np.int8)
-    with pytest.raises(InputError, match='unknown = "transparent"'):
-        PolygonMap.from_grid(GridMap(occupancy=cells, resolution=1.0, unknown="transparent"))
 
 
 def test_a_room_within_a_wall_is_no_part_of_it_and_what_stands_there_neither():
@@ -85,12 +77,6 @@ def test_rooms_that_touch_by_a_corner_are_two():
     plan = PolygonMap.from_grid(GridMap(occupancy=cells, resolution=1.0))
     assert plan.free([(5.5, 5.5)])[0]
     assert not plan.free([(2.5, 2.5)])[0]
-
-
-@pytest.mark.parametrize("tolerance", [-0.1, float("nan"), float("inf"), "fine"])
-def test_a_tolerance_that_is_none_is_refused(tolerance):
-    with pytest.raises(InputError, match="tolerance"):
-        PolygonMap.from_grid(office(), tolerance)
 
 
 def _outlines(plan):

@@ -10,6 +10,7 @@ from grid_cases import grids
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
+from refusals import refused
 
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
@@ -163,13 +164,8 @@ BROKEN = {
 def test_a_broken_map_is_refused_in_one_sentence_that_names_it(tmp_path, sentence):
     case = {"name": "map.pgm", "image": PGM} | BROKEN[sentence]
     path = written(tmp_path, **case)
-    with pytest.raises(InputError) as refused:
+    with refused(sentence, str(tmp_path)):
         GridMap.load(path)
-    said = str(refused.value)
-    assert sentence in said
-    assert str(tmp_path) in said
-    assert said.endswith(".")
-    assert "\n" not in said
 
 
 def test_a_pipe_is_not_waited_for(tmp_path):
@@ -208,34 +204,6 @@ def test_a_yaml_of_any_values_is_read_or_refused(tmp_path_factory, junk, key):
     lines = [f"{key}: {junk}" if line.startswith(key) else line for line in before.splitlines()]
     path.write_text("\n".join(lines), encoding="utf-8")
     with contextlib.suppress(InputError):
-        GridMap.load(path)
-
-
-@pytest.mark.parametrize(
-    ("cells", "sentence"),
-    [
-        (np.zeros((3, 3)), "type float64"),
-        (np.zeros((3, 3, 3), int), "of shape (3, 3, 3)"),
-        ([[0, 101], [0, 0]], "values from 0 to 101"),
-        ([[0, 0], [0]], "rows of whole numbers"),
-        ("map", "rows of whole numbers"),
-    ],
-)
-def test_cells_that_are_no_occupancy_are_refused(cells, sentence):
-    with pytest.raises(InputError) as refused:
-        GridMap(occupancy=cells, resolution=0.05)
-    assert sentence in str(refused.value)
-
-
-@pytest.mark.parametrize("unknown", ["wall", -0.1, 2, math.nan, None, True])
-def test_unknown_must_be_a_kind_or_a_share(unknown):
-    with pytest.raises(InputError, match="unknown"):
-        GridMap(occupancy=np.zeros((2, 2), int), resolution=0.05, unknown=unknown)
-
-
-@pytest.mark.parametrize("path", ["map.pgm", "", 5, None])
-def test_a_map_file_is_a_yaml_file(path):
-    with pytest.raises(InputError, match=r"must be the path of a \.yaml file"):
         GridMap.load(path)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refused
 
 from deqmcl_gym import Driver, GridMap, Lap, Lidar, MotionNoise, Office, Robot, Route, Start
 from deqmcl_gym.validation import (
@@ -66,12 +67,8 @@ WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
     ],
 )  # fmt: skip
 def test_what_is_refused_is_refused_in_one_sentence(check, value, limits, text):
-    with pytest.raises(InputError) as caught:
+    with refused(text):
         check("it", value, **limits)
-    sentence = str(caught.value)
-    assert text in sentence
-    assert "\n" not in sentence
-    assert sentence.endswith(".")
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2), np.int64(2)])
