@@ -135,7 +135,7 @@ CONTENTS = {
         "CONTRIBUTING",
         "CHANGELOG",
     ),
-    "docs/decisions/README": _tree("", "0*"),
+    "docs/decisions/README": _tree("", "0*", "../notes/0*"),
     "docs/reports/README": _tree("", "*", "*/*"),
 }
 

@@ -1,5 +1,6 @@
 """Every link within the documents leads somewhere, and every name of code is there."""
 
+import os
 import pkgutil
 import re
 from pathlib import Path
@@ -18,7 +19,7 @@ DOCUMENTS = sorted(
 )
 DECISIONS = ROOT / "docs" / "decisions"
 # what describes the code as it is, not as it was
-CURRENT = [path for path in DOCUMENTS if DECISIONS not in path.parents and path.stem != "CHANGELOG"]
+CURRENT = [path for path in DOCUMENTS if not path.name.startswith("00") and path.stem != "CHANGELOG"]
 
 FENCE = re.compile(r"^(```|~~~).*?^\1[ \t]*$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(`+)(?!`).*?(?<!`)\1(?!`)", re.DOTALL)
@@ -127,7 +128,9 @@ def test_a_name_that_is_gone_is_noticed(tmp_path):
     assert list(gone(document)) == ["lost", "lost_2", "LOST", "localizers.mend"]
 
 
-def test_decisions_are_numbered_without_a_gap_and_all_listed():
-    names = sorted({path.name for path in DECISIONS.glob("*.md")} - {"README.md"})
+def test_decisions_and_notes_are_numbered_without_a_gap_and_all_listed():
+    pages = [*DECISIONS.glob("0*.md"), *(DECISIONS.parent / "notes").glob("0*.md")]
+    names = sorted(page.name for page in pages)
     assert [name[:5] for name in names] == [f"{i:04d}-" for i in range(1, len(names) + 1)]
-    assert set(names) <= set(targets((DECISIONS / "README.md").read_text()))
+    listed = targets((DECISIONS / "README.md").read_text())
+    assert {os.path.relpath(page, DECISIONS) for page in pages} <= set(listed)
