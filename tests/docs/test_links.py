@@ -19,7 +19,7 @@ DOCUMENTS = sorted(
 )
 DECISIONS = ROOT / "docs" / "decisions"
 # what describes the code as it is, not as it was
-CURRENT = [path for path in DOCUMENTS if not path.name.startswith("00") and path.stem != "CHANGELOG"]
+CURRENT = [path for path in DOCUMENTS if not path.name.startswith(("00", "CHANGELOG"))]
 
 FENCE = re.compile(r"^(```|~~~).*?^\1[ \t]*$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(`+)(?!`).*?(?<!`)\1(?!`)", re.DOTALL)
