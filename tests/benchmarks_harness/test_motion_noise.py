@@ -5,6 +5,7 @@ itself; the 99 % point of their size, to which drives are raised, to 0.0995 / (0
 1.33 / √k of its 2.58 and twice that of the variance.
 """
 
+import functools
 import math
 from dataclasses import replace
 
@@ -49,10 +50,11 @@ def told(steps: int = STEPS, seed: int = 0) -> np.ndarray:
     )
 
 
-def done_by(model, meant: np.ndarray, seed: int = 1) -> np.ndarray:
-    """What a robot of a model does when its odometry tells ``meant``."""
-    rng, begin = np.random.default_rng(seed), np.zeros((3, 1), np.float32)
-    ends = np.array([model.sample(begin, one, rng)[:, 0] for one in meant], dtype=float)
+@functools.cache
+def done_by(model) -> np.ndarray:
+    """What a robot of a model does when its odometry tells ``told()``."""
+    rng, begin = np.random.default_rng(1), np.zeros((3, 1), np.float32)
+    ends = np.array([model.sample(begin, one, rng)[:, 0] for one in told()], dtype=float)
     return np.array([increments_of(np.vstack([np.zeros(3), end]))[0] for end in ends])
 
 
@@ -95,7 +97,7 @@ def test_noise_above_what_is_assumed_is_found_again_by_a_model_of_its_kind(model
     # variance. Noise from turning and from driving trades off, by some times that: 25 %; α4 is
     # a fifth of its variance at most: 60 %.
     meant = told()
-    found = motion_noise(log_of(meant, done_by(model, meant)), kind_of(model))
+    found = motion_noise(log_of(meant, done_by(model)), kind_of(model))
     assert type(found) is type(model)
     for name, value in vars(model).items():
         assert getattr(found, name) == pytest.approx(value, rel=0.6 if name == "alpha4" else 0.25)
@@ -128,7 +130,7 @@ def test_an_unknown_kind_is_refused_in_a_sentence():
 @pytest.mark.parametrize("model", QUIET, ids=kind_of)
 def test_a_sparse_reference_tells_the_noise_of_a_step_as_a_dense_one_does(model, every):
     meant = told()
-    done, kind = done_by(model, meant), kind_of(model)
+    done, kind = done_by(model), kind_of(model)
     dense, sparse = (fitted(log_of(meant, done, each), kind) for each in (1, every))
     stretches = STEPS // every
     of_turns, of_drives = 5 * math.sqrt(2 / stretches), 5 * 2 * 1.33 / math.sqrt(stretches / 2)
@@ -159,7 +161,7 @@ def test_a_wheel_that_is_too_small_is_an_error_of_each_step_however_sparse_the_r
 
 def test_odometry_that_loses_the_sign_of_some_drives_raises_the_noise_of_drives_alone():
     meant = told()
-    done = done_by(QUIET[1], meant)
+    done = done_by(QUIET[1])
     lost = np.random.default_rng(2).random(STEPS) < 0.02
     backward = done.copy()
     backward[lost, :2] = -meant[lost, :2]
