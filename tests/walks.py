@@ -19,13 +19,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = "deqmcl_gym", "localizers", "benchmarks"
 OURS = tuple(f"{ROOT / package}{os.sep}" for package in PACKAGES)
 
-LIMITS = {  # the most files that each may enter
+LIMITS = {  # the most files that each may enter: lower them with the code
     "deqmcl paper": 157,
     "a sweep cell": 169,
-    "a trial of mcl": 77,
-    "a trial of deq-mcl": 81,
-    "update of mcl": 22,
-    "env.step": 14,
+    "a trial of mcl": 76,
+    "a trial of deq-mcl": 80,
+    "update of mcl": 23,
+    "env.step": 15,
 }
 MOST_FILES = 365  # of source
 
