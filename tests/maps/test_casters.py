@@ -1,11 +1,13 @@
-"""The two ways to find the nearest wall: which one a floor plan takes, and that they agree."""
+"""The two ways to find the nearest wall agree; the geometry of the fan."""
+
+import math
 
 import numpy as np
 import pytest
 from sample_plans import PLANS, anywhere
 from test_ranges import inside_the_outer_wall
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.casting import (
     MANY_WALLS,
     AllAtOnce,
@@ -103,3 +105,17 @@ def test_a_wall_along_the_border_of_cells_is_not_missed():
     assert plan.ranges(blocked[:-1], [0.0])[:, 0] == pytest.approx(
         np.full(between.size - 1, 15.0), abs=1e-3
     )
+
+
+@pytest.mark.parametrize("beams", [1, 2, 9, 360])
+@pytest.mark.parametrize("view", [0.1, math.pi / 2, 2 * math.pi])
+def test_a_fan_is_spread_evenly_over_its_view_ahead_and_a_full_circle_has_no_twin_beam(beams, view):
+    bearings = Lidar(beams=beams, field_of_view=view).bearings
+    assert bearings.shape == (beams,)
+    if view == 2 * math.pi:
+        gaps = np.diff([*bearings, bearings[0] + view])  # all the way round
+        assert gaps == pytest.approx(view / beams)
+    else:
+        assert np.diff(bearings) == pytest.approx(view / max(beams - 1, 1))
+        assert bearings == pytest.approx(-bearings[::-1])
+    assert beams > 1 or bearings.tolist() == [0.0]

@@ -1,23 +1,16 @@
-"""PolygonMap.collides against pymunk and against the plain NumPy reference.
-
-pymunk decides what touches; it knows no interior, so where a step ends comes from the winding
-number. Two things about its thick segment query (7.3): it misses a disc that overlaps at the start,
-so the nearest point at both ends is asked for as well; and ``Space.segment_query`` does not widen
-its broad phase by the radius (it misses walls whose bounding box the centre's path does not cross),
-so each shape is asked by itself.
-
-Away from touching, where the path's clearance from the walls differs from the radius by more than
-BAND, both must agree exactly. Nearer than that float32 may decide either way: coordinates of 400 px
-are resolved to 3e-5 px, and a clearance is a handful of operations on them.
-"""
+"""Steps that collide, one by one and rolled out together."""
 
 import numpy as np
 import pymunk
 import pytest
 import reference
+from grid_cases import grids, office, somewhere
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sample_plans import PLANS, anywhere, corners, space_of
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import GridMap, PolygonMap, RollOuts, driven
+from deqmcl_gym.maps.laid_kernels import laid
 
 BAND = 1e-3  # px
 EVERYTHING = pymunk.ShapeFilter()
@@ -92,3 +85,60 @@ def test_neither_further_columns_nor_the_number_of_steps_change_an_answer():
     poses, after = np.hstack([starts, headings]), np.hstack([ends, headings])
     for n in (0, 1, 63, 64, 65, 200):
         assert plan.collides(poses[:n], after[:n], 8.0).tolist() == together[:n].tolist()
+
+
+OFFICE = office()
+
+
+def poses_around(grid, n, rng) -> np.ndarray:
+    """Poses on the map and around it, one of them lost, rows (3, n) float32."""
+    points = somewhere(grid, n, rng, margin=2.0)
+    poses = np.float32(np.column_stack([points, rng.uniform(-4, 4, n)])).T.copy()
+    poses[:, rng.integers(n)] = np.nan
+    return poses
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    grid=st.one_of(grids(), st.just(OFFICE)),
+    n=st.sampled_from([1, 7, 512, 700]),
+    steps=st.integers(1, 9),
+    cells=st.sampled_from([0.0, 0.3, 2.0, 9.0]),
+    radius=st.sampled_from([0.0, 0.2, 1.0, 3.4]),
+    kept_all=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_both_count_the_steps_that_the_grid_says_collide(
+    grid, n, steps, cells, radius, kept_all, seed
+):
+    rng, size = np.random.default_rng(seed), radius * grid.resolution
+    poses = poses_around(grid, n, rng)
+    far = cells * grid.resolution
+    moves = rng.normal(0, 1, (steps, 3, n)) * np.array([[far], [far / 2], [1.0]])
+    moves = moves.astype(np.float32)
+    before, hits, ends = poses, np.zeros(n, int), []
+    for move in moves:
+        after = driven(before, move)
+        hits += grid.collides(before.T, after.T, size)
+        ends.append(after)
+        before = after
+    rolled, counted = grid.rolled_out(poses, moves, size, kept=steps if kept_all else 1)
+    assert np.array_equal(rolled, ends if kept_all else ends[-1:], equal_nan=True)
+    assert np.array_equal(counted, hits)
+
+    path = np.cumsum(moves[:, ::2, 0] * np.float32(0.7), axis=0)
+    path = np.vstack([np.zeros((1, 2), np.float32), path])
+    points = np.empty((steps + 1, 2, n), np.float32)
+    laid(poses, path, points)
+    one_by_one = [grid.collides(points[k].T, points[k + 1].T, size) for k in range(steps)]
+    assert np.array_equal(grid.collisions_along(poses, path, size), np.sum(one_by_one, axis=0))
+
+
+def test_both_forms_of_a_map_offer_them_and_one_with_collides_alone_does_not():
+    class Walls:
+        def collides(self, starts, ends, radius):
+            return np.full(len(starts), True)
+
+    assert issubclass(GridMap, RollOuts)
+    assert issubclass(PolygonMap, RollOuts)
+    assert not isinstance(Walls(), RollOuts)

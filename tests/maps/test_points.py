@@ -1,11 +1,11 @@
-"""free, bounds, what lies outside and inside, and the orientation of the polygons given."""
+"""Points and discs: free or not, how far from a wall, and the squares of a clearance grid."""
 
 import numpy as np
 import pytest
 import reference
-from sample_plans import PLANS, anywhere, awkward_poses
+from sample_plans import PLANS, anywhere, awkward_poses, corners
 
-from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps import Map, PolygonMap, kernels
 
 
 @pytest.mark.parametrize("radius", [0.0, 8.0])
@@ -98,3 +98,61 @@ def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
         found = plan.ranges([(*point, heading)] * poses, [0.0, 1.0])
         assert np.isnan(found).all()
     assert np.isfinite(plan.ranges([(*point, 0.0)] * poses, [0.0, 1.0])).all()
+
+
+BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_it_is_the_reference_clearance_inside_walls_and_outside_the_building_too(name):
+    plan = PLANS[name]
+    points = anywhere(plan, 20_000, np.random.default_rng(1), margin=60)
+    expected = reference.clearance(plan.walls, points, points)
+    assert plan.distance(points).dtype == np.float32
+    np.testing.assert_allclose(plan.distance(points), expected, rtol=0, atol=BAND)
+    np.testing.assert_array_equal(plan.distance(np.empty((0, 2))), [])
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_no_beam_is_shorter(name):
+    plan, rng = PLANS[name], np.random.default_rng(3)
+    poses = awkward_poses(plan, 20_000, rng)
+    distance = plan.distance(poses)  # further columns are ignored
+    seen = plan.ranges(poses, rng.uniform(-np.pi, np.pi, 8))
+    inside = ~np.isnan(seen[:, 0])
+    assert (seen[inside] >= distance[inside, None] - BAND).all()
+
+
+def test_a_polygon_map_is_a_map():
+    assert isinstance(PLANS["room"], Map)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
+@pytest.mark.parametrize("name", PLANS)
+def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
+    plan, rng, n = PLANS[name], np.random.default_rng(3), 100_000
+    near = rng.choice(corners(plan), n) + rng.normal(0, 10, (n, 2))
+    starts = np.where(rng.random((n, 1)) < 0.3, near, anywhere(plan, n, rng, margin=30))
+    length = rng.choice([0.0, 0.1, 5.0, 30.0, 400.0, 1e6], n) * rng.random(n)
+    angle = rng.uniform(-np.pi, np.pi, n)
+    ends = starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
+    square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
+    walls = plan.walls.astype(np.float32)
+    kernels.sweep(before, after, walls, square)
+    kernels.wind(after, walls, windings)
+    expected = (square <= np.float32(radius) * np.float32(radius)) | (windings != 1)
+    assert np.array_equal(plan.collides(starts, ends, radius), expected)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_no_point_is_nearer_to_a_wall_than_its_square_says(name):
+    plan = PLANS[name]
+    corner, per_side, bounds = plan._clearance
+    points = anywhere(plan, 20_000, np.random.default_rng(4))
+    column, row = ((points - corner) * per_side).astype(int).T
+    bound = bounds[row, column]
+    assert (reference.clearance(plan.walls, points, points) >= np.abs(bound)).all()
+    free = reference.winding(plan.walls, points) == 1
+    assert free[bound > 0].all()
+    assert not free[bound < 0].any()

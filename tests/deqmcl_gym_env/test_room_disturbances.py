@@ -1,0 +1,268 @@
+"""Disturbances: a jump, lost beams, a changed plan; everything else as it was."""
+
+import math
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import reference
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from room_cases import SEVERAL, calm, drive, poses_of, wrapped
+from room_trace import ROOM_ID
+
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.validation import InputError
+
+ELSEWHERE = (60.0, 200.0, 1.0)
+
+
+def kidnapped(step: int, pose=None, **kwargs) -> Kidnap:
+    return Kidnap(RoomEnv(ends_at_goal=False, **kwargs), step=step, pose=pose)
+
+
+@pytest.mark.parametrize("step", [1, 4, 204])
+def test_the_robot_takes_the_given_step_of_each_episode_from_the_given_pose(step):
+    env = Kidnap(calm(ends_at_goal=False), step=step, pose=ELSEWHERE)
+    x, y, heading = ELSEWHERE
+    for _ in range(2):
+        env.reset()
+        poses = poses_of(env, [*np.zeros((step - 1, 2)), (5, 0)])
+        np.testing.assert_array_equal(poses[:-1], [(175, 50, 0)] * (step - 1) or np.empty((0, 3)))
+        expected = (x + 5 * math.cos(heading), y + 5 * math.sin(heading), heading)
+        np.testing.assert_allclose(poses[-1], expected, rtol=0, atol=1e-10)  # float64 below 1000
+
+
+@pytest.mark.parametrize("pose", [ELSEWHERE, None])
+def test_noise_and_everything_told_but_the_truth_stay_those_of_the_unkidnapped_robot(pose):
+    # With seed 3 the random pose has room ahead for the 15 steps, too: "collided" agrees.
+    slow = {"lap": {"step": 1.0}}
+    usual, taken = RoomEnv(ends_at_goal=False, **slow), kidnapped(10, pose, **slow)
+    mine, theirs = ([env.reset(seed=3)[1]] for env in (usual, taken))
+    for action in usual.plan[:25]:
+        mine.append(usual.step(action)[4])
+        theirs.append(taken.step(action)[4])
+    for key in ("planned_actions", "planned_count", "action", "collided"):
+        np.testing.assert_array_equal(*([info[key] for info in told] for told in (mine, theirs)))
+    truths, elsewhere = (np.array([info["truth"] for info in told]) for told in (mine, theirs))
+    np.testing.assert_array_equal(truths[:10], elsewhere[:10])
+    # From there on both turn and drive with the same errors, each in its own direction;
+    # float64 numbers below 400 are exact to 6e-14.
+    turns = [wrapped(np.diff(poses[10:, 2])) for poses in (truths, elsewhere)]
+    ways = [
+        np.linalg.norm(np.diff(poses[10:, :2], axis=0), axis=1) for poses in (truths, elsewhere)
+    ]
+    np.testing.assert_allclose(*turns, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(*ways, rtol=0, atol=1e-12)
+
+
+def random_poses(seed: int, count: int, **kwargs) -> np.ndarray:
+    env = kidnapped(1, **kwargs)
+    poses = []
+    for episode in range(count):
+        env.reset(seed=seed if episode == 0 else None)
+        poses.append(env.step(np.zeros(2, np.float32))[4]["truth"])
+    return np.array(poses)
+
+
+def test_a_random_pose_follows_from_the_seed_and_differs_between_episodes():
+    first = random_poses(1, 3)
+    np.testing.assert_array_equal(random_poses(1, 3), first)
+    assert len(np.unique(np.vstack([first, random_poses(2, 3)]), axis=0)) == 6
+
+
+def test_random_poses_are_free_and_all_over_the_floor():
+    poses = random_poses(1, 300, floor_plan=SEVERAL)
+    walls = RoomEnv(floor_plan=SEVERAL).floor_plan.walls
+    assert reference.clearance(walls, poses, poses).min() > 8.0 - 1e-4  # decided in float32
+    assert (reference.winding(walls, poses) == 1).all()
+    # Each quarter of the box has over 10 % of the free space, each quarter turn 25 % of the
+    # headings: P(fewer than 8 of 300) is below 1e-6.
+    quarters = (poses[:, 0] > 250) + 2 * (poses[:, 1] > 200)
+    assert np.bincount(quarters, minlength=4).min() >= 8
+    assert np.bincount(((poses[:, 2] + math.pi) // (math.pi / 2)).astype(int)).min() >= 8
+
+
+def kidnapped_twice(seed: int, below) -> list[np.ndarray]:
+    env = Kidnap(below(RoomEnv(ends_at_goal=False)), step=3)
+    env.reset(seed=seed)
+    return list(poses_of(env, np.zeros((3, 2))))
+
+
+def test_two_random_kidnaps_draw_poses_of_their_own_and_fixed_ones_none():
+    _, once = kidnapped_twice(1, lambda env: env)[1:]
+    _, first, second = kidnapped_twice(1, lambda env: Kidnap(env, step=2))
+    np.testing.assert_array_equal(first, once)  # the inner one draws what it would draw alone
+    assert abs(second - first).max() > 1
+    _, fixed, random = kidnapped_twice(1, lambda env: Kidnap(env, step=2, pose=ELSEWHERE))
+    np.testing.assert_allclose(fixed, ELSEWHERE, rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(random, once)
+
+
+BEAMS = {"lidar": {"beams": 100, "sigma": 5.0}}
+
+
+def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
+    """All scans of the plan's first 200 steps, (201, 100), and all else that was said."""
+    scan, info = env.reset(seed=seed)
+    said = drive(env, env.unwrapped.plan[:200])
+    scans = np.array([scan, *(step[0] for step in said)])
+    return scans, [info, *(step[1:] for step in said)]
+
+
+@pytest.mark.parametrize("probability", [0.02, 0.5, 0.9])
+def test_beams_are_lost_with_the_probability_independently_of_neighbours_and_the_last_scan(
+    probability,
+):
+    scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
+    lost = np.isposinf(scans)
+    both = probability**2  # two of them are lost
+    for seen, share in (
+        (lost, probability),
+        (lost[:, 1:] & lost[:, :-1], both),
+        (lost[1:] & lost[:-1], both),
+    ):
+        # 5 standard errors of a binomial share, false alarms 6e-7 each; a pair shares beams with
+        # two others: at most √2 times the error
+        assert abs(seen.mean() - share) < 5 * math.sqrt(2 * share * (1 - share) / seen.size)
+
+
+def test_beams_that_are_not_lost_and_all_else_are_those_of_the_bare_env():
+    bare, bare_rest = episode(RoomEnv(preset="matched", ends_at_goal=False, **BEAMS))
+    thinned, rest = episode(
+        BeamDropout(RoomEnv(preset="matched", ends_at_goal=False, **BEAMS), 0.3)
+    )
+    kept = np.isfinite(thinned)
+    np.testing.assert_array_equal(thinned[kept], bare[kept])
+    np.testing.assert_equal(rest, bare_rest)
+
+
+@pytest.mark.parametrize("probability", [0, 1])
+def test_probability_0_loses_nothing_and_1_everything(probability):
+    bare, _ = episode(RoomEnv(ends_at_goal=False, **BEAMS))
+    scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
+    np.testing.assert_array_equal(scans, bare if probability == 0 else np.inf)
+
+
+def test_two_dropouts_lose_beams_independently():
+    one, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5))
+    two, _ = episode(BeamDropout(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5), 0.5))
+    first, either = np.isinf(one), np.isinf(two)
+    assert either[first].all()  # the inner one loses what it would lose alone
+    # The outer one loses half of the rest, 5 standard errors: false alarms 6e-7.
+    left = either[~first]
+    assert abs(left.mean() - 0.5) < 5 * 0.5 / math.sqrt(left.size)
+
+
+def test_what_is_lost_follows_from_the_seed_and_the_episode():
+    env = BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5)
+    first, _ = episode(env, seed=5)
+    second, _ = episode(env, seed=None)
+    again, _ = episode(env, seed=5)
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(np.isinf(first), np.isinf(second))
+
+
+NEW = np.float32([(1, 0.1), (2, -0.1), (3, 0.0)])
+
+
+def changed(step: int, actions, **kwargs) -> PlanChange:
+    return PlanChange(RoomEnv(ends_at_goal=False, **kwargs), step=step, actions=actions)
+
+
+@pytest.mark.parametrize("count", [0, 3, 300])
+@pytest.mark.parametrize("horizon", [5, None])
+def test_the_new_plan_is_shown_after_its_step_and_not_before_and_the_episode_ends_with_it(
+    count, horizon
+):
+    new = np.tile(NEW, (100, 1))[:count]
+    env = changed(3, new, horizon=horizon)
+    old, rows = env.unwrapped.plan.copy(), horizon or 204
+    for _ in range(2):  # reset brings the old plan back
+        _, info = env.reset(seed=0)
+        said = drive(env, np.zeros((3 + count, 2)))
+        for step, told in enumerate([info, *(step[4] for step in said)]):
+            left = (old[step:] if step < 3 else new[step - 3 :])[:rows]
+            assert told["planned_count"] == len(left)
+            expected = np.vstack([left, np.zeros((rows - len(left), 2), np.float32)])
+            np.testing.assert_array_equal(told["planned_actions"], expected)
+        assert not any(step[2] for step in said)
+        assert [step[3] for step in said] == [False] * (2 + count) + [True]
+
+
+def test_the_world_moves_and_senses_as_without_the_change():
+    bare, other = RoomEnv(ends_at_goal=False), changed(5, np.tile(NEW, (20, 1)))
+    actions = bare.plan[:30]
+    for env in (bare, other):
+        env.reset(seed=4)
+    for one, two in zip(drive(bare, actions), drive(other, actions), strict=True):
+        assert one[1:4] == two[1:4]
+        np.testing.assert_array_equal(one[0], two[0])
+        np.testing.assert_array_equal(one[4]["truth"], two[4]["truth"])
+
+
+@pytest.mark.parametrize(
+    ("actions", "text"),
+    [
+        ([[1.0, 0.0, 0.0]], "actions"), ([[np.nan, 0.0]], "actions"), ([("1", "0")], "actions"),
+        ("drive", "actions"), (None, "actions"), (np.empty((0, 3)), "actions"),
+        ([(1.0, 0.0), (10.5, 0.0)], "must be two numbers"),
+    ],
+)  # fmt: skip
+def test_what_is_no_plan_is_refused_at_once_and_nothing_has_happened(actions, text):
+    with pytest.raises(InputError, match=text):
+        changed(3, actions)
+    env = RoomEnv(ends_at_goal=False)
+    env.reset(seed=0)
+    plan = env.plan
+    with pytest.raises(InputError):
+        env.replace_plan(actions)
+    np.testing.assert_array_equal(env.plan, plan)
+
+
+EXPECTED = [
+    r".*we recommend using a symmetric and normalized space.*",
+    r".*is different from the unwrapped version.*",  # wrapped on purpose here
+    r".*A Box observation space maximum value is infinity.*",  # +inf is a lost beam
+]
+WRAPPED = {
+    "kidnap": lambda env: Kidnap(env, step=2),
+    "dropout": lambda env: BeamDropout(env, probability=0.5),
+    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
+    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
+}
+
+
+@pytest.mark.parametrize("name", WRAPPED)
+def test_the_env_checker_accepts_wrapped_envs(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for text in EXPECTED:
+            warnings.filterwarnings("ignore", message=text)
+        check_env(WRAPPED[name](gym.make(ROOM_ID, lidar={"beams": 5})))
+
+
+def test_stacked_wrappers_all_act():
+    env = WRAPPED["all"](gym.make(ROOM_ID, lidar={"beams": 50}))
+    bare = gym.make(ROOM_ID, lidar={"beams": 50})
+    assert 5 < np.isinf(env.reset(seed=1)[0]).sum() < 45  # P < 1e-8 outside, p = 0.5
+    bare.reset(seed=1)
+    still = np.zeros(2, np.float32)
+    jumps, counts = [], []
+    for _ in range(3):
+        info, other = env.step(still)[4], bare.step(still)[4]
+        jumps.append(bool((info["truth"] != other["truth"]).any()))
+        counts.append(info["planned_count"])
+    assert jumps == [False, True, True]
+    assert counts == [203, 202, 10]
+
+
+def test_the_spec_of_a_wrapped_env_makes_it_again():
+    env = Kidnap(WRAPPED["all"](gym.make(ROOM_ID)), step=4, pose=(60, 200, 1.0))
+    copy = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    for one in (env, copy):
+        one.reset(seed=2)
+    still = np.zeros((8, 2))
+    np.testing.assert_equal(drive(env, still), drive(copy, still))
