@@ -11,14 +11,13 @@ from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
-from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap, Start
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, Driver, Lap, Start
 
 M = 0.02  # to the px
 CLOSE = 350 * 1e-5  # of the room's width, px

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sample_plans import PLANS, anywhere, corners, space_of
 
 from deqmcl_gym.maps import GridMap, PolygonMap, RollOuts, driven
-from deqmcl_gym.maps.laid_kernels import laid
+from deqmcl_gym.maps.drive_kernels import laid
 
 BAND = 1e-3  # px
 EVERYTHING = pymunk.ShapeFilter()

@@ -6,7 +6,7 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap, driven
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS
 
 NAN = float("nan")
 SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]
