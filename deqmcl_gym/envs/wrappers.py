@@ -1,4 +1,4 @@
-"""Wrappers of a room: kidnapping, beam drop-out, a change of plan; recording of an episode as a log."""
+"""Wrappers that disturb a room (kidnapping, beam drop-out, a change of plan), or record it."""
 
 from collections.abc import Iterator
 from typing import Any, SupportsFloat

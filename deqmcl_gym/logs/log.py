@@ -1,4 +1,4 @@
-"""Log: scans, odometry and reference poses of a robot, record by record, and its mounted scanner."""
+"""Log: scans, odometry and reference poses of a robot, record by record, and its scanner."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Plans: the next actions, in a window of fixed size; fixed, or a driver's that knows the true pose."""
+"""Plans, the next actions in a window of fixed size: fixed, or of a driver that sees the robot."""
 
 import math
 from dataclasses import dataclass

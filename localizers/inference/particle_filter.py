@@ -1,4 +1,4 @@
-"""The particle filter of the whole family, whose methods differ only in its parts, as a localizer."""
+"""The particle filter of the whole family, as a localizer; its methods differ only in parts."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
