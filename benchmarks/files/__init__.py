@@ -9,7 +9,7 @@ from benchmarks.files.writing import (
     write_text,
 )
 from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, misfit
+from deqmcl_gym.reading import UnreadableError, content_of, json_of, typed
 
 __all__ = [
     "UnreadableError",
@@ -18,9 +18,9 @@ __all__ = [
     "is_empty",
     "is_temporary",
     "json_of",
-    "misfit",
     "own_folder",
     "refuse_changed",
+    "typed",
     "utf8",
     "writable_folder",
     "write_bytes",

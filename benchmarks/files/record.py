@@ -10,18 +10,23 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+
+from msgspec import Struct, to_builtins
 
 from benchmarks.files.lock import is_lock, writing
 from benchmarks.files.writing import is_temporary, writable_folder, write_text
 from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, misfit, opened
+from deqmcl_gym.reading import UnreadableError, content_of, json_of, opened, typed
 from deqmcl_gym.validation import InputError
 
 NAME = "written.json"
-_SHAPE = {str: {"source": str, "files": {str: [str]}}}
 
-Part = dict[str, Any]  # "source"; "files": the digests that each may have
+
+class Part(Struct, frozen=True):
+    """What a part was made from, and the digests that each of its files may have."""
+
+    source: str
+    files: dict[str, list[str]]
 
 
 def is_empty(folder: Path) -> bool:
@@ -55,7 +60,7 @@ def refuse_changed(folder: Path) -> None:
         InputError: naming the file.
     """
     for part in _read(folder).values():
-        for name, digests in part["files"].items():
+        for name, digests in part.files.items():
             _refuse_other(folder, name, digests)
 
 
@@ -73,9 +78,10 @@ def written(
     Raises:
         InputError: see ``write_part``.
     """
-    earlier = _read(folder).get(part, {"source": None, "files": {}})
-    kept = earlier["files"]
-    if earlier["source"] == source and all(_is_one_of(folder / n, d) for n, d in kept.items()):
+    earlier = _read(folder).get(part)
+    kept = {} if earlier is None else earlier.files
+    same = earlier is not None and earlier.source == source
+    if same and all(_is_one_of(folder / name, digests) for name, digests in kept.items()):
         return [folder / name for name in kept]
     return write_part(folder, part, make(), source)
 
@@ -91,17 +97,17 @@ def write_part(
     folder.mkdir(parents=True, exist_ok=True)
     with writing(folder):
         parts = _read(folder)
-        earlier = parts[part]["files"] if part in parts else {}
+        earlier = parts[part].files if part in parts else {}
         new = {name: [_digest(content)] for name, content in contents.items()}
         either = {n: [*earlier.get(n, []), *new.get(n, [])] for n in {**earlier, **new}}
         for name, digests in either.items():
             _refuse_other(folder, name, digests)
-        _write(folder, parts | {part: {"source": "", "files": either}})  # whenever this is killed
+        _write(folder, parts | {part: Part("", either)})  # whenever this is killed
         for name, content in contents.items():
             write_bytes(folder / name, content)
         for name in earlier.keys() - contents.keys():
             (folder / name).unlink(missing_ok=True)
-        _write(folder, parts | {part: {"source": source, "files": new}})
+        _write(folder, parts | {part: Part(source, new)})
         for path in {(folder / name).parent for name in either}:
             _remove_temporary(path)
     return [folder / name for name in new]
@@ -132,24 +138,21 @@ def _read(folder: Path) -> dict[str, Part]:
     """
     path = folder / NAME
     try:
-        parts = json_of(content_of(path))
-        why = misfit(parts, _SHAPE)
-        names = [Path(name) for part in parts.values() if not why for name in part["files"]]
+        parts = typed(json_of(content_of(path)), dict[str, Part])
+        names = [Path(name) for part in parts.values() for name in part.files]
         if any(name.is_absolute() or ".." in name.parts or name == Path() for name in names):
-            why = "names files outside its folder"
+            raise UnreadableError("names files outside its folder")
     except FileNotFoundError:
         return {}
     except UnreadableError as error:
-        why = str(error)
-    if why:
         raise InputError(
-            f"{path} {why}, so it is not as deqmcl wrote it: move it away, or give another --out."
-        )
+            f"{path} {error}, so it is not as deqmcl wrote it: move it away, or give another --out."
+        ) from None
     return parts
 
 
 def _write(folder: Path, parts: Mapping[str, Part]) -> None:
-    write_text(folder / NAME, json.dumps(parts, indent=2) + "\n")
+    write_text(folder / NAME, json.dumps(to_builtins(parts), indent=2) + "\n")
 
 
 def _is_one_of(path: Path, digests: list[str]) -> bool:

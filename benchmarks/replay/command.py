@@ -4,6 +4,7 @@ import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from benchmarks.console import doing, warn
 from benchmarks.execution.driver import outcomes
@@ -84,7 +85,8 @@ def _played(
             if outcome.record is None:
                 failures[key] = outcome.reason or "no reason was given"
             else:
-                played[key] = Played(run=runs[key], **outcome.record)
+                found: Any = outcome.record
+                played[key] = Played(run=runs[key], **found)
             count(outcome.record is None)
     return played, {key: failures[key] for key in runs if key in failures}
 

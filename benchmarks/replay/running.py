@@ -140,7 +140,8 @@ def attempt(run: Run, key: str) -> Outcome:
         if is_ctrl_c(error):
             raise
         return Outcome(reason=in_words(error))
-    return Outcome(record={"track": track, "agreement": agreed}, seconds=track.seconds.sum())
+    found: Any = {"track": track, "agreement": agreed}
+    return Outcome(record=found, seconds=track.seconds.sum())
 
 
 def gated(runs: Mapping[str, Run], every: object) -> list[str]:

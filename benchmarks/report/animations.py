@@ -12,9 +12,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
+from msgspec import Struct
+
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.files import UnreadableError, content_of, json_of, misfit
+from benchmarks.files import UnreadableError, content_of, json_of, typed
 from benchmarks.report.laps import Lap, drawn, frames_of, joined
 from benchmarks.trials.plugins import guest_of
 from deqmcl_gym.validation import InputError
@@ -22,9 +24,16 @@ from deqmcl_gym.validation import InputError
 IMAGES, INDEX = "images", "laps.json"
 _NONE = "the folder has none of these trials"
 _PATIENCE = 300.0  # seconds for one animation
-_SHAPE = {str: {"trials": [str], "webp": str, "png": str}}
 
 Promise = Callable[[], Lap]
+
+
+class _Entry(Struct):
+    """The keys of a lap's trials, and the digests of its pictures."""
+
+    trials: list[str]
+    webp: str
+    png: str
 
 
 class Animator(Protocol):
@@ -62,7 +71,7 @@ class Kept:
 
     def lacking(self, keys: Collection[str]) -> str:
         """Some may be gone, or drawn of other trials."""
-        shown = {key for entry in self._index.values() for key in entry["trials"]}
+        shown = {key for entry in self._index.values() for key in entry.trials}
         if not shown or not shown <= set(keys):
             return f"{_NONE} ({sorted(shown - set(keys))})"
         return ", ".join(filter(None, map(self._spoilt, self._index)))
@@ -73,16 +82,16 @@ class Kept:
         yield lambda lap: lambda: self._of(lap)
 
     @cached_property
-    def _index(self) -> dict[str, Any]:
+    def _index(self) -> dict[str, _Entry]:
         try:
-            index = json_of(content_of(self.folder / IMAGES / INDEX))
+            content = content_of(self.folder / IMAGES / INDEX)
+            return typed(json_of(content), dict[str, _Entry])
         except (FileNotFoundError, UnreadableError):
             return {}
-        return {} if misfit(index, _SHAPE) else index
 
     def _of(self, lap: Lap) -> Lap:
         entry = self._index.get(lap.name)
-        if entry is None or entry["trials"] != list(lap.keys):
+        if entry is None or entry.trials != list(lap.keys):
             raise InputError(f"{_NONE}; `deqmcl sweep` draws them.")
         if why := self._spoilt(lap.name):
             raise InputError(f"{why}; `deqmcl sweep` draws it again.")
@@ -94,7 +103,7 @@ class Kept:
         """Say what is wrong with the pictures of a lap."""
         for ending in ("webp", "png"):
             try:
-                if _digest(self._read(name, ending)) != self._index[name][ending]:
+                if _digest(self._read(name, ending)) != getattr(self._index[name], ending):
                     return f"{name}.{ending} was changed"
             except FileNotFoundError:
                 return f"{name}.{ending} is gone"

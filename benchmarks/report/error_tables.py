@@ -8,7 +8,6 @@ from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
-from benchmarks.tables.pairing import Method
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
 from benchmarks.tables.series import milliseconds_per_step
@@ -16,6 +15,7 @@ from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
 from benchmarks.tables.verdict import aim_of, cost, ranked, standing
 from benchmarks.trials.journeys import Score
+from benchmarks.trials.spec import Method
 
 
 def verdict_table(panel: Panel) -> Table:
@@ -43,12 +43,12 @@ def verdict_table(panel: Panel) -> Table:
         header,
         lines,
         strong=[(line, column) for line in best for column in (0, 1)],
-        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.name)],
     )
 
 
 def _headed(panel: Panel, aim: Score | None) -> list[str]:
-    error = f"error e, {panel.thresholds.unit} (SD)"
+    error = f"error e, {panel.unit} (SD)"
     if aim is not None:
         return [*score_header(aim), error, "difference of e, 95 % interval"]
     apart = "difference to the baseline, 95 % interval"
@@ -82,7 +82,7 @@ def _captioned(panel: Panel, aim: Score | None) -> str:
     return (
         "Error of the belief about the present, x[t], the smallest first and in bold, and how it "
         f"compares with the baseline on the same worlds. Lost: position error above {at.lost:g} "
-        f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
+        f"{panel.unit} on average over the last {at.lost_steps} states; its interval counts every "
         "world as one case."
     )
 
@@ -92,7 +92,7 @@ def marked_label(panel: Panel, row: Comparison) -> str:
     label = panel.labels[row.method]
     if row.is_baseline:
         return f"{label} (baseline)"
-    return f"{label} (plug-in)" if is_plug_in(row.method.localizer) else label
+    return f"{label} (plug-in)" if is_plug_in(row.method.name) else label
 
 
 def is_plug_in(localizer: str) -> bool:
@@ -175,7 +175,7 @@ def gap_table(panel: Panel) -> Table | None:
 def offsets_table(panel: Panel) -> Table:
     """The errors at every offset."""
     header = ["method", "belief about", "error e (SD)", "error, common states"]
-    header += [f"position RMSE, {panel.thresholds.unit}", "heading RMSE, °"]
+    header += [f"position RMSE, {panel.unit}", "heading RMSE, °"]
     header += ["difference to the baseline's x[t]"]
     lines = [
         [
@@ -211,8 +211,8 @@ def _with(panel: Panel) -> str:
 
 def _takers(name: str, methods: Sequence[Method]) -> int:
     """How many methods are of a localizer that was given this parameter."""
-    takers = {method.localizer for method in methods if name in dict(method.params)}
-    return sum(method.localizer in takers for method in methods)
+    takers = {method.name for method in methods if name in dict(method.params)}
+    return sum(method.name in takers for method in methods)
 
 
 def _marked(own: JourneyScore, aim: Score | None) -> str:
@@ -228,4 +228,4 @@ def _marked(own: JourneyScore, aim: Score | None) -> str:
 
 def _told(method: Method) -> str:
     words = [f"{name}={value}" for name, value in method.params]
-    return " ".join([short_name(method.localizer), *words])
+    return " ".join([short_name(method.name), *words])

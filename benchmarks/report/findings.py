@@ -32,7 +32,7 @@ def findings(panel: Panel) -> list[str]:
 
 def _outcome(row: Comparison, aim: Score | None) -> str:
     """What is known of a method beside its baseline."""
-    other, own = full_name(row.baseline.localizer), standing(row, aim)
+    other, own = full_name(row.baseline.name), standing(row, aim)
     diff = own.diff
     if math.isnan(diff.mean):
         unknown, none = "a shared world's error is unknown", "no finished world in common"

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Film
@@ -14,7 +13,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.journeys import JOURNEY_SCORES
 from benchmarks.trials.plugins import key_of
-from benchmarks.trials.spec import Trial, frozen, unworded
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
@@ -72,7 +71,7 @@ def laps(panel: Panel) -> list[Lap]:
             method: record
             for method in shown
             for record in reversed(panel.records[method])
-            if record["trial"]["trial"] == world
+            if record.trial.trial == world
         }
         labels = tuple(panel.labels[method] for method in first)
         chosen.append(
@@ -83,9 +82,9 @@ def laps(panel: Panel) -> list[Lap]:
                 f"{panel.labels[focus.method]} {value:.1f}. Every {_STRIDE}th step; orange: "
                 "present, pink: past, light blue: future; at the end the ways of truth and best "
                 "cluster.",
-                trials=tuple(trial_of(record["trial"]) for record in first.values()),
+                trials=tuple(record.trial for record in first.values()),
                 labels=labels,
-                keys=tuple(record["key"] for record in first.values()),
+                keys=tuple(record.key for record in first.values()),
             )
         )
     return chosen
@@ -116,22 +115,13 @@ def joined(lap: Lap, rows: Sequence[Sequence[Image]]) -> Lap:
     return replace(lap, animation=webp(frames, _MILLISECONDS), still=still)
 
 
-def trial_of(canonical: dict[str, Any]) -> Trial:
-    """Return the trial that a record names."""
-    given = {f.name: unworded(canonical[f.name]) for f in fields(Trial) if f.name in canonical}
-    for name in ("world", "assumed", "params"):
-        given[name] = frozen(given.get(name, {}))
-    given["disturbance"] = tuple(frozen(one) for one in given.get("disturbance", ()))
-    return Trial(**given)
-
-
 def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:
     """Return the worlds of a method by its error, or by the metres until it is localized."""
     worlds, what = focus.errors, "error"
     if _LOCALIZED.name in focus.journey:
         own = outcomes_of(panel.records, panel.failed)[focus.method]
         worlds, what = by_world(own.restricted(_LOCALIZED)), "metres to localize"
-    there = {record["trial"]["trial"] for record in panel.records[focus.method]}
+    there = {record.trial.trial for record in panel.records[focus.method]}
     ranked = [(value, world) for world, value in worlds.items() if not math.isnan(value)]
     return sorted(one for one in ranked if one[1] in there), what
 
@@ -144,7 +134,7 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
     """
     found = [row for row in rows if _LOCALIZED.name in row.journey and not row.is_baseline]
     earliest = sorted(found, key=lambda row: row.journey[_LOCALIZED.name].restricted)
-    named = [row for row in rows if row.method.localizer == "deq-mcl"]
+    named = [row for row in rows if row.method.name == "deq-mcl"]
     others = [row for row in rows if not math.isnan(row.diff.mean)]
     ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
     candidates = [*earliest, *named, *ranked, *rows]

@@ -1,6 +1,5 @@
 """One table from several folders of results, if they are of the same worlds."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +16,11 @@ from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import Run, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
 from benchmarks.tables.verdict import aim_of, cost, standing, worse
 from benchmarks.trials.journeys import Score
-from benchmarks.trials.spec import Params
+from benchmarks.trials.spec import Method, Params, Run, Setting
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"
@@ -59,7 +57,7 @@ class Row:
     def digest(self) -> str:
         """Digest of the code that made it, and of its own code if it is a plug-in."""
         made = self.source.made.made
-        own = made.plug_ins.get(self.of.method.localizer)
+        own = made.plug_ins.get(self.of.method.name)
         return made.code[:_LETTERS] + (f" + {own[:_LETTERS]}" if own else "")
 
 
@@ -122,7 +120,7 @@ def _board(title: str, methods: list[list[Row]]) -> Table:
     methods.sort(key=lambda same: worse(same[0].of, aim))
     rows = [same[0] for same in methods]
     values = [worse(row.of, aim) for row in rows]
-    ranked_by = f"error e, {panel.thresholds.unit} (SD)" if aim is None else f"{done(aim)}, %"
+    ranked_by = f"error e, {panel.unit} (SD)" if aim is None else f"{done(aim)}, %"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
     header += [*(["wins"] if aim is None else []), "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
@@ -186,7 +184,7 @@ def _refuse_incomplete(source: Source) -> None:
             f"{source.folder} has {results.missing} trials that were not run and "
             f"{len(results.failures)} that failed, of {results.planned}: finish its sweep first."
         )
-    if results.baseline not in {record["trial"]["localizer"] for record in results.records}:
+    if results.baseline not in {record.trial.localizer for record in results.records}:
         raise InputError(
             f"{source.folder} has no trial of the baseline {results.baseline}, by which folders "
             "are compared: run the sweep with it."
@@ -213,10 +211,10 @@ def _refuse_other_worlds(first: Source, other: Source) -> None:
             )
 
 
-def _of_baseline(source: Source) -> dict[tuple[Setting, object, Run], str]:
+def _of_baseline(source: Source) -> dict[tuple[Setting, Method, Run], object]:
     """Its baseline's scores by setting, method, and world with filter seed."""
     return {
-        (setting_of(record), method_of(record), run_of(record)): json.dumps(record["scores"])
+        (record.trial.setting, record.trial.method, record.trial.run): record.scores
         for record in source.results.records
-        if record["trial"]["localizer"] == source.results.baseline
+        if record.trial.localizer == source.results.baseline
     }

@@ -14,6 +14,7 @@ from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
 from benchmarks.sweeps.results import Results
+from benchmarks.trials.spec import Trial
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
 
@@ -124,11 +125,11 @@ def left_out_table(results: Results) -> Table:
     return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
 
 
-def describe(trial: dict[str, object]) -> str:
+def describe(trial: Trial) -> str:
     """Which trial it was, in words."""
     return (
-        f"{trial.get('localizer')} on {trial.get('scenario')}, world {trial.get('trial')}, "
-        f"filter seed {trial.get('filter_seed')}"
+        f"{trial.localizer} on {trial.scenario}, world {trial.trial}, "
+        f"filter seed {trial.filter_seed}"
     )
 
 

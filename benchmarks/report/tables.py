@@ -34,7 +34,7 @@ class Table(NamedTuple):
 
 def calibration_table(panel: Panel) -> Table:
     """Calibration of the beliefs at every offset."""
-    header = ["method", "belief about", f"energy score, {panel.thresholds.unit}"]
+    header = ["method", "belief about", f"energy score, {panel.unit}"]
     header += ["inside 50 %", "80 %", "95 %", "NEES (3)", "entropy, nats", "in walls"]
     lines = []
     for row in panel.rows:
@@ -67,7 +67,7 @@ def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if no method gives a quality and was far off, not always."""
     if all(math.isnan(row.detection.auroc.mean) for row in panel.present):
         return None
-    far = panel.thresholds.far_words
+    far = panel.far
     lines = []
     for row in panel.present:
         found = row.detection
@@ -99,7 +99,7 @@ def detection_glance(panels: Sequence[Panel]) -> Table | None:
         ]
         for panel, own in zip(panels, found, strict=True)
     ]
-    far = ", ".join(dict.fromkeys(panel.thresholds.far_words for panel in panels))
+    far = ", ".join(dict.fromkeys(panel.far for panel in panels))
     caption = (
         f"AUROC of the quality at x[t] against {far}: 1 separates all far steps from the others, "
         "½ is chance; n/a where no step, or every one, is far off."

@@ -56,7 +56,7 @@ def spoken(panel: Panel) -> str:
         return "No trial is finished."
     said = capital(_sentence(panel, found))
     filters = verdict(panel, filters=True)
-    if found.best and found.best.method.localizer == BLIND and filters is not None:
+    if found.best and found.best.method.name == BLIND and filters is not None:
         scanning = _sentence(panel, filters).replace("No method", "none", 1)
         said += f" Of the methods that use scans, {scanning}"
     return said
@@ -68,7 +68,7 @@ def runner_up(panel: Panel) -> str:
     if found is None or found.following is None or found.following.method == found.winner.baseline:
         return ""
     name, reached = named(found.following, panel), _brief(panel, found.following, found.aim)
-    lead, form, unit = found.lead, ".2f", panel.thresholds.unit
+    lead, form, unit = found.lead, ".2f", panel.unit
     if math.isnan(lead.low) or lead == (0, 0, 0):
         return f"Next is {name}: {reached}."
     if found.aim is not None:
@@ -93,7 +93,7 @@ def power_hint(panel: Panel) -> str:
         for row in rows
     )
     return (
-        f"Worlds needed to detect a difference of {small:g} {panel.thresholds.unit} to "
+        f"Worlds needed to detect a difference of {small:g} {panel.unit} to "
         f"{named(base, panel)} with 80 % power: about {needed}."
     )
 
@@ -132,7 +132,7 @@ def _brief(panel: Panel, row: Comparison, aim: Score | None) -> str:
     """The error, or the share of runs that succeed."""
     mean = standing(row, aim).value.mean
     if aim is None:
-        return f"{significant(mean)} {panel.thresholds.unit}"
+        return f"{significant(mean)} {panel.unit}"
     return f"{percent(mean)} of runs"
 
 

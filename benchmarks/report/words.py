@@ -44,7 +44,7 @@ def capital(sentence: str) -> str:
 
 def named(row: Comparison, panel: Panel) -> str:
     """The method's name in words, with the parameters that tell it from others of the name."""
-    localizer, label = row.method.localizer, panel.labels[row.method]
+    localizer, label = row.method.name, panel.labels[row.method]
     name = full_name(localizer)
     variant = label.removeprefix(localizer).removeprefix(name).strip()
     return f"{name} ({variant})" if variant else name
@@ -59,10 +59,10 @@ def p_value(p: float) -> str:
 
 def overview(results: Results, panels: Sequence[Panel]) -> str:
     """What was run, in one paragraph."""
-    methods = dict.fromkeys(row.method.localizer for panel in panels for row in panel.rows)
+    methods = dict.fromkeys(row.method.name for panel in panels for row in panel.rows)
     named = ", ".join(full_name(name) for name in methods) or "none"
     worlds = {row.worlds for panel in panels for row in panel.rows}
-    seeds = {record["trial"]["filter_seed"] for record in results.records}
+    seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
     count = counted(worlds, "world", "worlds")
     settings = counted({len(panels)}, "setting", "settings")

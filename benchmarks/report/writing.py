@@ -1,6 +1,5 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
-import json
 import logging
 from contextlib import suppress
 from dataclasses import fields
@@ -9,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, utf8, written
@@ -89,14 +90,13 @@ def _written(out: Path, part: str, results: Results, animator: "Animator") -> li
 
 def _source(results: Results, animator: "Animator") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = animator.lacking({record["key"] for record in results.finished})
+    lacking = animator.lacking({record.key for record in results.finished})
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
     for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
-        for chunk in json.JSONEncoder(default=vars).iterencode(part):
-            digest.update(chunk.encode())
+        digest.update(msgspec.json.encode(part, enc_hook=repr))
     return digest.hexdigest()
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from benchmarks.setup import documents
 from benchmarks.sweeps import manifest
@@ -15,6 +14,7 @@ from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.gap import LimitRuns
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial, unworded
 from deqmcl_gym.validation import InputError
 
@@ -28,7 +28,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         if (finished := store.get(key, trial)) is not None:
             records.append(finished)
         elif (reason := store.failure(key, trial)) is not None:
-            failures.append(Failure(trial=trial.canonical(), reason=reason))
+            failures.append(Failure(trial=trial, reason=reason))
     asked = {named(trial.canonical()) for trial in trials.values()}
     results = Results(
         title=sweep.title,
@@ -45,9 +45,9 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
 
 def of_sweep(sweep: Sweep, results: Results) -> Results:
     """Return the results with the trials of limits set apart, and with the sweep's baseline."""
-    by_name = [(named(record["trial"]), record) for record in results.records]
+    by_name = [(named(record.trial.canonical()), record) for record in results.records]
 
-    def finished(trials: Iterable[Trial]) -> list[dict[str, Any]]:
+    def finished(trials: Iterable[Trial]) -> list[Finished]:
         asked = {named(trial.canonical()) for trial in trials}
         return [record for name, record in by_name if name in asked]
 
@@ -118,7 +118,7 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {named(record["trial"]) for record in results.finished}
+    there = {named(record.trial.canonical()) for record in results.finished}
     planned: Counter[str] = Counter()
     done: Counter[str] = Counter()
     for trial in sweep.distinct():
@@ -134,5 +134,5 @@ def failed_sentence(results: Results) -> str:
     first = results.failures[0]
     return (
         f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "
-        f"{first.trial['localizer']}, trial {first.trial['trial']}: {first.reason}"
+        f"{first.trial.localizer}, trial {first.trial.trial}: {first.reason}"
     )

@@ -4,19 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.spec import Params
+from benchmarks.trials.spec import Method
 from deqmcl_gym.validation import InputError, integer, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
 SCALARS = ("scenario", "lag", "disturbance")
 
-
-@dataclass(frozen=True, kw_only=True)
-class Method:
-    """A localizer by name, with parameters that are its own; shared ones stand in the sweep."""
-
-    name: str
-    params: Params = ()
+__all__ = ["GROUPS", "SCALARS", "Axis", "Limit", "Method"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct, field
+
 from benchmarks.execution.apart import provenance
 from benchmarks.files import (
     UnreadableError,
     content_of,
     is_empty,
     json_of,
-    misfit,
     refuse_changed,
+    typed,
     write_text,
 )
 from benchmarks.sweeps.design import Sweep
@@ -28,14 +30,24 @@ NAME = "manifest.json"
 _ABSENT = object()
 _SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
-_NAMED = {str: str}
-_SHAPE = {
-    "schema": int,
-    "identity": {"sweep": dict, "code": str, "libraries": _NAMED, "plug-ins": _NAMED},
-    "parameters": {str: ([str], type(None))},
-    "command": [str],
-    "environment": {str: (str, _NAMED)},
-}
+
+class _Identity(Struct):
+    """What the numbers of a folder depend on, as its manifest has it."""
+
+    sweep: dict[str, Any]
+    code: str
+    libraries: dict[str, str]
+    plug_ins: dict[str, str] = field(name="plug-ins")
+
+
+class _Content(Struct):
+    """The content of a manifest."""
+
+    schema: int
+    identity: _Identity
+    parameters: dict[str, list[str] | None]
+    command: list[str]
+    environment: dict[str, str | dict[str, str]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,15 +170,19 @@ def read(folder: Path) -> Manifest:
             f"deqmcl-gym (schema {schema}, this one has {SCHEMA}): use that version, or give a new "
             "--out."
         )
-    if why := misfit(content, _SHAPE):
-        raise InputError(f"{path} {why}: it is not of a sweep, or was changed; give a new --out.")
-    identity = content["identity"]
+    try:
+        known = typed(content, _Content)
+    except UnreadableError as error:
+        raise InputError(
+            f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
+        ) from None
+    identity = known.identity
     return Manifest(
-        sweep=identity["sweep"],
-        made=Provenance(identity["code"], identity["libraries"], identity["plug-ins"]),
-        parameters=content["parameters"],
-        command=content["command"],
-        environment=content["environment"],
+        sweep=identity.sweep,
+        made=Provenance(identity.code, identity.libraries, identity.plug_ins),
+        parameters=known.parameters,
+        command=known.command,
+        environment=known.environment,
     )
 
 

@@ -7,18 +7,15 @@ from typing import Any
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Trial
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A trial that could not be finished.
+    """A trial that could not be finished, and why, in one sentence."""
 
-    Attributes:
-        trial: ``Trial.canonical()``.
-        reason: why, in one sentence.
-    """
-
-    trial: dict[str, Any]
+    trial: Trial
     reason: str
 
 
@@ -31,9 +28,7 @@ class Results:
 
     Attributes:
         title: of the sweep.
-        records: finished trials in the sweep's order, as the store keeps them: ``trial``,
-            ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
-            ``key``, ``seconds``.
+        records: finished trials in the sweep's order.
         limits: those of the sweep's limits, which are only what gaps are measured from.
         baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
@@ -45,7 +40,7 @@ class Results:
     """
 
     title: str
-    records: list[dict[str, Any]]
+    records: list[Finished]
     failures: list[Failure]
     missing: int
     planned: int
@@ -62,7 +57,7 @@ class Results:
         return panels(self.records, self.baseline, self.limits, failed)
 
     @property
-    def finished(self) -> list[dict[str, Any]]:
+    def finished(self) -> list[Finished]:
         """All finished trials; one that is a limit's, too, once."""
         limits = (record for limit in self.limits for record in limit.records)
         return list({id(record): record for record in (*self.records, *limits)}.values())

@@ -163,7 +163,7 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
     reason = outcome.reason or "no reason was given"
     if outcome.record is not None:
         try:
-            store.put(key, outcome.record, outcome.seconds)
+            store.put(key, trial, outcome.record, outcome.seconds)
             return None
         except ValueError as error:
             reason = f"its record cannot be kept: {error}"

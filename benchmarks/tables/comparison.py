@@ -8,9 +8,6 @@ from itertools import chain
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.journeys import JourneyScore, Outcomes, longest_ways
 from benchmarks.tables.pairing import (
-    Method,
-    Record,
-    Run,
     Runs,
     agree,
     by_world,
@@ -31,7 +28,8 @@ from benchmarks.tables.stats import (
     wilson,
     win_rate,
 )
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.scoring import SCORE_NAMES, Finished
+from benchmarks.trials.spec import Method, Run
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
@@ -96,7 +94,7 @@ class Comparison:
 
 
 def compared(
-    methods: dict[Method, list[Record]], baseline: str, failed: Mapping[Method, Sequence[Run]]
+    methods: dict[Method, list[Finished]], baseline: str, failed: Mapping[Method, Sequence[Run]]
 ) -> list[Comparison]:
     """Compare the methods of a panel: by method, then offset, in the order of their trials.
 
@@ -108,7 +106,7 @@ def compared(
     for method, records in methods.items():
         reference = baseline_of(method, methods, baseline)
         present = runs_of(methods[reference], "error")
-        for offset in dict.fromkeys(s["offset"] for record in records for s in record["scores"]):
+        for offset in dict.fromkeys(k for record in records for k in record.offsets):
             errors = runs_of(records, "error", offset)
             lost = float(over_worlds(runs_of(records, "lost", offset)).mean())
             worlds = by_world(errors)
@@ -136,11 +134,11 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     Of several variants it is the one whose parameters agree with the method's, else the first.
     """
     listed = list(methods)
-    variants = [other for other in listed if other.localizer == name] or listed[:1]
+    variants = [other for other in listed if other.name == name] or listed[:1]
     return next((one for one in variants if agree(one.params, method.params)), variants[0])
 
 
-def _score(records: Sequence[Record], name: str, offset: int) -> Estimate:
+def _score(records: Sequence[Finished], name: str, offset: int) -> Estimate:
     values = over_worlds(runs_of(records, name, offset))
     return estimate(values) if name in RANGED else Estimate(float(values.mean()))
 
@@ -159,7 +157,7 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
 
 
 def outcomes_of(
-    methods: Mapping[Method, Sequence[Record]], failed: Mapping[Method, Sequence[Run]]
+    methods: Mapping[Method, Sequence[Finished]], failed: Mapping[Method, Sequence[Run]]
 ) -> dict[Method, Outcomes]:
     """Return the whole runs of each method of a panel."""
     longest = longest_ways(chain.from_iterable(methods.values()))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.tables.pairing import Record, Run, Runs, differences, over_worlds, run_of
+from benchmarks.tables.pairing import Runs, differences, over_worlds
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
@@ -24,6 +24,8 @@ from benchmarks.tables.stats import (
     wilson,
 )
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Run
 from deqmcl_gym.numerics.types import Floats
 
 
@@ -73,7 +75,7 @@ class Outcomes:
         longest: the longest way that any run of the panel drove in each world, m.
     """
 
-    records: Sequence[Record]
+    records: Sequence[Finished]
     failed: Sequence[Run]
     longest: Mapping[int, float]
 
@@ -84,7 +86,7 @@ class Outcomes:
 
     def runs(self, score: Score) -> Runs:
         """Return a score by run, left out where it is unknown; infinite if censored."""
-        found = {run_of(record): value_in(record, score) for record in self.records}
+        found = {record.trial.run: value_in(record, score) for record in self.records}
         found |= dict.fromkeys(self.failed, score.failed)
         return {run: value for run, value in found.items() if not math.isnan(value)}
 
@@ -125,28 +127,27 @@ class Outcomes:
         return self.longest.get(run[0], 0.0)
 
 
-def longest_ways(records: Iterable[Record]) -> dict[int, float]:
+def longest_ways(records: Iterable[Finished]) -> dict[int, float]:
     """Return the longest way that any of these runs drove in each world, m."""
     longest: dict[int, float] = {}
     for record in records:
-        if "journey" in record:
-            world, way = run_of(record)[0], record["journey"]["curves"]["way"][-1]
+        if record.journey is not None:
+            world, way = record.trial.trial, record.journey.curves["way"][-1]
             longest[world] = max(way, longest.get(world, 0.0))
     return longest
 
 
-def scores_in(records: Iterable[Record]) -> list[Score]:
+def scores_in(records: Iterable[Finished]) -> list[Score]:
     """Return the scores of whole runs that any of these records has, in their order."""
-    names = {name for record in records for name in record.get("journey", {}).get("scores", ())}
+    names = {name for record in records if record.journey for name in record.journey.scores}
     return [score for name, score in JOURNEY_SCORES.items() if name in names]
 
 
-def value_in(record: Record, score: Score) -> float:
+def value_in(record: Finished, score: Score) -> float:
     """Return a score of a run; infinite if it is censored, NaN if it is unknown."""
-    scores = record.get("journey", {}).get("scores", {})
-    if score.name not in scores:
+    if record.journey is None or score.name not in record.journey.scores:
         return math.nan
-    value = scores[score.name]
+    value = record.journey.scores[score.name]
     return float((math.inf if score.censored else math.nan) if value is None else value)
 
 

@@ -1,72 +1,17 @@
-"""Which trials belong together: the setting they share, the method they differ in, the worlds."""
+"""Which trials belong together: runs on the same worlds."""
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.spec import Params, frozen, unworded
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Params, Run
 from deqmcl_gym.numerics.types import Floats
 
-Record = dict[str, Any]
-Run = tuple[int, int]  # world, filter seed
 Runs = dict[Run, float]
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What trials share that may be compared.
-
-    Attributes:
-        scenario: name of the world and of what the filters assume.
-        world, assumed: changes to both, by dotted name.
-        disturbance: wrappers around the world, innermost first.
-        lag: L.
-        seed: root of all randomness.
-    """
-
-    scenario: str
-    world: Params
-    assumed: Params
-    disturbance: tuple[Params, ...]
-    lag: int
-    seed: int
-
-
-@dataclass(frozen=True)
-class Method:
-    """A localizer with its parameters."""
-
-    localizer: str
-    params: Params = ()
-
-
-def setting_of(record: Record) -> Setting:
-    """Return the setting of a finished trial."""
-    trial = unworded(record["trial"])
-    return Setting(
-        scenario=trial["scenario"],
-        world=frozen(trial["world"]),
-        assumed=frozen(trial["assumed"]),
-        disturbance=tuple(frozen(wrapper) for wrapper in trial["disturbance"]),
-        lag=trial["lag"],
-        seed=trial["seed"],
-    )
-
-
-def method_of(record: Record) -> Method:
-    """Return the method of a finished trial."""
-    trial = record["trial"]
-    return Method(trial["localizer"], frozen(unworded(trial["params"])))
-
-
-def run_of(record: Record) -> Run:
-    """Return the world and the filter seed of a finished trial."""
-    return record["trial"]["trial"], record["trial"]["filter_seed"]
 
 
 def agree(some: Params, others: Params) -> bool:
@@ -75,12 +20,12 @@ def agree(some: Params, others: Params) -> bool:
     return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
 
 
-def runs_of(records: Iterable[Record], name: str, offset: int = 0) -> Runs:
+def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:
     """Return a score at an offset by run; NaN where it is not available."""
     return {
-        run_of(record): _number(score.get(name))
+        record.trial.run: _number(score.get(name))
         for record in records
-        for score in record["scores"]
+        for score in record.scores
         if score["offset"] == offset
     }
 

@@ -4,22 +4,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.world_files import short
 from benchmarks.tables.comparison import Comparison, compared
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
-from benchmarks.tables.pairing import (
-    BASELINE,
-    Method,
-    Record,
-    Run,
-    Setting,
-    agree,
-    method_of,
-    run_of,
-    setting_of,
-)
-from benchmarks.tables.thresholds import Thresholds, thresholds_of
-from benchmarks.trials.spec import Params
+from benchmarks.tables.pairing import BASELINE, agree
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Method, Params, Run, Setting, Trial
 
 # What a filter assumes of a world's numbers.
 _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
@@ -41,7 +32,8 @@ class Panel:
         gaps: every method against the limit of its target, where there is one.
         records: finished trials by method.
         failed: runs that failed by method.
-        thresholds: far and lost, and the unit of length.
+        thresholds: of what is far off, and lost.
+        unit: of lengths.
     """
 
     number: int
@@ -51,9 +43,15 @@ class Panel:
     labels: dict[Method, str]
     rows: list[Comparison]
     gaps: list[Gap]
-    records: dict[Method, list[Record]]
+    records: dict[Method, list[Finished]]
     failed: dict[Method, list[Run]]
     thresholds: Thresholds
+    unit: str
+
+    @property
+    def far(self) -> str:
+        """What is far off, in words: e > 50 px."""
+        return f"e > {self.thresholds.far:g} {self.unit}"
 
     @property
     def present(self) -> list[Comparison]:
@@ -62,10 +60,10 @@ class Panel:
 
 
 def panels(
-    records: Iterable[Record],
+    records: Iterable[Finished],
     baseline: str = BASELINE,
     limits: Sequence[LimitRuns] = (),
-    failures: Iterable[dict[str, Any]] = (),
+    failures: Iterable[Trial] = (),
 ) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 
@@ -73,19 +71,20 @@ def panels(
     method without such a parameter is in each of them. ``failures`` are the trials that failed.
     """
     failed: dict[tuple[Setting, Method], list[Run]] = {}
-    for record in ({"trial": trial} for trial in failures):
-        failed.setdefault((setting_of(record), method_of(record)), []).append(run_of(record))
-    settings: dict[Setting, dict[Method, list[Record]]] = {}
+    for trial in failures:
+        failed.setdefault((trial.setting, trial.method), []).append(trial.run)
+    settings: dict[Setting, dict[Method, list[Finished]]] = {}
     for record in records:
-        methods = settings.setdefault(setting_of(record), {})
-        methods.setdefault(method_of(record), []).append(record)
+        methods = settings.setdefault(record.trial.setting, {})
+        methods.setdefault(record.trial.method, []).append(record)
     titles = _titles(list(settings))
     found: list[Panel] = []
     for setting, methods in settings.items():
-        named = list(dict.fromkeys(method.localizer for method in methods))
-        listed = sorted(methods, key=lambda method: named.index(method.localizer))
+        named = list(dict.fromkeys(method.name for method in methods))
+        listed = sorted(methods, key=lambda method: named.index(method.name))
         for swept in _swept(listed):
             members = {m: methods[m] for m in listed if agree(m.params, swept)}
+            first = next(iter(members.values()))[0]
             lacking = {method: failed.get((setting, method), []) for method in members}
             found.append(
                 Panel(
@@ -98,7 +97,8 @@ def panels(
                     gaps=gaps(setting, swept, members, limits),
                     records=members,
                     failed=lacking,
-                    thresholds=thresholds_of(next(iter(members.values()))[0]),
+                    thresholds=first.thresholds,
+                    unit=first.unit,
                 )
             )
     return found
@@ -130,7 +130,7 @@ def _swept(methods: Sequence[Method]) -> list[Params]:
     for method in methods:
         for name, value in method.params:
             if is_number(value):
-                seen.setdefault((method.localizer, name), set()).add(value)
+                seen.setdefault((method.name, name), set()).add(value)
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
         tuple((name, value) for name, value in method.params if name in names) for method in methods
@@ -144,9 +144,9 @@ def _swept(methods: Sequence[Method]) -> list[Params]:
 
 
 def _labels(methods: Sequence[Method]) -> dict[Method, str]:
-    names = {method: short_name(method.localizer) for method in methods}
-    if len(set(names.values())) < len({method.localizer for method in methods}):
-        names = {method: method.localizer for method in methods}
+    names = {method: short_name(method.name) for method in methods}
+    if len(set(names.values())) < len({method.name for method in methods}):
+        names = {method: method.name for method in methods}
     return {method: " ".join([name, *_variant(method, methods)]) for method, name in names.items()}
 
 
@@ -156,7 +156,7 @@ def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
     A variant named by words is another choice of models, and the numbers that go with it are as
     long as they are uninteresting.
     """
-    same = [dict(other.params) for other in methods if other.localizer == method.localizer]
+    same = [dict(other.params) for other in methods if other.name == method.name]
     apart = [(n, v) for n, v in method.params if any(other.get(n) != v for other in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]
     alike = [other for other in same if all(other.get(name) == value for name, value in words)]

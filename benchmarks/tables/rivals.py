@@ -1,8 +1,9 @@
 """Every method of a panel against the paper's methods, run by run."""
 
-from benchmarks.tables.pairing import Method, differences, runs_of
+from benchmarks.tables.pairing import differences, runs_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate, estimate
+from benchmarks.trials.spec import Method
 
 _NOW = ("mcl", "mcl-map", "deq-mcl")
 _PAST = ("mcl-smoother", "mcl-map-smoother", "deq-mcl")
@@ -24,7 +25,7 @@ def rivals(panel: Panel) -> dict[int, Rivals]:
             for row in panel.rows
             if row.offset == offset
         }
-        against = [method for name in names for method in errors if method.localizer == name]
+        against = [method for name in names for method in errors if method.name == name]
         if against and len(errors) > 1:
             found[offset] = {
                 method: {one: estimate(differences(own, errors[one])) for one in against}

@@ -41,15 +41,15 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
             Markdown, with the methods' names as printed and the variances.
     """
     named, variances = (_name_as_printed, _VARIANCES) if style == "github" else (short_name, {})
-    baseline = named(rows[0].baseline.localizer) if rows else ""
+    baseline = named(rows[0].baseline.name) if rows else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
     header += [word for words, _ in variances.values() for word in (words, "paper")]
     lines = []
     for row in rows:
-        printed = TABLE_1.get(row.method.localizer) if row.offset <= 0 else None
+        printed = TABLE_1.get(row.method.name) if row.offset <= 0 else None
         line = [
-            named(row.method.localizer),
+            named(row.method.name),
             state_name(row.offset),
             "baseline" if row.is_baseline else _difference(row.diff),
             f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
@@ -92,12 +92,12 @@ def reading(rows: Iterable[Comparison]) -> str:
         rows: of one panel.
     """
     present = [row for row in rows if row.offset == 0]
-    filters = [row for row in present if row.method.localizer != "dead-reckoning"]
+    filters = [row for row in present if row.method.name != "dead-reckoning"]
     blind = next((row for row in present if row not in filters), None)
     if blind is None or not filters:
         return ""
     best = min(filters, key=lambda row: row.error.mean)
-    theirs = f"{full_name(best.method.localizer)}: {fixed(best.error.mean)}"
+    theirs = f"{full_name(best.method.name)}: {fixed(best.error.mean)}"
     if blind.error.mean < best.error.mean:
         return (
             f"Dead reckoning on the plan, which uses no scan, has a smaller error at x[t] than "

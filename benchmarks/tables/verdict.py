@@ -67,7 +67,7 @@ def ranked(panel: Panel) -> list[Comparison]:
 def verdict(panel: Panel, *, filters: bool = False) -> Verdict | None:
     """Return the verdict on a panel, or on its methods that use scans; None if it has none."""
     aim, rows = aim_of(panel), ranked(panel)
-    listed = [row for row in rows if not (filters and row.method.localizer == BLIND)]
+    listed = [row for row in rows if not (filters and row.method.name == BLIND)]
     if not listed or math.isinf(worse(listed[0], aim)):
         return None
     best = next((row for row in listed if _confirmed(row, aim)), None)

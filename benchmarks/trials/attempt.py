@@ -4,11 +4,10 @@ import contextlib
 import os
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
 from benchmarks.trials.episode import groups_of, scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
-from benchmarks.trials.scoring import record
+from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import LogWarning
@@ -20,7 +19,7 @@ from localizers.naming.isolation import is_ctrl_c
 class Outcome:
     """What came of a trial: a record with the seconds it took, or a reason."""
 
-    record: dict[str, Any] | None = None
+    record: Record | None = None
     seconds: float = 0.0
     reason: str | None = None
 
@@ -57,4 +56,4 @@ def attempt(trial: Trial, key: str) -> Outcome:
         return Outcome(reason=in_words(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
-    return Outcome(record={"trial": trial.canonical()} | kept, seconds=trace.seconds)
+    return Outcome(record=kept, seconds=trace.seconds)

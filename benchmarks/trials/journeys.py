@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
+from msgspec import Struct
 
 from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Fixes
 from deqmcl_gym.numerics.types import Bools, Floats
@@ -196,6 +197,24 @@ GROUPS = (
     ),
 )
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
+
+
+class WholeRun(Struct, frozen=True, kw_only=True):
+    """What a trial's record has of its whole run.
+
+    Attributes:
+        scores: by name; None is censored or not available.
+        curves: by name, each at the same steps; "way" is what was driven until then, m.
+    """
+
+    scores: dict[str, float | None]
+    curves: dict[str, list[float]]
+
+    def __post_init__(self) -> None:
+        if other := self.scores.keys() - JOURNEY_SCORES.keys():
+            raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
+        if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
+            raise ValueError("has curves of the whole run of different lengths")
 
 
 def groups_named(names: Collection[str]) -> tuple[Group, ...]:

@@ -16,6 +16,37 @@ Params = tuple[tuple[str, Any], ...]
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
 
 
+Run = tuple[int, int]  # world, filter seed
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What trials share that may be compared.
+
+    Attributes:
+        scenario: name of the world and of what the filters assume.
+        world, assumed: changes to both, by dotted name.
+        disturbance: wrappers around the world, innermost first.
+        lag: L.
+        seed: root of all randomness.
+    """
+
+    scenario: str
+    world: Params
+    assumed: Params
+    disturbance: tuple[Params, ...]
+    lag: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Method:
+    """A localizer by name, with its parameters."""
+
+    name: str
+    params: Params = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trial:
     """One localizer on one lap of one world.
@@ -43,6 +74,22 @@ class Trial:
     seed: int
     trial: int
     filter_seed: int = 0
+
+    @property
+    def setting(self) -> Setting:
+        """What it shares with the trials that it is compared with."""
+        wrappers = tuple(frozen(dict(wrapper)) for wrapper in self.disturbance)
+        return Setting(self.scenario, self.world, self.assumed, wrappers, self.lag, self.seed)
+
+    @property
+    def method(self) -> Method:
+        """What is compared."""
+        return Method(self.localizer, self.params)
+
+    @property
+    def run(self) -> Run:
+        """The world and the filter seed."""
+        return self.trial, self.filter_seed
 
     @property
     def offsets(self) -> tuple[int, ...]:
