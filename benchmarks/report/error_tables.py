@@ -7,14 +7,10 @@ from benchmarks.report.journeys import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel, short_name
 from benchmarks.tables.rivals import rivals
-from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.table_1 import state_name
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import aim_of, cost, ranked, standing
-from benchmarks.trials.journeys import Score
 from benchmarks.trials.spec import Method
 
 
@@ -23,22 +19,21 @@ def verdict_table(panel: Panel) -> Table:
 
     By the share of runs that succeed, if the panel is about one, and by the errors at x_t.
     """
-    aim, rows = aim_of(panel), ranked(panel)
-    header = ["method", *_headed(panel, aim), "ms per step (baseline = 1)", "worlds"]
+    rows = panel.ranked
+    header = ["method", *_headed(panel), "ms per step (baseline = 1)", "worlds"]
     lines = [
         [
             marked_label(panel, row),
-            *_compared(row, aim),
-            f"{fixed(milliseconds_per_step(panel.records[row.method]))} "
-            f"({significant(cost(panel, row), 2)} ×)",
+            *_compared(row),
+            f"{fixed(row.milliseconds)} ({significant(row.cost, 2)} ×)",
             str(row.worlds),
         ]
         for row in rows
     ]
-    values = [standing(row, aim).value.mean for row in rows]
+    values = [row.standing.value.mean for row in rows]
     best = [line for line, value in enumerate(values) if value == values[0]]
     return Table(
-        f"{_captioned(panel, aim)} ms per step: the method's own time, median over runs, of the "
+        f"{_captioned(panel)} ms per step: the method's own time, median over runs, of the "
         f"machine that ran them.{_with(panel)}",
         header,
         lines,
@@ -47,21 +42,21 @@ def verdict_table(panel: Panel) -> Table:
     )
 
 
-def _headed(panel: Panel, aim: Score | None) -> list[str]:
+def _headed(panel: Panel) -> list[str]:
     error = f"error e, {panel.unit} (SD)"
-    if aim is not None:
-        return [*score_header(aim), error, "difference of e, 95 % interval"]
+    if panel.aim is not None:
+        return [*score_header(panel.aim), error, "difference of e, 95 % interval"]
     apart = "difference to the baseline, 95 % interval"
     return [error, apart, "wins", "Wilcoxon p, Holm", "lost runs, 95 % interval"]
 
 
-def _compared(row: Comparison, aim: Score | None) -> list[str]:
+def _compared(row: Comparison) -> list[str]:
     errors = [
         f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
         "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
     ]
-    if aim is not None:
-        return [*score_cells(row, aim), *errors]
+    if row.aim is not None:
+        return [*score_cells(row, row.aim), *errors]
     return [
         *errors,
         "–" if row.is_baseline else percent(row.win_rate),
@@ -71,11 +66,11 @@ def _compared(row: Comparison, aim: Score | None) -> list[str]:
     ]
 
 
-def _captioned(panel: Panel, aim: Score | None) -> str:
+def _captioned(panel: Panel) -> str:
     at = panel.thresholds
-    if aim is not None:
+    if panel.aim is not None:
         return (
-            f"{capital(aim.words)}: share of runs, the largest first and in bold, and how it "
+            f"{capital(panel.aim.words)}: share of runs, the largest first and in bold, and how it "
             "compares with the baseline on the same worlds. Error e of the belief about the "
             "present, x[t], compared in the same way."
         )
@@ -106,13 +101,12 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     lines: list[list[str]] = []
     strong: list[tuple[int, int]] = []
     for panel in panels:
-        aim, rows = aim_of(panel), ranked(panel)
-        cells = {panel.labels[row.method]: _marked(standing(row, aim), aim) for row in rows}
-        values = {panel.labels[row.method]: standing(row, aim).value.mean for row in rows}
+        cells = {panel.labels[row.method]: _marked(row) for row in panel.ranked}
+        values = {panel.labels[row.method]: row.standing.value.mean for row in panel.ranked}
         best = {name for name, value in values.items() if value == next(iter(values.values()))}
         strong += [(len(lines), 1 + place) for place, name in enumerate(labels) if name in best]
         lines.append([numbered(panel), *(cells.get(label, "–") for label in labels)])
-    aims = dict.fromkeys(map(aim_of, panels))
+    aims = dict.fromkeys(panel.aim for panel in panels)
     shown = [
         "Error e of x[t], the smallest of a setting in bold."
         if aim is None
@@ -215,15 +209,16 @@ def _takers(name: str, methods: Sequence[Method]) -> int:
     return sum(method.name in takers for method in methods)
 
 
-def _marked(own: JourneyScore, aim: Score | None) -> str:
+def _marked(row: Comparison) -> str:
     """The error or share, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
+    own = row.standing
     if math.isnan(own.diff.mean):
         mark = ""
     elif not own.significant:
         mark = " ○"
     else:
         mark = " ▼" if own.diff.mean < 0 else " ▲"
-    return f"{fixed(own.value.mean) if aim is None else percent(own.value.mean)}{mark}"
+    return f"{fixed(own.value.mean) if row.aim is None else percent(own.value.mean)}{mark}"
 
 
 def _told(method: Method) -> str:

@@ -10,8 +10,6 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import least_p
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.table_1 import full_name, reading
-from benchmarks.tables.verdict import aim_of, ranked, standing
-from benchmarks.trials.journeys import Score
 
 FEW = 20  # worlds below which an interval is called rough
 
@@ -19,9 +17,9 @@ FEW = 20  # worlds below which an interval is called rough
 def findings(panel: Panel) -> list[str]:
     """Which methods are better or worse than their baseline, or neither, and what to mind."""
     outcomes: dict[str, list[str]] = {}
-    for row in ranked(panel):
+    for row in panel.ranked:
         if not row.is_baseline:
-            outcomes.setdefault(_outcome(row, aim_of(panel)), []).append(named(row, panel))
+            outcomes.setdefault(_outcome(row), []).append(named(row, panel))
     sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
     if warning := _few(panel.present):
         sentences.append(warning)
@@ -30,9 +28,9 @@ def findings(panel: Panel) -> list[str]:
     return sentences
 
 
-def _outcome(row: Comparison, aim: Score | None) -> str:
+def _outcome(row: Comparison) -> str:
     """What is known of a method beside its baseline."""
-    other, own = full_name(row.baseline.name), standing(row, aim)
+    other, own, aim = full_name(row.baseline.name), row.standing, row.aim
     diff = own.diff
     if math.isnan(diff.mean):
         unknown, none = "a shared world's error is unknown", "no finished world in common"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Film
 from benchmarks.pictures.frames import png, side_by_side, webp
-from benchmarks.tables.comparison import Comparison, outcomes_of
+from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.episode import trial_moments
@@ -119,8 +119,8 @@ def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], s
     """Return the worlds of a method by its error, or by the metres until it is localized."""
     worlds, what = focus.errors, "error"
     if _LOCALIZED.name in focus.journey:
-        own = outcomes_of(panel.records, panel.failed)[focus.method]
-        worlds, what = by_world(own.restricted(_LOCALIZED)), "metres to localize"
+        own = panel.whole[focus.method].restricted(_LOCALIZED)
+        worlds, what = by_world(own), "metres to localize"
     there = {record.trial.trial for record in panel.records[focus.method]}
     ranked = [(value, world) for world, value in worlds.items() if not math.isnan(value)]
     return sorted(one for one in ranked if one[1] in there), what

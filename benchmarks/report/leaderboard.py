@@ -18,8 +18,6 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import aim_of, cost, standing, worse
-from benchmarks.trials.journeys import Score
 from benchmarks.trials.spec import Method, Params, Run, Setting
 from deqmcl_gym.validation import InputError
 
@@ -46,7 +44,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class Entry:
     """A method of a source."""
 
     source: Source
@@ -85,14 +83,14 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 def boards(read: Sequence[Source]) -> list[Table]:
     """Return a table for each setting; what several runs have of one code is listed once."""
-    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Row]]] = {}
+    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Entry]]] = {}
     titles: dict[tuple[Setting, Params], str] = {}
     for source in read:
         for panel in source.results.panels:
             place = (panel.setting, panel.swept)
             titles.setdefault(place, panel.title)
             for one in panel.present:
-                row = Row(source=source, panel=panel, of=one)
+                row = Entry(source=source, panel=panel, of=one)
                 found.setdefault(place, {}).setdefault((one.method, row.digest), []).append(row)
     return [_board(titles[place], list(same.values())) for place, same in found.items()]
 
@@ -113,23 +111,23 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
     return {"leaderboard.html": html.encode(), "leaderboard.md": text.encode()}
 
 
-def _board(title: str, methods: list[list[Row]]) -> Table:
+def _board(title: str, methods: list[list[Entry]]) -> Table:
     """Rank methods, each given as its rows in all runs that have it."""
     panel = methods[0][0].panel
-    aim = aim_of(panel)
-    methods.sort(key=lambda same: worse(same[0].of, aim))
+    aim = panel.aim
+    methods.sort(key=lambda same: same[0].of.worse)
     rows = [same[0] for same in methods]
-    values = [worse(row.of, aim) for row in rows]
+    values = [row.of.worse for row in rows]
     ranked_by = f"error e, {panel.unit} (SD)" if aim is None else f"{done(aim)}, %"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
     header += [*(["wins"] if aim is None else []), "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
         [
             f"{1 + values.index(value)}. {marked_label(row.panel, row.of)}",
-            _value(row.of, aim),
-            "baseline" if row.of.is_baseline else _difference(row.of, aim),
+            _value(row.of),
+            "baseline" if row.of.is_baseline else _difference(row.of),
             *([_wins(row.of)] if aim is None else []),
-            f"{significant(cost(row.panel, row.of), 2)} ×",
+            f"{significant(row.of.cost, 2)} ×",
             str(row.of.worlds),
             row.digest,
             ", ".join(str(one.source.number) for one in same),
@@ -144,15 +142,15 @@ def _wins(row: Comparison) -> str:
     return "–" if row.is_baseline else percent(row.win_rate)
 
 
-def _value(row: Comparison, aim: Score | None) -> str:
-    if aim is None:
+def _value(row: Comparison) -> str:
+    if row.aim is None:
         return f"{fixed(row.error.mean)} ({fixed(row.error_sd)})"
-    return estimated(standing(row, aim).value.percent, ".0f")
+    return estimated(row.standing.value.percent, ".0f")
 
 
-def _difference(row: Comparison, aim: Score | None) -> str:
-    diff = standing(row, aim).diff
-    return estimated(diff, "+.2f") if aim is None else estimated(diff.percent, "+.0f")
+def _difference(row: Comparison) -> str:
+    diff = row.standing.diff
+    return estimated(diff, "+.2f") if row.aim is None else estimated(diff.percent, "+.0f")
 
 
 def _runs(read: Sequence[Source]) -> Table:

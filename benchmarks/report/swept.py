@@ -10,7 +10,6 @@ from benchmarks.report.style import Look
 from benchmarks.report.svg import Picture
 from benchmarks.report.verdicts import done
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.verdict import aim_of, standing
 from benchmarks.trials.journeys import Score
 
 
@@ -19,7 +18,7 @@ def charts_over(panels: Sequence[Panel], looks: Mapping[str, Look]) -> list[Pict
 
     They are of what all panels are about: a share of runs that succeed, or the error.
     """
-    aims = {aim_of(panel) for panel in panels}
+    aims = {panel.aim for panel in panels}
     aim = aims.pop() if len(aims) == 1 else None
     quantities = (ERROR, DIFFERENCE) if aim is None else _shares(aim)
     curves = (swept_charts(panels, looks, quantity) for quantity in quantities)
@@ -33,14 +32,14 @@ def _shares(aim: Score) -> tuple[Quantity, Quantity]:
         axis=f"{done(aim)}, % of runs",
         caption="Bars: Wilson's 95 % intervals. A method without this parameter has the same share "
         "everywhere.",
-        of=lambda row: standing(row, aim).value.percent,
+        of=lambda row: row.standing.value.percent,
     )
     apart = replace(
         DIFFERENCE,
         axis="points above the baseline",
         caption="Above 0: more often than the baseline on the same worlds. Bars: 95 % bootstrap "
         "intervals over worlds.",
-        of=lambda row: standing(row, aim).diff.percent,
+        of=lambda row: row.standing.diff.percent,
         far=math.inf,
     )
     return share, apart

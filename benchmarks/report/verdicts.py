@@ -17,16 +17,7 @@ from benchmarks.tables.power import least_p, least_worlds, worlds_to_see, worth_
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import full_name
 from benchmarks.tables.text import percent
-from benchmarks.tables.verdict import (
-    BLIND,
-    Verdict,
-    aim_of,
-    baseline_row,
-    cost,
-    standing,
-    tests_in,
-    verdict,
-)
+from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
 
 _MANY = 100_000  # worlds
@@ -36,7 +27,7 @@ def conclusion(results: Results) -> str:
     """The verdict on all that was run; of several settings, who is best in how many."""
     if len(results.panels) == 1:
         return spoken(results.panels[0])
-    found = [(panel, one) for panel in results.panels if (one := verdict(panel)) is not None]
+    found = [(panel, one) for panel in results.panels if (one := panel.verdict) is not None]
     if not found:
         return "No trial is finished."
     best = Counter(named(one.best, panel) for panel, one in found if one.best is not None)
@@ -51,27 +42,26 @@ def conclusion(results: Results) -> str:
 
 def spoken(panel: Panel) -> str:
     """The verdict on a panel; where the plan alone is best, on its filters, too."""
-    found = verdict(panel)
+    found = panel.verdict
     if found is None:
         return "No trial is finished."
     said = capital(_sentence(panel, found))
-    filters = verdict(panel, filters=True)
-    if found.best and found.best.method.name == BLIND and filters is not None:
-        scanning = _sentence(panel, filters).replace("No method", "none", 1)
+    if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
+        scanning = _sentence(panel, panel.of_filters).replace("No method", "none", 1)
         said += f" Of the methods that use scans, {scanning}"
     return said
 
 
 def runner_up(panel: Panel) -> str:
     """How far the next method is behind the winner; "" if there is none, or it is the baseline."""
-    found = verdict(panel)
+    found = panel.verdict
     if found is None or found.following is None or found.following.method == found.winner.baseline:
         return ""
-    name, reached = named(found.following, panel), _brief(panel, found.following, found.aim)
+    name, reached = named(found.following, panel), _brief(panel, found.following)
     lead, form, unit = found.lead, ".2f", panel.unit
     if math.isnan(lead.low) or lead == (0, 0, 0):
         return f"Next is {name}: {reached}."
-    if found.aim is not None:
+    if panel.aim is not None:
         lead, form, unit = lead.percent, ".0f", "points"
     doubt = ", an interval that includes 0" if lead.low <= 0 <= lead.high else ""
     behind = f"{lead.mean:{form}} {unit} behind (95 %: {interval(lead, form)})"
@@ -81,15 +71,14 @@ def runner_up(panel: Panel) -> str:
 def power_hint(panel: Panel) -> str:
     """How many worlds a small difference of errors would need; "" where nothing is known of it."""
     rows = [row for row in panel.present if row.diff_sd > 0]
-    if not rows or aim_of(panel) is not None:
+    if not rows or panel.aim is not None:
         return ""
-    tests = tests_in(panel)
-    base = baseline_row(panel, rows[0])
+    base = panel.baseline_of(rows[0])
     small = worth_seeing(base.error.mean)
     if math.isnan(small):
         return ""
     needed = ", ".join(
-        f"{rounded(worlds_to_see(small, row.diff_sd, tests))} for {panel.labels[row.method]}"
+        f"{rounded(worlds_to_see(small, row.diff_sd, panel.tests))} for {panel.labels[row.method]}"
         for row in rows
     )
     return (
@@ -104,45 +93,45 @@ def rounded(worlds: int) -> str:
 
 
 def _sentence(panel: Panel, found: Verdict) -> str:
-    row, aim = found.winner, found.aim
-    name, reached = named(row, panel), _reached(panel, row, aim)
+    row = found.winner
+    name, reached = named(row, panel), _reached(panel, row)
     if found.best is not None:
         aside = ""
         if found.first is not row:
-            more = _brief(panel, found.first, aim)
+            more = _brief(panel, found.first)
             aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
-        apart = _against(row, aim, f" {named(baseline_row(panel, row), panel)}")
-        return f"{name} is best: {reached}, {apart}{_price(panel, row)}{aside}."
+        apart = _against(row, f" {named(panel.baseline_of(row), panel)}")
+        return f"{name} is best: {reached}, {apart}{_price(row)}{aside}."
     if row.is_baseline:
-        if found.tests == 0:
+        if panel.tests == 0:
             return f"{name}: {reached}; nothing to compare it with."
         return f"No method is better than the baseline, {name}: {reached}."
-    base, own = baseline_row(panel, row), standing(row, aim)
-    ahead = f"{'smallest error' if aim is None else 'largest share'}: {name}, {reached}"
+    base, own = panel.baseline_of(row), row.standing
+    ahead = f"{'smallest error' if row.aim is None else 'largest share'}: {name}, {reached}"
     if math.isnan(own.diff.low):
         return f"{ahead}, on too few worlds to compare it."
     return (
         f"No method is confirmed to be better than {named(base, panel)} "
-        f"({_brief(panel, base, aim)}). {capital(ahead)}, {_against(row, aim)}; "
-        f"{_doubt(row.paired_worlds, own.p_holm, found.tests)}."
+        f"({_brief(panel, base)}). {capital(ahead)}, {_against(row)}; "
+        f"{_doubt(row.paired_worlds, own.p_holm, panel.tests)}."
     )
 
 
-def _brief(panel: Panel, row: Comparison, aim: Score | None) -> str:
+def _brief(panel: Panel, row: Comparison) -> str:
     """The error, or the share of runs that succeed."""
-    mean = standing(row, aim).value.mean
-    if aim is None:
+    mean = row.standing.value.mean
+    if row.aim is None:
         return f"{significant(mean)} {panel.unit}"
     return f"{percent(mean)} of runs"
 
 
-def _reached(panel: Panel, row: Comparison, aim: Score | None) -> str:
+def _reached(panel: Panel, row: Comparison) -> str:
     """The error, or what share of runs does what they are about, with its interval."""
-    brief = _brief(panel, row, aim)
-    if aim is None:
+    brief = _brief(panel, row)
+    if row.aim is None:
         return brief
-    ends = interval(standing(row, aim).value.percent, ".0f")
-    return f"{done(aim)} in {brief} (95 %: {ends})"
+    ends = interval(row.standing.value.percent, ".0f")
+    return f"{done(row.aim)} in {brief} (95 %: {ends})"
 
 
 def done(aim: Score) -> str:
@@ -150,10 +139,10 @@ def done(aim: Score) -> str:
     return aim.words.partition(" (")[0]
 
 
-def _against(row: Comparison, aim: Score | None, base: str = "") -> str:
+def _against(row: Comparison, base: str = "") -> str:
     """How far a method is from its baseline, and how often its error is the smaller one."""
-    if aim is not None:
-        points = standing(row, aim).diff.percent
+    if row.aim is not None:
+        points = row.standing.diff.percent
         return f"{points.mean:.0f} points above{base} (95 %: {interval(points, '.0f')})"
     worlds = f"smaller in {row.wins:g} of {row.paired_worlds} worlds"
     if math.isnan(row.relative.low):
@@ -165,9 +154,8 @@ def _against(row: Comparison, aim: Score | None, base: str = "") -> str:
     return f"{share} % below{base} (95 %: {ends}), {worlds}"
 
 
-def _price(panel: Panel, row: Comparison) -> str:
-    ratio = cost(panel, row)
-    return "" if math.isnan(ratio) else f"; costs {significant(ratio, 2)} × the time"
+def _price(row: Comparison) -> str:
+    return "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
 
 
 def _doubt(worlds: int, p_holm: float, tests: int) -> str:

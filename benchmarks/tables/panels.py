@@ -1,14 +1,19 @@
 """What is compared: the methods of a setting, at one value of each swept parameter."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.world_files import short
-from benchmarks.tables.comparison import Comparison, compared
+from benchmarks.tables.comparison import Comparison, compared, outcomes_of
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
+from benchmarks.tables.journeys import Outcomes
 from benchmarks.tables.pairing import BASELINE, agree
+from benchmarks.tables.verdict import BLIND, Verdict, verdict
+from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Params, Run, Setting, Trial
 
@@ -30,8 +35,10 @@ class Panel:
         labels: what each method is called, in the order of the results.
         rows: every method against the baseline, at all offsets.
         gaps: every method against the limit of its target, where there is one.
+        verdict: who is best; None if nothing is known.
+        of_filters: the same among the methods that use scans.
         records: finished trials by method.
-        failed: runs that failed by method.
+        whole: whole runs by method, with those that failed.
         thresholds: of what is far off, and lost.
         unit: of lengths.
     """
@@ -43,8 +50,10 @@ class Panel:
     labels: dict[Method, str]
     rows: list[Comparison]
     gaps: list[Gap]
+    verdict: Verdict | None
+    of_filters: Verdict | None
     records: dict[Method, list[Finished]]
-    failed: dict[Method, list[Run]]
+    whole: dict[Method, Outcomes]
     thresholds: Thresholds
     unit: str
 
@@ -54,9 +63,35 @@ class Panel:
         return f"e > {self.thresholds.far:g} {self.unit}"
 
     @property
+    def aim(self) -> Score | None:
+        """The share of whole runs that it is about; None if it is about the error."""
+        return self.rows[0].aim
+
+    @cached_property
     def present(self) -> list[Comparison]:
         """The rows about x_t."""
         return [row for row in self.rows if row.offset == 0]
+
+    @cached_property
+    def ranked(self) -> list[Comparison]:
+        """The same, the best first."""
+        return ranked(self.rows)
+
+    @property
+    def tests(self) -> int:
+        """How many tests Holm's correction at x_t is for."""
+        own = (p for row in self.present for p in (row.p, *(s.p for s in row.journey.values())))
+        return sum(not math.isnan(p) for p in own)
+
+    def baseline_of(self, row: Comparison) -> Comparison:
+        """The row of a method's baseline at x_t."""
+        return next(one for one in self.present if one.method == row.baseline)
+
+
+def ranked(rows: Iterable[Comparison]) -> list[Comparison]:
+    """Rows at x_t, the best first, an unknown one last; of equal ones the baseline first."""
+    present = [row for row in rows if row.offset == 0]
+    return sorted(present, key=lambda row: (row.worse, not row.is_baseline))
 
 
 def panels(
@@ -86,6 +121,10 @@ def panels(
             members = {m: methods[m] for m in listed if agree(m.params, swept)}
             first = next(iter(members.values()))[0]
             lacking = {method: failed.get((setting, method), []) for method in members}
+            whole = outcomes_of(members, lacking)
+            rows = compared(members, baseline, whole)
+            best = ranked(rows)
+            filters = [row for row in best if row.method.name != BLIND]
             found.append(
                 Panel(
                     number=len(found) + 1,
@@ -93,10 +132,12 @@ def panels(
                     setting=setting,
                     swept=swept,
                     labels=_labels(list(members)),
-                    rows=compared(members, baseline, lacking),
+                    rows=rows,
                     gaps=gaps(setting, swept, members, limits),
+                    verdict=verdict(best, members, whole),
+                    of_filters=verdict(filters, members, whole),
                     records=members,
-                    failed=lacking,
+                    whole=whole,
                     thresholds=first.thresholds,
                     unit=first.unit,
                 )
