@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.phase.cycles import Cycles
-from benchmarks.tables.table_1 import TITLES
+from benchmarks.tables.text import TITLES
 from deqmcl_gym.numerics.types import Floats
 
 PERFECT = "perfect queue"

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import PIL.Image
 
-from benchmarks.tables.table_1 import TITLES, state_name
+from benchmarks.tables.text import TITLES, state_name
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.world.drawing import (
     GRAY,

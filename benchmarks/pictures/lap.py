@@ -14,8 +14,7 @@ from benchmarks.pictures.film import Film
 from benchmarks.pictures.frames import webp
 from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.setup.trial_env import TrialEnv
-from benchmarks.tables.table_1 import TITLES, state_name
-from benchmarks.tables.text import csv_text
+from benchmarks.tables.text import TITLES, csv_text, state_name
 from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
 from benchmarks.trials.metrics import heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores

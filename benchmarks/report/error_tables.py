@@ -7,11 +7,11 @@ from benchmarks.report.journeys import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.panels import Panel, short_name
+from benchmarks.tables.panels import Panel
 from benchmarks.tables.rivals import rivals
-from benchmarks.tables.table_1 import state_name
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.spec import Method
+from localizers.naming.registry import is_plug_in
 
 
 def verdict_table(panel: Panel) -> Table:
@@ -88,11 +88,6 @@ def marked_label(panel: Panel, row: Comparison) -> str:
     if row.is_baseline:
         return f"{label} (baseline)"
     return f"{label} (plug-in)" if is_plug_in(row.method.name) else label
-
-
-def is_plug_in(localizer: str) -> bool:
-    """Whether a name is of a file or a module from elsewhere."""
-    return ":" in localizer
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:

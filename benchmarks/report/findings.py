@@ -9,7 +9,8 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import least_p
 from benchmarks.tables.stats import ALPHA
-from benchmarks.tables.table_1 import full_name, reading
+from benchmarks.tables.table_1 import reading
+from benchmarks.tables.text import full_name
 
 FEW = 20  # worlds below which an interval is called rough
 

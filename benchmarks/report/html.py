@@ -10,12 +10,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmarks.files import command_line
-from benchmarks.report import error_tables, tables, verdicts, words
-from benchmarks.report.findings import findings
-from benchmarks.report.markdown import describe, left_out_table
 from benchmarks.report.story import PICTURED, Story
 from benchmarks.report.style import LOOKS
-from benchmarks.tables.table_1 import full_name
+from benchmarks.report.words import capital
+from benchmarks.tables.text import full_name
 
 
 def html(story: Story) -> str:
@@ -24,24 +22,10 @@ def html(story: Story) -> str:
     return page(
         "report/page.html.jinja",
         title=results.title,
-        results=results,
+        story=story,
         sections=story.sections,
-        panels=story.panels,
-        curves=story.curves,
-        tables=tables,
-        error_tables=error_tables,
-        verdicts=verdicts,
-        findings=findings,
         baseline=full_name(results.baseline),
-        conclusion=verdicts.conclusion(results),
-        overview=words.overview(results, story.panels),
-        progress=words.progress(results),
-        failed=tables.Table(
-            "Trials that raised an error; no mean includes them.",
-            ["trial", "reason"],
-            [[describe(failure.trial), failure.reason] for failure in results.failures],
-        ),
-        left_out=left_out_table(results),
+        partial=bool(results.missing or results.failures),
         command=command_line(results.command),
         environment=json.dumps(results.environment, indent=2),
         pictured=PICTURED,
@@ -65,7 +49,7 @@ def page(template: str, **values: Any) -> str:
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
     engine.filters["whole"] = whole
-    engine.filters["capital"] = words.capital
+    engine.filters["capital"] = capital
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
     return engine.get_template(template).render(style=Markup(_variables() + css), **values)
 

@@ -6,46 +6,37 @@ import re
 from tabulate import tabulate
 
 from benchmarks.files import command_line
-from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.animations import lap_files
-from benchmarks.report.findings import findings
 from benchmarks.report.parts import Block
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
-from benchmarks.sweeps.results import Results
-from benchmarks.trials.spec import Trial
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
-
-_LISTED = 100  # files left out
 
 
 def markdown(story: Story, folder: str) -> str:
     """Return results.md, with its images in ``folder``."""
-    results, panels = story.results, story.panels
+    results = story.results
     parts = [
         f"# {plain(results.title)}",
-        f"**{plain(verdicts.conclusion(results))}**",
-        plain(words.overview(results, panels)),
-        f"{words.progress(results)} How to read it: "
+        f"**{plain(story.conclusion)}**",
+        plain(story.overview),
+        f"{story.progress} How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
     ]
-    if len(panels) > 1:
-        glances = (
-            error_tables.glance_table(panels),
-            tables.detection_glance(panels),
-            tables.validity_table(panels),
-        )
-        parts += ["## At a glance", *(table_text("", glance) for glance in glances if glance)]
+    if story.glances:
+        shown = [*story.glances, *([story.validity] if story.validity else [])]
+        parts += ["## At a glance", *(table_text("", glance) for glance in shown)]
     for section in story.sections:
         parts += _section(section, folder)
     if story.curves:
         parts += ["## Over the swept parameters", *(_image(one, folder) for one in story.curves)]
-    if results.failures:
-        parts += ["## Failed trials", _failures(story)]
-    if results.left_out:
-        parts += ["## Files left out", table_text("", left_out_table(results))]
+    if story.failed.lines:
+        failed = (f"- {plain(trial)}: {plain(reason)}" for trial, reason in story.failed.lines)
+        parts += ["## Failed trials", "\n".join(failed)]
+    if story.left_out.lines:
+        parts += ["## Files left out", table_text("", story.left_out)]
     parts += [
         "## How to reproduce it",
         _fenced(command_line(results.command)),
@@ -57,10 +48,10 @@ def markdown(story: Story, folder: str) -> str:
 def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {plain(panel.title)}"]
-    parts.append(plain(f"{verdicts.spoken(panel)} {verdicts.runner_up(panel)}"))
-    parts.append(table_text("", error_tables.verdict_table(panel)))
-    parts.append("\n".join(f"- {plain(one)}" for one in findings(panel)))
-    parts.append(plain(verdicts.power_hint(panel)))
+    parts.append(plain(f"{section.verdict} {section.runner_up}"))
+    parts.append(table_text("", section.table))
+    parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
+    parts.append(plain(section.power))
     for block in section.blocks:
         parts += _block(block, folder)
     for lap in section.laps:
@@ -103,34 +94,10 @@ def table_text(heading: str, table: Table) -> str:
     return f"{said}\n\n{cells}"
 
 
-def _failures(story: Story) -> str:
-    return "\n".join(
-        f"- {plain(describe(failure.trial))}: {plain(failure.reason)}"
-        for failure in story.results.failures
-    )
-
-
 def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
     return drawn | lap_files([lap for section in story.sections for lap in section.laps])
-
-
-def left_out_table(results: Results) -> Table:
-    """Which files of the folder are in no table, and why."""
-    listed = list(results.left_out.items())
-    lines = [[name, why] for name, why in listed[:_LISTED]]
-    if len(listed) > _LISTED:
-        lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
-    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
-
-
-def describe(trial: Trial) -> str:
-    """Which trial it was, in words."""
-    return (
-        f"{trial.localizer} on {trial.scenario}, world {trial.trial}, "
-        f"filter seed {trial.filter_seed}"
-    )
 
 
 def _fenced(text: str, kind: str = "") -> str:

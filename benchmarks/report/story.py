@@ -6,17 +6,22 @@ from typing import Any
 
 import matplotlib as mpl
 
+from benchmarks.report import error_tables, tables, verdicts, words
 from benchmarks.report.animations import Animator, Promise
+from benchmarks.report.findings import findings
 from benchmarks.report.laps import Lap, laps
 from benchmarks.report.parts import Block, blocks
 from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.report.swept import charts_over
+from benchmarks.report.tables import Table
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 PICTURED = 8  # panels with pictures; the tables are of all
+_LISTED = 100  # files left out
 ANIMATED = 1  # panels with animations: they are what makes a page large
 
 
@@ -26,29 +31,48 @@ class Section:
 
     Attributes:
         panel: what its tables are of.
+        verdict, runner_up, findings, power: sentences.
+        table: of its methods, the best first.
         blocks: tables and charts, part by part.
         laps: animations.
         no_laps: why there are none, if they failed.
     """
 
     panel: Panel
-    blocks: list[Block] = field(default_factory=list)
+    verdict: str
+    runner_up: str
+    findings: list[str]
+    power: str
+    table: Table
+    blocks: list[Block]
     laps: list[Lap] = field(default_factory=list)
     no_laps: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """What a report tells: the results, panel by panel, and what was swept."""
+    """What a report tells: the results, panel by panel, and what was swept.
+
+    Attributes:
+        results: what it is about.
+        conclusion, overview, progress: sentences.
+        glances: tables with a line for each section; empty if there is one section.
+        validity: of plans, with a line for several sections.
+        sections: panel by panel.
+        curves: over what was swept.
+        failed, left_out: trials without a result, files that are no trial.
+    """
 
     results: Results
+    conclusion: str
+    overview: str
+    progress: str
+    glances: list[Table]
+    validity: Table | None
     sections: list[Section]
     curves: list[Picture]
-
-    @property
-    def panels(self) -> list[Panel]:
-        """The panels of its sections."""
-        return [section.panel for section in self.sections]
+    failed: Table
+    left_out: Table
 
     @property
     def pictures(self) -> list[Picture]:
@@ -65,15 +89,59 @@ def story_of(results: Results, animator: Animator) -> Story:
     with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
         waiting = [[promised(lap) for lap in laps(panel)] for panel in animated]
         sections = [
-            Section(panel=panel, blocks=blocks(panel, look, pictured=panel.number <= PICTURED))
+            Section(
+                panel=panel,
+                verdict=verdicts.spoken(panel),
+                runner_up=verdicts.runner_up(panel),
+                findings=findings(panel),
+                power=verdicts.power_hint(panel),
+                table=error_tables.verdict_table(panel),
+                blocks=blocks(panel, look, pictured=panel.number <= PICTURED),
+            )
             for panel in panels
         ]
-        story = Story(results=results, sections=sections, curves=charts_over(panels, look))
+        several = panels if len(panels) > 1 else []
+        glances = (error_tables.glance_table(several), tables.detection_glance(several))
+        story = Story(
+            results=results,
+            conclusion=verdicts.conclusion(results),
+            overview=words.overview(results, panels),
+            progress=words.progress(results),
+            glances=[glance for glance in glances if glance and several],
+            validity=tables.validity_table(several),
+            sections=sections,
+            curves=charts_over(panels, look),
+            failed=_failed(results),
+            left_out=_left_out(results),
+        )
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source
         for place, drawing in enumerate(waiting):
             sections[place] = replace(sections[place], **_awaited(drawing))
     return story
+
+
+def _failed(results: Results) -> Table:
+    return Table(
+        "Trials that raised an error; no mean includes them.",
+        ["trial", "reason"],
+        [[_described(failure.trial), failure.reason] for failure in results.failures],
+    )
+
+
+def _left_out(results: Results) -> Table:
+    listed = list(results.left_out.items())
+    lines = [[name, why] for name, why in listed[:_LISTED]]
+    if len(listed) > _LISTED:
+        lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
+    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
+
+
+def _described(trial: Trial) -> str:
+    return (
+        f"{trial.localizer} on {trial.scenario}, world {trial.trial}, "
+        f"filter seed {trial.filter_seed}"
+    )
 
 
 def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:

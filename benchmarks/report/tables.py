@@ -9,8 +9,7 @@ from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.table_1 import state_name
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import fixed, percent, state_name
 from benchmarks.trials.metrics import LEVELS
 
 DETECTION = "Does the quality detect large errors?"

@@ -15,8 +15,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import least_p, least_worlds, worlds_to_see, worth_seeing
 from benchmarks.tables.stats import ALPHA, Estimate
-from benchmarks.tables.table_1 import full_name
-from benchmarks.tables.text import percent
+from benchmarks.tables.text import full_name, percent
 from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
 

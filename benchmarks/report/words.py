@@ -7,7 +7,7 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.table_1 import full_name
+from benchmarks.tables.text import full_name
 
 
 def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:

@@ -12,6 +12,7 @@ from benchmarks.tables.comparison import Comparison, compared, outcomes_of
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes
 from benchmarks.tables.pairing import BASELINE, agree
+from benchmarks.tables.text import short_name
 from benchmarks.tables.verdict import BLIND, Verdict, verdict
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import Finished
@@ -143,11 +144,6 @@ def panels(
                 )
             )
     return found
-
-
-def short_name(localizer: str) -> str:
-    """A name for pictures: a plug-in's class or file without the way to it."""
-    return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
 
 
 def is_number(value: Any) -> bool:
