@@ -1,6 +1,13 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
+from benchmarks.files.record import (
+    as_written,
+    is_empty,
+    own_folder,
+    refuse_changed,
+    write_part,
+    written,
+)
 from benchmarks.files.writing import (
     command_line,
     is_temporary,
@@ -13,6 +20,7 @@ from deqmcl_gym.reading import UnreadableError, content_of, json_of, typed
 
 __all__ = [
     "UnreadableError",
+    "as_written",
     "command_line",
     "content_of",
     "is_empty",

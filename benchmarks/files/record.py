@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from msgspec import Struct, to_builtins
@@ -62,6 +63,14 @@ def refuse_changed(folder: Path) -> None:
     for part in _read(folder).values():
         for name, digests in part.files.items():
             _refuse_other(folder, name, digests)
+
+
+def as_written(folder: Path, name: str) -> bool:
+    """Whether a file is there and is as we wrote it."""
+    with suppress(InputError):
+        parts = _read(folder).values()
+        return any(_is_one_of(folder / name, part.files.get(name, [])) for part in parts)
+    return False
 
 
 def written(

@@ -6,7 +6,7 @@ import re
 from tabulate import tabulate
 
 from benchmarks.files import command_line
-from benchmarks.report.animations import lap_files
+from benchmarks.report.animations import animation_files
 from benchmarks.report.parts import Block
 from benchmarks.report.story import Section, Story
 from benchmarks.report.svg import Picture
@@ -54,10 +54,10 @@ def _section(section: Section, folder: str) -> list[str]:
     parts.append(plain(section.power))
     for block in section.blocks:
         parts += _block(block, folder)
-    for lap in section.laps:
-        parts += [f"![{lap.title}]({folder}/{lap.name}.webp)", f"*{lap.title}. {lap.caption}*"]
-    if section.no_laps:
-        parts.append(f"No animation: {plain(section.no_laps)}")
+    for one in section.animations:
+        parts += [f"![{one.title}]({folder}/{one.name}.webp)", f"*{one.title}. {one.caption}*"]
+    if section.no_animation:
+        parts.append(f"No animation: {plain(section.no_animation)}")
     return [part for part in parts if part]
 
 
@@ -97,7 +97,9 @@ def table_text(heading: str, table: Table) -> str:
 def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
-    return drawn | lap_files([lap for section in story.sections for lap in section.laps])
+    return drawn | animation_files(
+        [one for section in story.sections for one in section.animations]
+    )
 
 
 def _fenced(text: str, kind: str = "") -> str:

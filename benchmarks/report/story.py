@@ -7,14 +7,14 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.report import error_tables, tables, verdicts, words
-from benchmarks.report.animations import Animator, Promise
+from benchmarks.report.animations import Animator, animations_of
 from benchmarks.report.findings import findings
-from benchmarks.report.laps import Lap, laps
 from benchmarks.report.parts import Block, blocks
 from benchmarks.report.style import looks
 from benchmarks.report.svg import HOUSE_STYLE, Picture
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
+from benchmarks.sweeps.drawing import Animation, Promise
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.spec import Trial
@@ -34,8 +34,8 @@ class Section:
         verdict, runner_up, findings, power: sentences.
         table: of its methods, the best first.
         blocks: tables and charts, part by part.
-        laps: animations.
-        no_laps: why there are none, if they failed.
+        animations: of the best, median and worst world.
+        no_animation: why there is none, if they failed.
     """
 
     panel: Panel
@@ -45,8 +45,8 @@ class Section:
     power: str
     table: Table
     blocks: list[Block]
-    laps: list[Lap] = field(default_factory=list)
-    no_laps: str = ""
+    animations: list[Animation] = field(default_factory=list)
+    no_animation: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ def story_of(results: Results, animator: Animator) -> Story:
     look = looks(label for panel in panels for label in panel.labels.values())
     animated = panels[:ANIMATED]
     with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
-        waiting = [[promised(lap) for lap in laps(panel)] for panel in animated]
+        waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(
                 panel=panel,
@@ -146,8 +146,10 @@ def _described(trial: Trial) -> str:
 
 def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:
     try:
-        return {"laps": [lap() for lap in drawing]}
+        return {"animations": [promise() for promise in drawing]}
     except InputError as error:
-        return {"no_laps": str(error)}
+        return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        return {"no_laps": f"its trials could not be run again ({type(error).__name__}: {error})"}
+        return {
+            "no_animation": f"its trials could not be run again ({type(error).__name__}: {error})"
+        }
