@@ -54,10 +54,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.report import no_report, write_report
-    from benchmarks.report.verdicts import conclusion
-    from benchmarks.sweeps.collecting import failed_sentence, summary
+    from benchmarks.report.words import conclusion
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, refuse_others
+    from benchmarks.sweeps.results import failed_sentence, summary
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,

@@ -1,18 +1,14 @@
 """The charts of a panel: its rows, drawn."""
 
 import math
-from collections.abc import Mapping
 from textwrap import wrap
 
 from matplotlib.ticker import MaxNLocator
 
-from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, estimates, picture
+from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
+from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.series import lap_errors, profile
 from benchmarks.trials.metrics import LEVELS
-
-Looks = Mapping[str, Look]  # by label
 
 _ROW = 30  # worlds whose marks fit side by side
 _LETTERS = 28  # of a method's name on a line

@@ -8,7 +8,6 @@ from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.rivals import rivals
 from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.spec import Method
 from localizers.naming.registry import is_plug_in
@@ -119,7 +118,7 @@ def rival_tables(panel: Panel) -> list[Table]:
     """Every method compared with the paper's, run by run: at x_t, and at x_{t-L}."""
     error = {(row.method, row.offset): row.error.mean for row in panel.rows}
     tables = []
-    for offset, apart in rivals(panel).items():
+    for offset, apart in panel.rivals.items():
         against = next(iter(apart.values()))
         caption = (
             f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "

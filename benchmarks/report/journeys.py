@@ -3,8 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from benchmarks.report.style import Look
-from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.report.svg import Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
 from benchmarks.tables.comparison import Comparison
@@ -13,8 +12,6 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
-
-Looks = Mapping[str, Look]
 
 WORDS = {  # by group: heading, what its columns mean
     "lost": (

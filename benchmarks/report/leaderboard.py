@@ -6,15 +6,12 @@ from pathlib import Path
 
 from benchmarks.files import command_line
 from benchmarks.report.error_tables import marked_label
-from benchmarks.report.html import page
-from benchmarks.report.markdown import plain, table_text
+from benchmarks.report.pages import page, plain, table_text
 from benchmarks.report.tables import Table
-from benchmarks.report.verdicts import done
-from benchmarks.report.words import capital, estimated, significant
+from benchmarks.report.words import capital, done, estimated, significant
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.results import Results, results_in
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent

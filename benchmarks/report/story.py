@@ -1,24 +1,121 @@
-"""The content of a report, before it is HTML or Markdown."""
+"""The content of a report, before it is HTML or Markdown: ``PARTS`` is the list to add to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.report import error_tables, tables, verdicts, words
+from benchmarks.report import error_tables, tables, words
 from benchmarks.report.animations import Animator, animations_of
-from benchmarks.report.findings import findings
-from benchmarks.report.parts import Block, blocks
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE, Picture
+from benchmarks.report.charts import (
+    calibration_chart,
+    offset_chart,
+    points_chart,
+    speed_chart,
+    time_charts,
+)
+from benchmarks.report.journeys import WORDS, journey_charts, journey_table
+from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
 from benchmarks.sweeps.drawing import Animation, Promise
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from benchmarks.trials.journeys import GROUPS, Group
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """What a part shows of one panel.
+
+    Attributes:
+        heading: "" for none.
+        note: how to read it.
+        tables, pictures: its content.
+        folded: whether it is closed until it is clicked on; never in print.
+        small: whether its pictures are small ones without words of their own.
+    """
+
+    heading: str
+    note: str
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+    folded: bool
+    small: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A heading, and what stands below it for any panel; see ``Block``."""
+
+    heading: str = ""
+    note: Callable[[Panel], str] = lambda panel: ""
+    tables: Callable[[Panel], Sequence[Table | None]] = lambda panel: ()
+    pictures: Callable[[Panel, Looks], Sequence[Picture | None]] = lambda panel, looks: ()
+    folded: bool = False
+    small: bool = False
+
+    def of(self, panel: Panel, looks: Looks, *, pictured: bool) -> Block | None:
+        """Return what it shows of a panel; None if there is nothing to show."""
+        shown = [table for table in self.tables(panel) if table]
+        drawn = [one for one in self.pictures(panel, looks) if one] if pictured else []
+        if not shown and not drawn:
+            return None
+        return Block(
+            heading=self.heading,
+            note=self.note(panel),
+            tables=shown,
+            pictures=drawn,
+            folded=self.folded,
+            small=self.small,
+        )
+
+
+def _of_journeys(group: Group) -> Part:
+    return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
+
+
+PARTS: Sequence[Part] = (
+    *map(_of_journeys, GROUPS),
+    Part(
+        pictures=lambda panel, looks: [
+            *journey_charts(panel, looks),
+            points_chart(panel, looks),
+            offset_chart(panel, looks),
+            calibration_chart(panel, looks),
+            speed_chart(panel, looks),
+        ]
+    ),
+    Part(
+        heading="Error over the lap",
+        note=lambda panel: (
+            "Solid: mean over worlds at x[t]; band: the middle 80 % of runs; dashed: the "
+            "baseline's mean"
+            + (f"; dotted: x[t-{lag}], a past state." if (lag := panel.setting.lag) else ".")
+        ),
+        pictures=time_charts,
+        small=True,
+    ),
+    Part(heading="Against the paper's methods", tables=error_tables.rival_tables, folded=True),
+    Part(heading="Optimality gap", tables=lambda panel: [error_tables.gap_table(panel)]),
+    Part(heading="Calibration", tables=lambda panel: [tables.calibration_table(panel)]),
+    Part(heading=tables.DETECTION, tables=lambda panel: [tables.detection_table(panel)]),
+    Part(
+        heading="Errors at every offset",
+        tables=lambda panel: [error_tables.offsets_table(panel)],
+        folded=True,
+    ),
+)
+
+
+def blocks(panel: Panel, looks: Looks, *, pictured: bool) -> list[Block]:
+    """Return what all parts show of a panel, with or without pictures."""
+    shown = (part.of(panel, looks, pictured=pictured) for part in PARTS)
+    return [block for block in shown if block is not None]
+
 
 PICTURED = 8  # panels with pictures; the tables are of all
 _LISTED = 100  # files left out
@@ -91,10 +188,10 @@ def story_of(results: Results, animator: Animator) -> Story:
         sections = [
             Section(
                 panel=panel,
-                verdict=verdicts.spoken(panel),
-                runner_up=verdicts.runner_up(panel),
-                findings=findings(panel),
-                power=verdicts.power_hint(panel),
+                verdict=words.spoken(panel),
+                runner_up=words.runner_up(panel),
+                findings=words.findings(panel),
+                power=words.power_hint(panel),
                 table=error_tables.verdict_table(panel),
                 blocks=blocks(panel, look, pictured=panel.number <= PICTURED),
             )
@@ -104,7 +201,7 @@ def story_of(results: Results, animator: Animator) -> Story:
         glances = (error_tables.glance_table(several), tables.detection_glance(several))
         story = Story(
             results=results,
-            conclusion=verdicts.conclusion(results),
+            conclusion=words.conclusion(results),
             overview=words.overview(results, panels),
             progress=words.progress(results),
             glances=[glance for glance in glances if glance and several],

@@ -49,7 +49,7 @@ def load() -> None:
     if no_report() is None:
         # it warns of a home that it cannot write to
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        from benchmarks.report import html, story  # noqa: F401
+        from benchmarks.report import pages  # noqa: F401
 
 
 def write_report(out: Path, results: Results, animator: "Animator | None" = None) -> list[Path]:
@@ -116,8 +116,7 @@ def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
         return {name: utf8(text) for name, text in tables.items()}
     load()
     from benchmarks.report.animations import IMAGES
-    from benchmarks.report.html import html
-    from benchmarks.report.markdown import images, markdown
+    from benchmarks.report.pages import html, images, markdown
     from benchmarks.report.story import story_of
 
     story = story_of(results, animator)

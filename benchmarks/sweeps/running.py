@@ -12,11 +12,10 @@ from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Where
 from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.progress import counted
-from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.results import Results, collected, left_out_lines
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.spec import Trial

@@ -13,11 +13,11 @@ from benchmarks.tables.pairing import (
     agree,
     by_world,
     differences,
+    milliseconds_per_step,
     over_worlds,
     runs_of,
     shared,
 )
-from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,

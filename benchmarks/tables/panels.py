@@ -13,7 +13,7 @@ from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes
 from benchmarks.tables.pairing import BASELINE, agree
 from benchmarks.tables.text import short_name
-from benchmarks.tables.verdict import BLIND, Verdict, verdict
+from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Params, Run, Setting, Trial
@@ -38,6 +38,7 @@ class Panel:
         gaps: every method against the limit of its target, where there is one.
         verdict: who is best; None if nothing is known.
         of_filters: the same among the methods that use scans.
+        rivals: every method against the paper's, by offset.
         records: finished trials by method.
         whole: whole runs by method, with those that failed.
         thresholds: of what is far off, and lost.
@@ -53,6 +54,7 @@ class Panel:
     gaps: list[Gap]
     verdict: Verdict | None
     of_filters: Verdict | None
+    rivals: dict[int, Rivals]
     records: dict[Method, list[Finished]]
     whole: dict[Method, Outcomes]
     thresholds: Thresholds
@@ -137,6 +139,7 @@ def panels(
                     gaps=gaps(setting, swept, members, limits),
                     verdict=verdict(best, members, whole),
                     of_filters=verdict(filters, members, whole),
+                    rivals=rivals(members, setting.lag),
                     records=members,
                     whole=whole,
                     thresholds=first.thresholds,

@@ -1,4 +1,4 @@
-"""Who is best: the methods of a panel by what it is about, and what is known of the first."""
+"""Who is best, and how methods compare with the paper's, run by run."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -64,3 +64,29 @@ def verdict(
         ours, theirs = (whole[row.method].runs(winner.aim) for row in (winner, following))
         lead = estimate(differences(ours, theirs))
     return Verdict(first=ranked[0], best=best, following=following, lead=lead)
+
+
+_NOW = ("mcl", "mcl-map", "deq-mcl")
+_PAST = ("mcl-smoother", "mcl-map-smoother", "deq-mcl")
+
+Rivals = dict[Method, dict[Method, Estimate]]
+
+
+def rivals(methods: Mapping[Method, Sequence[Finished]], lag: int) -> dict[int, Rivals]:
+    """Return differences of errors at x_t and x_{t-L}, by offset, method and rival.
+
+    Each is the mean over worlds of error - the rival's at the same offset, with its interval.
+    Offsets without a rival are left out.
+    """
+    offsets = {0: _NOW} | ({-lag: _PAST} if lag else {})
+    found = {}
+    for offset, names in offsets.items():
+        runs = {method: runs_of(records, "error", offset) for method, records in methods.items()}
+        errors = {method: own for method, own in runs.items() if own}
+        against = [method for name in names for method in errors if method.name == name]
+        if against and len(errors) > 1:
+            found[offset] = {
+                method: {one: estimate(differences(own, errors[one])) for one in against}
+                for method, own in errors.items()
+            }
+    return found

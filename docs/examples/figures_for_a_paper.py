@@ -32,7 +32,7 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
     results = running.results()
 
 # %%
-# To read the results of an earlier sweep, use ``benchmarks.sweeps.collecting.results_in``. Eight
+# To read the results of an earlier sweep, use ``benchmarks.sweeps.results.results_in``. Eight
 # worlds are few: the report says how many a paper needs.
 
 files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from report_cases import THREE, finished, trials
 
 from benchmarks.report import charts, curves
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE, canvas, picture
+from benchmarks.report.svg import HOUSE_STYLE, canvas, looks, picture
+from benchmarks.tables.pairing import profile
 from benchmarks.tables.panels import panels
-from benchmarks.tables.series import profile
 
 
 @settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from report_cases import finished, parsed, results, trials
 
-from benchmarks.sweeps.collecting import of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.csv_files import gaps_csv
 from benchmarks.tables.gap import LimitRuns, limit_of

@@ -6,16 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.report.laps import laps
 from report_cases import finished, parsed, trial_of
 from test_store import TRIAL  # a canonical trial
 
 from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.findings import findings
 from benchmarks.report.journeys import WORDS, journey_charts, journey_table
-from benchmarks.report.laps import laps
 from benchmarks.report.leaderboard import Source, boards
-from benchmarks.report.style import looks
-from benchmarks.report.verdicts import power_hint, runner_up, spoken
+from benchmarks.report.svg import looks
+from benchmarks.report.words import findings, power_hint, runner_up, spoken
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate

@@ -7,10 +7,8 @@ import matplotlib as mpl
 import pytest
 from test_journey_tables import run
 
-from benchmarks.report.regimes import regime_maps
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE
-from benchmarks.report.swept import charts_over
+from benchmarks.report.svg import HOUSE_STYLE, looks
+from benchmarks.report.swept import charts_over, regime_maps
 from benchmarks.tables.panels import panels
 
 BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))

@@ -8,12 +8,12 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
+from benchmarks.report.laps import Lap
+from benchmarks.report.laps import trial_of as trial_of_record
 from report_cases import THREE, paired, results, trial_of, trials, written
 
 from benchmarks.report import animations, story, writing
-from benchmarks.report.laps import Lap
-from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.style import LOOKS
+from benchmarks.report.svg import LOOKS
 from benchmarks.sweeps.suites import paper_suite
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"

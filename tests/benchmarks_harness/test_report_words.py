@@ -7,7 +7,7 @@ from report_cases import finished, paired, results, trial_of, trials
 
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
-from benchmarks.report.findings import findings
+from benchmarks.report.words import findings
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 

@@ -10,7 +10,7 @@ from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from benchmarks.sweeps.sweepfile import sweeps_named
 from benchmarks.tables.panels import panels
-from benchmarks.tables.power import least_worlds
+from benchmarks.tables.stats import least_worlds
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 

@@ -12,7 +12,7 @@ from deqmcl_command import METHODS, exit_code, files
 from sweep_command import lines, sweep, write_small
 
 from benchmarks.report import write_report
-from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.store import SCHEMA
 
 TABLES = {"results.csv", "trials.csv", "timings.csv"}

@@ -9,7 +9,7 @@ from deqmcl_command import files
 from sweep_command import broken, report, sweep, tables, write_small
 
 from benchmarks.files.lock import locked
-from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.results import results_in
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry

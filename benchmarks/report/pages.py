@@ -1,16 +1,74 @@
-"""results.md: the same as the page, for a repository."""
+"""report.html, one page without network and scripts, and results.md, the same for a repository."""
 
 import json
 import re
+from base64 import b64encode
+from importlib.resources import files
+from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from tabulate import tabulate
 
 from benchmarks.files import command_line
 from benchmarks.report.animations import animation_files
-from benchmarks.report.parts import Block
-from benchmarks.report.story import Section, Story
-from benchmarks.report.svg import Picture
+from benchmarks.report.story import PICTURED, Block, Section, Story
+from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
+from benchmarks.report.words import capital
+from benchmarks.tables.text import full_name
+
+
+def html(story: Story) -> str:
+    """Return report.html."""
+    results = story.results
+    return page(
+        "report/page.html.jinja",
+        title=results.title,
+        story=story,
+        sections=story.sections,
+        baseline=full_name(results.baseline),
+        partial=bool(results.missing or results.failures),
+        command=command_line(results.command),
+        environment=json.dumps(results.environment, indent=2),
+        pictured=PICTURED,
+    )
+
+
+def page(template: str, **values: Any) -> str:
+    """Return a page of the house's style.
+
+    Args:
+        template: a file of the package ``benchmarks`` that extends report/frame.html.jinja.
+        values: what it shows; ``title`` for one.
+    """
+    engine = Environment(
+        autoescape=True,
+        loader=PackageLoader("benchmarks", "."),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
+    engine.filters["base64"] = lambda content: b64encode(content).decode()
+    engine.filters["whole"] = whole
+    engine.filters["capital"] = capital
+    css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
+    return engine.get_template(template).render(style=Markup(_variables() + css), **values)
+
+
+def whole(cell: str) -> str:
+    """Return a table's cell so that lines break nowhere but before an interval or an SD."""
+    inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
+    return re.sub(r"(?<=\d) (?=[%×▲▼○])", "\u00a0", inside)
+
+
+def _variables() -> str:
+    light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
+    dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
+    of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
+    return f":root {{ {light}}}\n{of_dark}\n"
+
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
 
