@@ -1,5 +1,6 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
+import json
 import logging
 from contextlib import suppress
 from dataclasses import fields
@@ -96,7 +97,8 @@ def _source(results: Results, animator: "Animator") -> str:
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
     for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
-        digest.update(msgspec.json.encode(part, enc_hook=repr))
+        plain = msgspec.to_builtins(part, str_keys=True, enc_hook=repr)
+        digest.update(json.dumps(plain).encode())
     return digest.hexdigest()
 
 

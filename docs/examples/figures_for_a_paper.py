@@ -48,7 +48,7 @@ figure, axes = plt.subplots(figsize=(3.4, 2.2), layout="constrained")
 for method in ("mcl-map", "mcl-plan"):
     found = []
     for panel in results.panels:
-        row = next(row for row in panel.present if row.method.localizer == method)
+        row = next(row for row in panel.present if row.method.name == method)
         found.append((dict(panel.swept)["particles"], *row.error))
     particles, mean, low, high = zip(*found, strict=True)
     axes.plot(particles, mean, "o-", label=method)

@@ -133,16 +133,16 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
         trace_of(trial_moments(known, room), (0,), task_of(room), groups),
         0,
         scenario("sharp").thresholds,
-    )["journey"]
-    assert kept["scores"] == {
+    ).journey
+    assert kept.scores == {
         "success_1m": 1,
         "success_05m": 1,
         "metres_to_localize": 0,
         "false_commitment": 0,
         "false_steps": 0,
     }
-    assert [len(curve) for curve in kept["curves"].values()] == [205] * 3
-    assert kept["curves"]["way"][-1] == pytest.approx(0.1 * 180)  # 180 drives of 5 px, 24 turns
+    assert [len(curve) for curve in kept.curves.values()] == [205] * 3
+    assert kept.curves["way"][-1] == pytest.approx(0.1 * 180)  # 180 drives of 5 px, 24 turns
 
 
 class TwoPlaces:
@@ -200,4 +200,4 @@ def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.fixes.distance[:40].max() < 0.45 < run.fixes.distance[40]
-    assert log.scored()["journey"]["scores"]["recovered"] in (0, 1)
+    assert log.scored().scores["recovered"] in (0, 1)

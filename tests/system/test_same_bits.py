@@ -10,7 +10,7 @@ from deqmcl_command import python
 
 # Every number of one trial of each localizer, by its exact bits.
 DIGEST = """
-import hashlib, json
+import hashlib, json, msgspec
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.scoring import record
 from benchmarks.sweeps.suites import paper_suite
@@ -28,7 +28,7 @@ for scenario in ("paper", "sharp"):
         for kept in trace.offsets.values():
             columns = [kept.means, kept.variances, *kept.values.values()]
             arrays += [column.tobytes() for column in columns]
-        words = json.dumps(record(trace, trial.lag, Thresholds()), sort_keys=True).encode()
+        words = msgspec.json.encode(record(trace, trial.lag, Thresholds()), order="sorted")
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
         digests[f"{scenario} {trial.localizer}"] = digest
 print(json.dumps(digests))
