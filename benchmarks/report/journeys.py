@@ -7,7 +7,7 @@ from benchmarks.report.svg import Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import Curve, JourneyScore
+from benchmarks.tables.journeys import JourneyScore, ShareCurve
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent
@@ -94,7 +94,12 @@ def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
 
 
 def share_chart(
-    curves: Mapping[str, Curve], looks: Looks, *, end: float, name: str, words: tuple[str, str, str]
+    curves: Mapping[str, ShareCurve],
+    looks: Looks,
+    *,
+    end: float,
+    name: str,
+    words: tuple[str, str, str],
 ) -> Picture:
     """Draw shares of runs against metres driven, each with its band.
 

@@ -56,7 +56,7 @@ class JourneyScore:
         return confirmed(self.diff, self.p_holm)
 
 
-class Curve(NamedTuple):
+class ShareCurve(NamedTuple):
     """Share of runs that are localized for good after so many metres, with a pointwise band."""
 
     metres: Floats
@@ -94,7 +94,7 @@ class Outcomes:
         """Return metres by run, each at most the longest way in its world."""
         return {run: min(value, self._most(run)) for run, value in self.runs(score).items()}
 
-    def curve(self, score: Score) -> Curve:
+    def curve(self, score: Score) -> ShareCurve:
         """Return the share of runs for which it happened within so many metres."""
         return curve_of(_grouped(self.runs(score)))
 
@@ -151,7 +151,7 @@ def value_in(record: Finished, score: Score) -> float:
     return float((math.inf if score.censored else math.nan) if value is None else value)
 
 
-def curve_of(worlds: Mapping[int, Sequence[float]]) -> Curve:
+def curve_of(worlds: Mapping[int, Sequence[float]]) -> ShareCurve:
     """Return the share of runs with at most so many metres, runs on a world averaged first.
 
     The band is Wilson's 95 % interval, pointwise, for as many cases as worlds.
@@ -164,7 +164,7 @@ def curve_of(worlds: Mapping[int, Sequence[float]]) -> Curve:
     found = np.array([[np.mean(np.array(own) <= m) for own in worlds.values()] for m in metres])
     share = found.mean(axis=1)
     low, high = np.array([wilson(float(one), len(worlds)) for one in share]).T
-    return Curve(metres, share, low, high)
+    return ShareCurve(metres, share, low, high)
 
 
 def median(values: Sequence[float]) -> float:

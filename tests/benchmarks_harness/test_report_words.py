@@ -97,6 +97,14 @@ def test_the_overview_counts_localizers_settings_worlds_and_seeds():
     )
 
 
+def test_a_localizer_that_is_not_ours_is_marked_however_it_is_named():
+    names = ("mcl", "amcl", "installed-by-entry-point", "./file.py:Mine")
+    table = error_tables.verdict_table(panel_of(one for n in names for one in trials(n, [1.0])))
+    plug_ins = [line[0] for line in table.lines if line[0].endswith(" (plug-in)")]
+    assert plug_ins == ["installed-by-entry-point (plug-in)", "Mine (plug-in)"]
+    assert list(table.own) == [2, 3]
+
+
 def test_what_is_not_available_reads_na_in_the_tables_never_nan():
     none = dict.fromkeys(("coverage_50", "coverage_80", "coverage_95", "nees", "entropy"))
     records = [finished(name, 0, 1.0, scores=none) for name in ("mcl", "dead-reckoning")]
