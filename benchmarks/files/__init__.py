@@ -8,15 +8,18 @@ from benchmarks.files.record import (
     write_part,
     written,
 )
-from benchmarks.files.writing import (
+from deqmcl_gym.files import (
+    UnreadableError,
     command_line,
+    content_of,
     is_temporary,
+    json_of,
+    typed,
     utf8,
     writable_folder,
+    write_bytes,
     write_text,
 )
-from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, typed
 
 __all__ = [
     "UnreadableError",

@@ -15,9 +15,17 @@ from pathlib import Path
 from msgspec import Struct, to_builtins
 
 from benchmarks.files.lock import is_lock, writing
-from benchmarks.files.writing import is_temporary, writable_folder, write_text
-from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, opened, typed
+from deqmcl_gym.files import (
+    UnreadableError,
+    content_of,
+    is_temporary,
+    json_of,
+    opened,
+    typed,
+    writable_folder,
+    write_bytes,
+    write_text,
+)
 from deqmcl_gym.validation import InputError
 
 NAME = "written.json"
