@@ -9,8 +9,8 @@ from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.page import cycles_csv, fields_csv, page, table
 from benchmarks.phase.precession import PERFECT, Lap
 from benchmarks.pictures.plots import require_plots
-from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.validation import InputError, integer
 
@@ -33,7 +33,8 @@ def run_phase(
     require_plots()
     from benchmarks.phase.figure import phase_figure
 
-    room = room_of(trials[0].scenario)
+    stages = [Stage.of(trial) for trial in trials]
+    room = stages[0].room
     if not isinstance(room, RoomEnv) or room.world.route is not None:
         raise InputError(
             f"the scenario {trials[0].scenario} has no lap, along which place fields lie: choose "
@@ -43,7 +44,7 @@ def run_phase(
     path = room.course.path
     unit, start = room.floor_plan.unit, path.arc(room.course.start[:2])
     places = PlaceFields.along(path, fields, start, unit)
-    laps = _laps(trials, places, most=2 * len(room.course.actions))  # a driver gives up after two
+    laps = _laps(stages, places, most=2 * len(room.course.actions))  # a driver gives up after two
     contents = {
         "cycles.csv": cycles_csv(laps, unit).encode(),
         "fields.csv": fields_csv(places).encode(),
@@ -54,11 +55,12 @@ def run_phase(
     return f"{title}\n\n{table(laps, places, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
 
 
-def _laps(trials: Sequence[Trial], fields: PlaceFields, *, most: int) -> list[Lap]:
+def _laps(stages: Sequence[Stage], fields: PlaceFields, *, most: int) -> list[Lap]:
     """Return the lap of a perfect queue, then that of each localizer; the world is the same."""
     laps = []
-    for trial in trials:
-        lap = ((moment.truth, moment.belief) for moment in trial_moments(trial))
-        laps.append(Lap(trial.localizer, cycles_of(lap, fields, trial.lag, most=most)))
-    perfect = perfect_cycles(laps[-1].cycles.truth, fields, trials[0].lag)
+    lag = stages[0].trial.lag
+    for stage in stages:
+        lap = ((moment.truth, moment.belief) for moment in stage.moments())
+        laps.append(Lap(stage.trial.localizer, cycles_of(lap, fields, lag, most=most)))
+    perfect = perfect_cycles(laps[-1].cycles.truth, fields, lag)
     return [Lap(PERFECT, perfect), *laps]

@@ -16,10 +16,11 @@ from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.tables.table_1 import TITLES, state_name
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
+from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, check_writable, write
 from deqmcl_gym.maps import Map
@@ -42,14 +43,12 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         if os.path.lexists(log):
             raise InputError(f"{log} exists already: give another --log.")
     own_folder(out, "run")
-    camera = camera_of(trial, scale=1.6)
-    setup = scenario_of(trial)
-    unit = setup.unit
+    stage = Stage.of(trial)
+    unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
-    film = Film(camera, title, LAP_STRIDE)
-    task = task_of(setup.room())
-    left = _Outside(task.floor_plan)
-    trace = trace_of(left.of(film.of(trial_moments(trial))), trial.offsets, task)
+    film = Film(camera_of(stage, scale=1.6), title, LAP_STRIDE)
+    left = _Outside(stage.room.floor_plan)
+    trace = trace_of(left.of(film.of(stage.moments())), trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
         state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
@@ -63,9 +62,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         "trace.npz": npz(trace),
     } | trajectories(trace)
     if log is not None:
-        write(_log(film.moments, setup.room()), log)
+        write(_log(film.moments, stage.room), log)
     write_part(out, "run", files)
-    lines = [_line(row, unit) for row in scores(trace, trial.lag, setup.thresholds)]
+    lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
     return "\n".join(
         [
             f"{heading}: {trace.steps} steps",

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Film
@@ -11,10 +10,10 @@ from benchmarks.pictures.frames import png, side_by_side, webp
 from benchmarks.tables.comparison import Comparison, outcomes_of
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
-from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.journeys import JOURNEY_SCORES
 from benchmarks.trials.plugins import key_of
-from benchmarks.trials.spec import Trial, frozen, unworded
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
@@ -83,7 +82,7 @@ def laps(panel: Panel) -> list[Lap]:
                 f"{panel.labels[focus.method]} {value:.1f}. Every {_STRIDE}th step; orange: "
                 "present, pink: past, light blue: future; at the end the ways of truth and best "
                 "cluster.",
-                trials=tuple(trial_of(record["trial"]) for record in first.values()),
+                trials=tuple(Trial.named(record["trial"]) for record in first.values()),
                 labels=labels,
                 keys=tuple(record["key"] for record in first.values()),
             )
@@ -116,15 +115,6 @@ def joined(lap: Lap, rows: Sequence[Sequence[Image]]) -> Lap:
     return replace(lap, animation=webp(frames, _MILLISECONDS), still=still)
 
 
-def trial_of(canonical: dict[str, Any]) -> Trial:
-    """Return the trial that a record names."""
-    given = {f.name: unworded(canonical[f.name]) for f in fields(Trial) if f.name in canonical}
-    for name in ("world", "assumed", "params"):
-        given[name] = frozen(given.get(name, {}))
-    given["disturbance"] = tuple(frozen(one) for one in given.get("disturbance", ()))
-    return Trial(**given)
-
-
 def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:
     """Return the worlds of a method by its error, or by the metres until it is localized."""
     worlds, what = focus.errors, "error"
@@ -152,8 +142,8 @@ def _focus(rows: Sequence[Comparison]) -> Comparison | None:
 
 
 def _frames(trial: Trial, label: str) -> list[Image]:
-    camera = camera_of(trial, _SCALE)
-    film = Film(camera, label, _STRIDE)
-    for _ in film.of(trial_moments(trial)):
+    stage = Stage.of(trial)
+    film = Film(camera_of(stage, _SCALE), label, _STRIDE)
+    for _ in film.of(stage.moments()):
         pass
     return film.frames

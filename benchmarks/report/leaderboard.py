@@ -12,6 +12,7 @@ from benchmarks.report.markdown import plain, table_text
 from benchmarks.report.tables import Table
 from benchmarks.report.verdicts import done
 from benchmarks.report.words import capital, estimated, significant
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.manifest import Manifest
@@ -22,7 +23,6 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
 from benchmarks.tables.verdict import aim_of, cost, standing, worse
 from benchmarks.trials.journeys import Score
-from benchmarks.trials.spec import Params
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"
@@ -87,8 +87,8 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 def boards(read: Sequence[Source]) -> list[Table]:
     """Return a table for each setting; what several runs have of one code is listed once."""
-    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Row]]] = {}
-    titles: dict[tuple[Setting, Params], str] = {}
+    found: dict[tuple[Setting, Changes], dict[tuple[object, str], list[Row]]] = {}
+    titles: dict[tuple[Setting, Changes], str] = {}
     for source in read:
         for panel in source.results.panels:
             place = (panel.setting, panel.swept)

@@ -1,11 +1,11 @@
 """Scenario: a world, what the filters assume of it, and who drives."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.trial_env import TrialEnv
@@ -24,7 +24,8 @@ _KINDS: Mapping[str, Mapping[str, Any]] = {
     "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
 }  # fmt: skip
 _PARTS = tuple(own.name for own in fields(World))
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+_ASSUMED = ("motion", "scan", "prior")
+AS_WORLD = "world"  # what is assumed is what the world is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,7 @@ class Scenario:
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: p(x_0), as the filters assume it.
         agent: who drives, by name.
-        disturbance: wrappers around the world, innermost first: ((("kind", "kidnap"), …), …).
+        disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
             without a seed of its own.
         thresholds: of the scores.
@@ -51,7 +52,7 @@ class Scenario:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
-    disturbance: tuple[tuple[tuple[str, Any], ...], ...] = ()
+    disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
@@ -113,20 +114,44 @@ class Scenario:
 
         Args:
             world: arguments of ``RoomEnv``: ``{"lidar.beams": 9, "driver": "none"}``.
-            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``.
+            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
+                new world is: ``{"motion": "world", "scan.sigma": "world"}``.
 
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved = self._moved(world)
-        groups = grouped(assumed, ("motion", "scan", "prior"), "assumption")
+        moved = self._moved(Changes(world))
+        groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: _changed(part, getattr(moved, part), keys, moved.unit)
             for part, keys in groups.items()
         }
         return replace(moved, **parts)
 
-    def _moved(self, values: Mapping[str, Any]) -> Self:
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """What filters may assume as it is in the world, by dotted name."""
+        noise, start = self.world.noise, self.world.start
+        return {
+            "motion.kind": "odometry",
+            **{f"motion.{name}": value for name, value in vars(noise).items()},
+            "scan.sigma": self.world.lidar.sigma,
+            "prior.sd_position": start.sd_position,
+            "prior.sd_heading": start.sd_heading,
+        }
+
+    def _told(self, assumed: Changes) -> Changes:
+        """Return what is assumed with the world's values in place of the word "world"."""
+        told: dict[str, Any] = {}
+        for name, value in assumed.items():
+            known = self.known if value == AS_WORLD else {name: value}
+            of_it = {n: v for n, v in known.items() if f"{n}.".startswith(f"{name}.")}
+            if not of_it:
+                one_of('assumption that can be "world"', name, known)
+            told |= of_it
+        return Changes(told)
+
+    def _moved(self, values: Changes) -> Self:
         """Change the world; convert all other lengths if its unit is another one."""
         if not values:
             return self
@@ -134,9 +159,9 @@ class Scenario:
         factor = pixel(moved.unit) / pixel(self.unit)
         return moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
 
-    def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the env's arguments with some changed, by dotted name."""
-        groups = grouped(values, (*_PARTS, "horizon"), "part of the world")
+    def _env_with(self, values: Changes) -> Mapping[str, Any]:
+        """Return the env's arguments with some changed."""
+        groups = values.by_part((*_PARTS, "horizon"), "part of the world")
         world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
         given = groups.get("floor_plan", self.env.get("floor_plan"))
@@ -144,31 +169,6 @@ class Scenario:
             whole["floor_plan"] = given  # as it was said: offices differ by trial
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
         return {**self.env, **whole, **horizon}
-
-
-def grouped(values: Mapping[str, Any], parts: Collection[str], what: str) -> dict[str, Any]:
-    """Return values by dotted name as those of each part; one without a dot is the whole part.
-
-    Raises:
-        InputError: unknown part, or one that is given both ways.
-    """
-    whole: dict[str, Any] = {}
-    keyed: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        part, _, key = name.partition(".")
-        one_of(what, part, parts)
-        if key:
-            keyed.setdefault(part, {})[key] = value
-        else:
-            whole[part] = value
-    for part in whole.keys() & keyed.keys():
-        raise InputError(f"{part} is given whole and by key: give only one of them.")
-    return whole | {part: _nested(part, keys) for part, keys in keyed.items()}
-
-
-def _nested(part: str, keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``{"office.seed": 3}`` as ``{"office": {"seed": 3}}``."""
-    return grouped(keys, {key.partition(".")[0] for key in keys}, f"key in {part}")
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

@@ -15,7 +15,7 @@ from benchmarks.sweeps.results import Failure, Results
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.gap import LimitRuns
-from benchmarks.trials.spec import Trial, unworded
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 _SHOWN = 20  # lines of a kind
@@ -70,7 +70,7 @@ def results_in(folder: Path) -> Results:
     """
     made = manifest.read(folder)
     with documents.errors_name(folder / manifest.NAME):
-        sweep = sweep_of(unworded(made.sweep), title="", takes=partial(_recorded, made.parameters))
+        sweep = sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}
     results = collected(sweep, trials, Store(folder, reading=True), made)
     if results.left_out and results.missing == results.planned:

@@ -9,11 +9,12 @@ from tabulate import tabulate
 from benchmarks.execution.apart import provenance
 from benchmarks.execution.driver import outcomes
 from benchmarks.execution.engines import Engine, available_cpus
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.running import Options
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
-from benchmarks.trials.spec import Params, Trial
+from benchmarks.trials.spec import Trial
 
 BUDGET = 20.0  # seconds spent on measuring
 _SHOWN = 60  # cells
@@ -64,7 +65,7 @@ def _measured(
     began = time.perf_counter()
     _outcome(cells[0][0], engine, made)  # compile first
     known: dict[int, float | None] = {}
-    rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
+    rates: dict[tuple[str, Changes], list[float]] = {}  # seconds per particle
     first = {_form(cell[0]): index for index, cell in reversed([*enumerate(cells)])}
     for index in sorted(range(len(cells)), key=lambda i: i not in first.values()):
         trial = cells[index][0]
@@ -91,12 +92,12 @@ def _scaled(rates: Sequence[float], trial: Trial) -> float | None:
     return sum(rates) / len(rates) * _particles(trial) if rates else None
 
 
-def _form(trial: Trial) -> tuple[str, Params]:
-    return trial.localizer, tuple((k, v) for k, v in trial.params if k != "particles")
+def _form(trial: Trial) -> tuple[str, Changes]:
+    return trial.localizer, trial.params | {"particles": _USUAL}
 
 
 def _particles(trial: Trial) -> int:
-    return int(dict(trial.params).get("particles", _USUAL))
+    return int(trial.params.get("particles", _USUAL))
 
 
 def _duration(seconds: float) -> str:

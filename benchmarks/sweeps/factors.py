@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.trials.spec import Params
+from benchmarks.setup.changes import NOTHING, Changes
 from deqmcl_gym.validation import InputError, integer, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
@@ -16,7 +16,10 @@ class Method:
     """A localizer by name, with parameters that are its own; shared ones stand in the sweep."""
 
     name: str
-    params: Params = ()
+    params: Changes = NOTHING
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "params", Changes(self.params))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +52,10 @@ class Axis:
         values: by name: "scenario", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
     """
 
-    values: Mapping[str, tuple[Any, ...]]
+    values: Changes
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "values", Changes(self.values))
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")

@@ -8,12 +8,11 @@ from typing import Any
 from benchmarks.execution.apart import takes
 from benchmarks.files import utf8
 from benchmarks.setup import documents
+from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.setup.world_files import beside
 from benchmarks.sweeps.design import Sweep, Takes
 from benchmarks.sweeps.factors import Axis, Limit, Method
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
-from benchmarks.trials.spec import Params, frozen, tuples
 from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name
 from localizers.naming.registry import complete
@@ -86,14 +85,14 @@ def sweep_of(
         plain["scenario"] = absolute_scenario(plain["scenario"], folder or Path())
     if "baseline" in plain:
         plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
-    world = documents.dotted("world", given.get("world", {}))
+    world = Changes.told("world", given.get("world", {}))
     methods = _list("localizers", given.get("localizers"))
     return Sweep(
         title=documents.text("title", given.get("title", title)),
         localizers=tuple(_method(entry, folder) for entry in methods),
-        world=frozen(world if folder is None else beside(folder, world)),
-        assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
-        params=frozen(documents.dotted("params", given.get("params", {}))),
+        world=world if folder is None else world.beside(folder),
+        assumed=Changes.told("assumed", given.get("assumed", {})),
+        params=Changes.told("params", given.get("params", {})),
         disturbance=_wrappers("disturbance", given.get("disturbance", [])),
         vary=tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         limits=_limits(given.get("limit", []), folder),
@@ -109,7 +108,7 @@ def _refuse_idle(sweep: Sweep) -> None:
         return
     varied = [name for axis in sweep.vary for name in axis.values]
     shared = [name.removeprefix("params.") for name in varied if name.startswith("params.")]
-    for name in [*dict(sweep.params), *shared]:
+    for name in [*sweep.params, *shared]:
         one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 
@@ -144,7 +143,7 @@ def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
     params = documents.table("params of a localizer", table.get("params", {}), "a table")
     name = _localizer("name of a localizer", table["name"], folder)
-    return Method(name=name, params=frozen(params))
+    return Method(name=name, params=Changes(params))
 
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
@@ -165,12 +164,12 @@ def _absolute(folder: Path, path: str) -> str:
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
-    values = documents.dotted("vary", documents.table("vary", table, "a [[vary]] table"))
+    values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
         axis[name] = tuple(_point(name, point, folder) for point in points)
-    return Axis(values=axis)
+    return Axis(values=Changes(axis))
 
 
 def _point(name: str, value: Any, folder: Path | None) -> Any:
@@ -179,12 +178,12 @@ def _point(name: str, value: Any, folder: Path | None) -> Any:
     if name == "scenario":
         return absolute_scenario(value, folder or Path())
     key = name.removeprefix("world.")
-    return tuples(value if folder is None else beside(folder, {key: value})[key])
+    return value if folder is None else Changes({key: value}).beside(folder)[key]
 
 
-def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
+def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
     return tuple(
-        frozen(
+        Changes(
             documents.table(
                 f"an entry of {what}", wrapper, "a table like {kind = 'kidnap', step = 100}"
             )
@@ -196,7 +195,7 @@ def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
 def _list(what: str, value: Any) -> Sequence[Any]:
     if value is None:
         raise InputError(f"{what} is missing: write {what} = [ … ].")
-    if not isinstance(value, list):
+    if not isinstance(value, list | tuple):
         hint = ": write [[vary]]" if what == "vary" else ""
         raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
     return value

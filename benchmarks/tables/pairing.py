@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.spec import Params, frozen, unworded
+from benchmarks.setup.changes import NOTHING, Changes
 from deqmcl_gym.numerics.types import Floats
 
 Record = dict[str, Any]
@@ -30,9 +30,9 @@ class Setting:
     """
 
     scenario: str
-    world: Params
-    assumed: Params
-    disturbance: tuple[Params, ...]
+    world: Changes
+    assumed: Changes
+    disturbance: tuple[Changes, ...]
     lag: int
     seed: int
 
@@ -42,17 +42,17 @@ class Method:
     """A localizer with its parameters."""
 
     localizer: str
-    params: Params = ()
+    params: Changes = NOTHING
 
 
 def setting_of(record: Record) -> Setting:
     """Return the setting of a finished trial."""
-    trial = unworded(record["trial"])
+    trial = record["trial"]
     return Setting(
         scenario=trial["scenario"],
-        world=frozen(trial["world"]),
-        assumed=frozen(trial["assumed"]),
-        disturbance=tuple(frozen(wrapper) for wrapper in trial["disturbance"]),
+        world=Changes(trial["world"]),
+        assumed=Changes(trial["assumed"]),
+        disturbance=tuple(map(Changes, trial["disturbance"])),
         lag=trial["lag"],
         seed=trial["seed"],
     )
@@ -61,7 +61,7 @@ def setting_of(record: Record) -> Setting:
 def method_of(record: Record) -> Method:
     """Return the method of a finished trial."""
     trial = record["trial"]
-    return Method(trial["localizer"], frozen(unworded(trial["params"])))
+    return Method(trial["localizer"], Changes(trial["params"]))
 
 
 def run_of(record: Record) -> Run:
@@ -69,10 +69,9 @@ def run_of(record: Record) -> Run:
     return record["trial"]["trial"], record["trial"]["filter_seed"]
 
 
-def agree(some: Params, others: Params) -> bool:
+def agree(some: Changes, others: Changes) -> bool:
     """Whether the parameters that both have are the same."""
-    ours, theirs = dict(some), dict(others)
-    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
+    return all(some[name] == others[name] for name in some.keys() & others.keys())
 
 
 def runs_of(records: Iterable[Record], name: str, offset: int = 0) -> Runs:

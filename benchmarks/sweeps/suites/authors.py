@@ -2,11 +2,11 @@
 
 from types import MappingProxyType
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites.limits import limits_of
 from benchmarks.sweeps.suites.paper import CLASSICAL
 from benchmarks.sweeps.suites.parts import AMCL_ON_ROBOT, axis, method, methods, noises
-from benchmarks.trials.spec import frozen
 
 _BEAMS, _SIGMAS = (1, 9, 9), (100.0, 50.0, 5.0)  # weak, middle, sharp
 _NOISES = (0.02, 0.2)
@@ -39,7 +39,7 @@ AUTHOR_SUITES = MappingProxyType(
             baseline="mcl-map",
             trials=200,
             filter_seeds=3,
-            params=frozen({"particles": 300}),
+            params=Changes({"particles": 300}),
             vary=(axis(scenario=("guided", "paper")),),
         ),
         "matched-sharp": Sweep(
@@ -68,7 +68,7 @@ AUTHOR_SUITES = MappingProxyType(
             ),
             baseline="mcl-map",
             trials=40,
-            params=frozen({"particles": 300}),
+            params=Changes({"particles": 300}),
             vary=(
                 axis(scenario=("guided", "guided-stale")),
                 axis(
@@ -83,7 +83,7 @@ AUTHOR_SUITES = MappingProxyType(
             localizers=methods("mcl-map", "mcl-plan", "mcl-pilots", "dead-reckoning"),
             baseline="mcl-map",
             trials=40,
-            params=frozen({"particles": 300}),
+            params=Changes({"particles": 300}),
             vary=(
                 axis(scenario=("guided", "guided-before", "guided-estimate", "guided-stale")),
                 axis(

@@ -7,9 +7,9 @@ many steps of the plan are evidence at every step, 0.2 m each.
 from dataclasses import replace
 from types import MappingProxyType
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites.parts import AMCL_ON_ROBOT, axis, method, methods
-from benchmarks.trials.spec import frozen
 
 _AHEAD = 50  # steps of the plan: 10 m
 _DRAWS = {"start_draws": 20, "start_jitter": 0.3}  # m; without it few poses are left
@@ -22,7 +22,7 @@ _START = method("mcl-map", **_DRAWS)
 # Nav2's own assumptions, and those of all others
 _AMCL = (
     method("amcl", max_particles=20_000),
-    replace(AMCL_ON_ROBOT, params=frozen({**dict(AMCL_ON_ROBOT.params), "max_particles": 20_000})),
+    replace(AMCL_ON_ROBOT, params=AMCL_ON_ROBOT.params | {"max_particles": 20_000}),
 )
 _DRIVEN = (method("amcl"), AMCL_ON_ROBOT)
 # a start informed by the plan costs about as long as the run: the rival has twice the particles
@@ -38,7 +38,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=100,
-            params=frozen(_RECOVERY),
+            params=Changes(_RECOVERY),
             vary=(axis(params__particles=(2_000, 10_000)),),
         ),
         "lost-quick": Sweep(
@@ -48,7 +48,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=20,
-            params=frozen({"particles": 5_000, **_RECOVERY}),
+            params=Changes({"particles": 5_000, **_RECOVERY}),
         ),
         "lost-hard": Sweep(
             title="Lost with one weak beam, and where two places fit the scans: 100 worlds",
@@ -56,7 +56,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=100,
-            params=frozen({"particles": 10_000, **_RECOVERY}),
+            params=Changes({"particles": 10_000, **_RECOVERY}),
             vary=(axis(scenario=("lost-weak", "lost-symmetric", "lost-symmetric-route")),),
         ),
         "lost-equal-time": Sweep(
@@ -66,7 +66,7 @@ LOST_SUITES = MappingProxyType(
             lag=0,
             trials=100,
             filter_seeds=2,
-            params=frozen(_RECOVERY),
+            params=Changes(_RECOVERY),
             vary=(axis(scenario=("lost", "lost-weak", "lost-symmetric")),),
         ),
         "lost-regimes": Sweep(
@@ -76,7 +76,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=20,
-            params=frozen(_RECOVERY),
+            params=Changes(_RECOVERY),
             vary=(
                 axis(world__lidar__beams=(1, 4, 16)),
                 axis(world__floor_plan__office__corridor=(1.2, 2.0, 3.2)),
@@ -92,7 +92,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=100,
-            params=frozen(_RECOVERY),
+            params=Changes(_RECOVERY),
             vary=(
                 axis(scenario=("kidnapped", "kidnapped-stale")),
                 axis(params__particles=(2_000, 10_000)),
@@ -104,7 +104,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=100,
-            params=frozen({"particles": 10_000, **_RECOVERY}),
+            params=Changes({"particles": 10_000, **_RECOVERY}),
             vary=(axis(scenario=("lost", "kidnapped")),),
         ),
         "amcl-driving": Sweep(
@@ -113,7 +113,7 @@ LOST_SUITES = MappingProxyType(
             baseline="mcl-map",
             lag=0,
             trials=100,
-            params=frozen({"particles": 2_000}),
+            params=Changes({"particles": 2_000}),
             vary=(axis(scenario=("driving", "driving-route")),),
         ),
         "driving": Sweep(

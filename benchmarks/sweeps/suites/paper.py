@@ -5,9 +5,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites.parts import AMCL_ON_ROBOT, axis, home_again, methods, noises, wrapper
-from benchmarks.trials.spec import Trial, frozen
+from benchmarks.trials.spec import Trial
 
 PAPER_METHODS = (
     "mcl",
@@ -50,7 +51,7 @@ def paper_sweep(
         trials=trials,
         seed=seed,
         lag=lag,
-        params=frozen(params),
+        params=Changes(params),
     )
 
 
@@ -67,7 +68,7 @@ PAPER_SUITES = MappingProxyType(
             title="A quick look: the paper's methods on few worlds",
             localizers=methods(*PAPER_METHODS),
             trials=10,
-            params=frozen({"particles": 500}),
+            params=Changes({"particles": 500}),
         ),
         "paper": paper_sweep(particles=1000),
         "headline": replace(
@@ -81,7 +82,7 @@ PAPER_SUITES = MappingProxyType(
             _VARIED,
             title="Error against the number of particles",
             localizers=methods(*PAPER_METHODS[:-1]),
-            params=(),
+            params=Changes(),
             vary=(
                 axis(scenario=SCENARIOS),
                 axis(params__particles=(30, 100, 300, 1000, 3000)),

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.factors import Axis, Method
-from benchmarks.trials.spec import Params, frozen
 
 
 def methods(*names: str) -> tuple[Method, ...]:
@@ -15,7 +15,7 @@ def methods(*names: str) -> tuple[Method, ...]:
 
 def method(name: str, **params: Any) -> Method:
     """A localizer with parameters of its own."""
-    return Method(name=name, params=frozen(params))
+    return Method(name=name, params=Changes(params))
 
 
 # AMCL with the assumptions of all other filters, updated at every step; "amcl" alone is Nav2's
@@ -30,12 +30,12 @@ AMCL_ON_ROBOT = method(
 
 def axis(**values: Sequence[Any]) -> Axis:
     """An axis whose names are written with __ for a dot."""
-    return Axis(values={name.replace("__", "."): tuple(v) for name, v in values.items()})
+    return Axis(values=Changes({n.replace("__", "."): tuple(v) for n, v in values.items()}))
 
 
-def wrapper(kind: str, **arguments: Any) -> Params:
+def wrapper(kind: str, **arguments: Any) -> Changes:
     """A disturbance of the world."""
-    return frozen({"kind": kind} | arguments)
+    return Changes({"kind": kind} | arguments)
 
 
 def home_again() -> tuple[tuple[float, float], ...]:

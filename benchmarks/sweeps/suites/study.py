@@ -8,10 +8,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Axis
 from benchmarks.sweeps.suites.parts import axis, home_again, methods, noises, wrapper
-from benchmarks.trials.spec import frozen
 
 _CENTRES = axis(scenario=("matched", "guided"))
 _CHANGED = wrapper("plan-change", step=100, actions=home_again())
@@ -27,7 +27,7 @@ def _study(title: str, *axes: Axis, **changes: Any) -> Sweep:
         baseline="mcl-map",
         trials=25,
         filter_seeds=2,
-        params=frozen({"particles": 300}),
+        params=Changes({"particles": 300}),
         vary=(_CENTRES, *axes),
     )
     return replace(base, **changes)
