@@ -53,17 +53,22 @@ def code_digest() -> str:
 
 
 def source_of(package: str) -> str:
-    """Return a digest of all source files of a package."""
-    digest, root = hashlib.sha256(), _folder(package)
-    for path in sorted(root.rglob("*.py")):
-        digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
+    """Return a digest of all source files of a package, or of a module's."""
+    digest = hashlib.sha256()
+    for path, name in _files(package):
+        digest.update(f"{package}/{name}\0".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _folder(package: str) -> Path:
+def _files(package: str) -> list[tuple[Path, str]]:
+    """Return the source files of a package or module, with their names in it."""
     spec = find_spec(package)
-    return Path(str(spec and spec.origin)).parent
+    origin = Path(str(spec and spec.origin))
+    if spec is None or spec.submodule_search_locations is None:
+        return [(origin, origin.name)]
+    root = origin.parent
+    return [(path, path.relative_to(root).as_posix()) for path in sorted(root.rglob("*.py"))]
 
 
 @cache

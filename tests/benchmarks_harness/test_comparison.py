@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from report_cases import comparisons, finished, parsed, trials
 
+from benchmarks.setup.changes import Changes
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import baseline_of
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.pairing import Method, method_of, setting_of
 from benchmarks.tables.panels import panels
-from benchmarks.trials.spec import frozen
 
 
 def by_name(records):
@@ -69,7 +69,7 @@ def test_only_trials_of_the_same_setting_and_world_are_compared(other):
 
 
 def method(localizer, **params):
-    return Method(localizer, frozen(params))
+    return Method(localizer, Changes(params))
 
 
 VARIANTS = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", kind="b")]

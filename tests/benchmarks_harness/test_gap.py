@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from report_cases import finished, parsed, results, trials
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.collecting import of_sweep
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.factors import Limit, Method
@@ -16,7 +17,6 @@ from benchmarks.tables.gap import LimitRuns, limit_of
 from benchmarks.tables.pairing import Method as Named
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
-from benchmarks.trials.spec import frozen
 from deqmcl_gym.validation import InputError
 
 MANY = {"particles": 100_000}
@@ -40,9 +40,9 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     for order in ((unnamed, own), (own, unnamed)):
         found = {r.method: (r.limit.localizer, r.gap.mean, r.worlds) for r in gaps(records, *order)}
         assert found == {
-            Named("mcl-pilots", frozen(MANY)): ("mcl-pilots", 0.0, 3),
+            Named("mcl-pilots", Changes(MANY)): ("mcl-pilots", 0.0, 3),
             Named("mcl-h"): ("mcl-pilots", 2.0, 3),
-            Named("mcl-plan", frozen(MANY)): ("mcl-plan", 0.0, 2),
+            Named("mcl-plan", Changes(MANY)): ("mcl-plan", 0.0, 2),
             Named("mcl"): ("mcl-plan", 8.0, 2),
             Named("mcl-plan"): ("mcl-plan", 8.0, 2),
         }
@@ -81,12 +81,15 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
 
 
 def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
-    limits = [Named("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
-    assert limit_of((), Named("mcl-map", (("beta", 10), ("particles", 300))), limits) == limits[1]
-    assert limit_of((), Named("mcl-map", (("beta", 5),)), limits) is None
-    assert limit_of((), Named("mcl", (("particles", 300),)), limits) == limits[0]
-    assert limit_of((("beta", 10),), Named("mcl"), limits) == limits[1]  # the panel's
-    assert limit_of((), Named("mcl"), []) is None
+    limits = [Named("mcl-pilots", Changes([("beta", b), ("particles", 100_000)])) for b in (1, 10)]
+    assert (
+        limit_of(Changes(), Named("mcl-map", Changes([("beta", 10), ("particles", 300)])), limits)
+        == limits[1]
+    )
+    assert limit_of(Changes(), Named("mcl-map", Changes([("beta", 5)])), limits) is None
+    assert limit_of(Changes(), Named("mcl", Changes([("particles", 300)])), limits) == limits[0]
+    assert limit_of(Changes({"beta": 10}), Named("mcl"), limits) == limits[1]  # the panel's
+    assert limit_of(Changes(), Named("mcl"), []) is None
 
 
 def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels_limit():
@@ -109,8 +112,8 @@ SWEEP = Sweep(
     localizers=(Method(name="mcl"), Method(name="dead-reckoning")),
     trials=5,
     filter_seeds=3,
-    params=frozen({"particles": 10}),
-    limits=(Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),),
+    params=Changes({"particles": 10}),
+    limits=(Limit(method=Method(name="mcl", params=Changes(MANY)), trials=2, filter_seeds=4),),
 )
 
 
@@ -118,7 +121,7 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
-    assert {t.params for t in limits} == {frozen(MANY)}
+    assert {t.params for t in limits} == {Changes(MANY)}
     records = [{"trial": t.canonical(), "scores": []} for t in SWEEP.distinct()]
     apart = of_sweep(SWEEP, results(records))
     (limit,) = apart.limits

@@ -3,13 +3,14 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 from benchmarks import trials
 from benchmarks.trials import provenance
 
 RUN = """
 import sys
-import benchmarks.scenarios.log  # whose trials load a log
+import benchmarks.setup.log_scenario  # whose trials load a log
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -26,8 +27,10 @@ print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
 def modules(package):
     """Names of the modules of a package of ours, itself included."""
     root = Path(trials.__file__).parents[2]
-    paths = (root / package.replace(".", "/")).glob("*.py")
-    return {f"{package}.{path.stem}".removesuffix(".__init__") for path in paths}
+    path = root / package.replace(".", "/")
+    if not path.is_dir():
+        return {package}
+    return {f"{package}.{own.stem}".removesuffix(".__init__") for own in path.glob("*.py")}
 
 
 def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads():
@@ -50,7 +53,13 @@ def test_the_digest_changes_with_any_file_of_the_world_and_of_the_localizers(mon
     for package in ("benchmarks", *provenance.PACKAGES):
         (tmp_path / package).mkdir()
         (tmp_path / package / "part.py").write_text("")
-    monkeypatch.setattr(provenance, "_folder", lambda package: tmp_path / package)
+    monkeypatch.setattr(
+        provenance,
+        "find_spec",
+        lambda package: SimpleNamespace(
+            origin=tmp_path / package / "__init__.py", submodule_search_locations=[]
+        ),
+    )
     try:
         seen = {digest()}
         for path in ("deqmcl_gym/part.py", "localizers/part.py", "benchmarks.trials/part.py"):

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.units import scaled
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform
@@ -31,11 +31,12 @@ def trial(**changes):
 
 
 def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_alone():
-    room = room_of("paper", (("lidar.beams", 9), ("lidar.sigma", 1.0), ("noise.drive", 0.5)))
+    changes = {"lidar.beams": 9, "lidar.sigma": 1.0, "noise.drive": 0.5}
+    room = scenario("paper").changed(changes).room()
     assert (room.lidar.beams, room.lidar.sigma, room.world.noise.drive) == (9, 1.0, 0.5)
-    assert room.world.noise.turn == room_of("paper").world.noise.turn
-    ours = [m.truth for m in trial_moments(trial())]
-    theirs = [m.truth for m in trial_moments(trial(world=(("lidar.sigma", 50.0),)))]
+    assert room.world.noise.turn == scenario("paper").room().world.noise.turn
+    ours = [m.truth for m in Stage.of(trial()).moments()]
+    theirs = [m.truth for m in Stage.of(trial(world=(("lidar.sigma", 50.0),))).moments()]
     assert np.array_equal(ours, theirs)  # another sensor, the same motion
 
 
@@ -47,7 +48,9 @@ def test_an_assumption_reaches_the_filters_and_no_other_and_the_world_is_not_cha
     assert changed.motion == replace(sharp.motion, drive=0.3)
     assert changed.prior == replace(sharp.prior, sd_heading=0.5)
     ours, theirs = (
-        list(trial_moments(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)))
+        list(
+            Stage.of(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)).moments()
+        )
         for assumed in ((), (("scan.sigma", 50.0),))
     )
     assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
@@ -71,7 +74,7 @@ def test_another_kind_of_motion_has_its_own_defaults_in_the_worlds_unit(kind):
     other = {"differential": "omni", "omni": "differential"}[kind]
     kept = changed.changed(assumed={"motion.kind": other}).motion
     assert kept == replace(unknown_motion(other, "px"), alpha3=0.1)
-    moments = list(trial_moments(trial(localizer="mcl", assumed=tuple(assumed.items()))))
+    moments = list(Stage.of(trial(localizer="mcl", assumed=tuple(assumed.items()))).moments())
     assert len(moments) > 5
 
 
@@ -87,7 +90,7 @@ def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
 
 def test_disturbances_are_stacked():
     both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
-    moments = list(trial_moments(trial(disturbance=both)))
+    moments = list(Stage.of(trial(disturbance=both)).moments())
     assert np.isinf([m.ranges for m in moments]).all()
     assert np.hypot(*(moments[5].truth - moments[4].truth)[:2]) > 20  # no step is so long
 
@@ -130,7 +133,7 @@ def refused(*named):
 @pytest.mark.parametrize(("changes", "named"), BAD)
 def test_a_setting_that_cannot_be_is_refused(changes, named):
     with refused(*named):
-        list(trial_moments(trial(**changes)))
+        list(Stage.of(trial(**changes)).moments())
 
 
 ROOM = """

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import with_localizers
@@ -55,15 +56,15 @@ def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
     assert {t.scenario for t in trials} == {"sharp"}
     assert {t.seed for t in trials} == {3}
     assert {(t.trial, t.filter_seed) for t in trials} == {(0, 0), (0, 1), (1, 0), (1, 1)}
-    assert {t.assumed for t in trials} == {(("scan.sigma", 50),)}
-    assert {t.disturbance for t in trials} == {((("kind", "kidnap"), ("step", 100)),)}
+    assert {t.assumed for t in trials} == {Changes({"scan.sigma": 50})}
+    assert {t.disturbance for t in trials} == {(Changes({"kind": "kidnap", "step": 100}),)}
     # walked together: lag 5 with sigma 5, lag 6 with sigma 20
     assert {(t.lag, dict(t.world)["lidar.sigma"]) for t in trials} == {(5, 5.0), (6, 20.0)}
     assert {dict(t.world)["lidar.beams"] for t in trials} == {9}
     assert {dict(t.world)["noise.drive"] for t in trials} == {0.04}
     mcl = {t.params for t in trials if t.localizer == "mcl"}
     deq_mcl = [dict(t.params) for t in trials if t.localizer == "deq-mcl"]
-    assert mcl == {(("particles", 30),)}  # it has no use for the others
+    assert mcl == {Changes({"particles": 30})}  # it has no use for the others
     assert {p["pilots"] for p in deq_mcl} == {1, 2, 3}
     assert {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl} == {
         (math.inf, 5, 30),
@@ -77,7 +78,7 @@ def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(t
     (first, *rest) = sweep.distinct()
     assert len(rest) == 9
     assert (first.scenario, first.lag, first.seed, first.filter_seed) == ("paper", 20, 0, 0)
-    assert (first.world, first.assumed, first.disturbance, first.params) == ((), (), (), ())
+    assert (first.world, first.assumed, first.disturbance, first.params) == ({}, {}, (), {})
 
 
 def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
