@@ -7,12 +7,15 @@ are spared.
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import count
+from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.names import scenario
+from benchmarks.setup.changes import NOTHING
 from benchmarks.speed.figure import Figure, Side
 from benchmarks.speed.timing import Job
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals
 from localizers import Prior, RobotModel, make
 
@@ -32,27 +35,22 @@ class Replanned:
     robot: RobotModel
     prior: Prior
     first: Reals
-    steps: tuple[tuple[Reals, Reals, Reals], ...]
+    steps: tuple[tuple[Any, ...], ...]
 
 
 @cache
 def replanned_lap() -> Replanned:
     """Drive the lap and record it."""
-    setup = scenario("guided")
-    room = setup.room()
-    env = room.unwrapped
-    _, info = env.reset(seed=0)
-    plans, steps, ended = [np.array(info["planned_actions"])], [], False
-    while info["planned_count"] and not ended:
-        ranges, _, terminated, truncated, info = env.step(plans[-1][0])
-        plans.append(info["planned_actions"][: info["planned_count"]].copy())
-        steps.append((ranges.copy(), info["action"].copy(), plans[-1]))
-        ended = terminated or truncated
+    stage = Stage.of(
+        Trial(scenario="guided", localizer="dead-reckoning", params=NOTHING, lag=0, seed=0, trial=0)
+    )
+    first, *steps = stage.moments()
+    assert first.plan is not None, "a driver shows its plan"
     return Replanned(
-        robot=setup.robot_model(room),
-        prior=setup.prior_in(room),
-        first=plans[0],
-        steps=tuple(steps),
+        robot=stage.robot,
+        prior=stage.scenario.prior_in(stage.room),
+        first=first.plan,
+        steps=tuple((moment.ranges, moment.action, moment.plan) for moment in steps),
     )
 
 

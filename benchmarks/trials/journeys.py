@@ -1,7 +1,7 @@
 """The scores of a whole run: is the robot found, found again, and does it arrive?
 
 Beside ``metrics``, which are of a belief at one offset. A run has those groups of scores that its
-scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the paper's room is 2 cm.
+scenario is about: see ``Stage.groups``. Lengths are in m; a pixel of the paper's room is 2 cm.
 """
 
 import math

@@ -12,9 +12,9 @@ from report_cases import THREE, paired, results, trial_of, trials, written
 
 from benchmarks.report import animations, story, writing
 from benchmarks.report.laps import Lap
-from benchmarks.report.laps import trial_of as trial_of_record
 from benchmarks.report.style import LOOKS
 from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.spec import Trial
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -231,7 +231,7 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
 
 def test_a_record_names_the_trial_that_made_it():
     (trial,) = paper_suite(localizers=["deq-mcl"], trials=1, seed=3, lag=10, beta=2.0)
-    assert trial_of_record(trial.canonical()) == trial
+    assert Trial.named(trial.canonical()) == trial
 
 
 def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):

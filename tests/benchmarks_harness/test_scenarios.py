@@ -57,6 +57,21 @@ def test_an_assumption_reaches_the_filters_and_no_other_and_the_world_is_not_cha
     assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
 
 
+def test_what_is_assumed_as_in_the_world_is_the_worlds_and_follows_its_changes(tmp_path):
+    as_world = {"motion": "world", "scan.sigma": "world", "prior": "world"}
+    changes = {"noise.drive": 0.5, "lidar.sigma": 7.0, "start.sd_heading": 0.3}
+    changed = scenario("sharp").changed(changes, as_world)
+    assert vars(changed.motion) == vars(changed.world.noise)
+    assert (changed.scan.sigma, changed.motion.drive) == (7.0, 0.5)
+    assert (changed.prior.sd_position, changed.prior.sd_heading) == (0.0, 0.3)
+    part = scenario("sharp").changed(changes, {"motion.drive": "world"}).motion
+    assert part == replace(scenario("sharp").motion, drive=0.5)
+    (tmp_path / "as.toml").write_text('base = "sharp"\nprior = "world"\nassumed.motion = "world"')
+    own = scenario(str(tmp_path / "as.toml"))
+    assert vars(own.motion) == vars(own.world.noise)
+    assert own.prior.sd_position == own.world.start.sd_position
+
+
 def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
     changed = scenario("sharp").changed(assumed={"scan.decay": 0.5, "scan.kind": "beam-model"})
     assert changed.scan == BeamModel(sigma=5.0, decay=0.5)
@@ -103,6 +118,7 @@ BAD = [
     ({"world": (("driver", "none"), ("driver.look_ahead", 9.0))}, ["driver", "whole and by key"]),
     ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
     ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
+    ({"assumed": {"scan.power": "world"}}, ["'scan.power'", "did you mean 'scan.sigma'?"]),
     ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
     ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
     ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
