@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.agent import Agent
+from benchmarks.setup.scenario import Agent
 from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError

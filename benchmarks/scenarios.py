@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from benchmarks.setup.changes import Changes
-from benchmarks.setup.priors import Gaussian, Uniform
-from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.scenario import Gaussian, Scenario, Uniform
 from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.world.config import MotionNoise, Start, World
 from deqmcl_gym.world.presets import WORLDS

@@ -167,7 +167,7 @@ def sweep_of(
     """
     from benchmarks.execution.apart import parameters
     from benchmarks.setup.changes import Changes
-    from benchmarks.sweeps.factors import Method
+    from benchmarks.sweeps.design import Method
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from deqmcl_gym.validation import InputError, integer

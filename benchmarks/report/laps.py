@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from benchmarks.pictures.figures import camera_of
-from benchmarks.pictures.film import Film
-from benchmarks.pictures.frames import png, side_by_side, webp
+from benchmarks.pictures.film import Film, png, side_by_side, webp
 from benchmarks.tables.comparison import Comparison, outcomes_of
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel

@@ -8,10 +8,8 @@ from typing import Any, Self
 
 from benchmarks.setup.changes import NOTHING, Changes, file_digest
 from benchmarks.setup.motion_noise import motion_noise
-from benchmarks.setup.priors import Gaussian
-from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.scenario import Gaussian, Scenario, TrialEnv
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map

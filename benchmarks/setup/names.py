@@ -13,9 +13,8 @@ from typing import Any
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import documents
-from benchmarks.setup.agent import Agent
 from benchmarks.setup.changes import Changes, file_digest
-from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.scenario import Agent, Scenario
 from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name

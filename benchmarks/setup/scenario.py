@@ -1,22 +1,134 @@
-"""Scenario: a world, what the filters assume of it, and who drives."""
+"""Scenario: a world, what the filters assume of it, and who drives; and the interfaces of both."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, Self, TypeVar
+from types import MappingProxyType
+from typing import Any, Protocol, Self, TypeVar
+
+import gymnasium as gym
 
 from benchmarks.setup.changes import NOTHING, Changes
-from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps.units import pixel, scaled
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.units import LENGTH, POSE, pixel, scaled
+from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.validation import InputError, integer, number, one_of, pose
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.presets import WORLDS
-from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
+from localizers import (
+    Belief,
+    GaussianPrior,
+    GaussianUniform,
+    OdometryMotion,
+    Prior,
+    RobotModel,
+    UniformPrior,
+)
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion
+
+Pose = tuple[float, float, float]
+
+
+class TrialEnv(Protocol):
+    """An env that localizers can be tried in.
+
+    Its ``info`` has ``action``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
+    step, ``truth``: see ``deqmcl_gym.envs.info``.
+    """
+
+    @property
+    def floor_plan(self) -> Map:
+        """The map m."""
+        ...
+
+    @property
+    def lidar(self) -> Lidar:
+        """The sensor."""
+        ...
+
+    @property
+    def radius(self) -> float:
+        """Of the robot's disc."""
+        ...
+
+    @property
+    def expected_start(self) -> Pose:
+        """Where the episode begun last was to begin (x, y, θ): what a local prior is around."""
+        ...
+
+    @property
+    def unwrapped(self) -> gym.Env[Any, Any]:
+        """The env itself, for ``reset`` and ``step``."""
+        ...
+
+
+class Agent(Protocol):
+    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``."""
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
+        """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
+
+        Args:
+            info: of the env at reset, without the truth.
+        """
+        ...
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action, and the plan after it.
+
+        Args:
+            belief: what the localizer believes now.
+            info: the env's latest, without the truth.
+
+        Returns:
+            action: to be carried out next, (distance px, turn rad).
+            plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
+                None: those that the env then shows.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian:
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+
+    Attributes:
+        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one, and
+            in a log its reference.
+        sd_position: in x and in y, px.
+        sd_heading: rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.mean is not None:
+            object.__setattr__(self, "mean", pose("prior.mean", self.mean))
+        number("prior.sd_position", self.sd_position, low=0)
+        number("prior.sd_heading", self.sd_heading, low=0)
+
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last."""
+        mean = room.expected_start if self.mean is None else self.mean
+        return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """x_0 is anywhere in free space, in any heading: global localization."""
+
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in a room."""
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius)
+
+
+PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform})
+
 
 T = TypeVar("T")
 

@@ -10,8 +10,7 @@ from benchmarks.files import utf8
 from benchmarks.setup import documents
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.sweeps.design import Sweep, Takes
-from benchmarks.sweeps.factors import Axis, Limit, Method
+from benchmarks.sweeps.design import Axis, Limit, Method, Sweep, Takes
 from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
 from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name

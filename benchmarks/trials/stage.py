@@ -12,14 +12,11 @@ from typing import Any, Self
 import gymnasium as gym
 
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.setup.priors import Uniform
-from benchmarks.setup.scenario import Scenario
-from benchmarks.setup.trial_env import TrialEnv
+from benchmarks.setup.scenario import Scenario, TrialEnv, Uniform
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
-from benchmarks.trials.journeys import Group, groups_named
+from benchmarks.trials.journeys import Group, groups_named, is_symmetric
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.symmetry import is_symmetric
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of

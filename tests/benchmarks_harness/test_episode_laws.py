@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.setup.names import make_agent, scenario, scenario_names
-from benchmarks.setup.priors import Uniform
+from benchmarks.setup.scenario import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage

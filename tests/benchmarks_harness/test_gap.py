@@ -9,8 +9,7 @@ from report_cases import finished, parsed, results, trials
 
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.collecting import of_sweep
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.sweeps.design import Limit, Method, Sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.csv_files import gaps_csv
 from benchmarks.tables.gap import LimitRuns, limit_of

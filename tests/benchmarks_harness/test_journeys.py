@@ -11,11 +11,18 @@ from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import scenario
 from benchmarks.trials.episode import moments
 from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import GROUPS, Journey, groups_named, scores_of
+from benchmarks.trials.journeys import (
+    GROUPS,
+    Journey,
+    groups_named,
+    half_turned,
+    is_symmetric,
+    scores_of,
+    weight_near,
+)
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.symmetry import half_turned, is_symmetric, weight_near
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.maps import PolygonMap
 from localizers import make

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.sweeps.design import Limit, Method
 from benchmarks.sweeps.suites.parts import method
 
 PARTICLES = 100_000

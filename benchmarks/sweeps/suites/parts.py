@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.factors import Axis, Method
+from benchmarks.sweeps.design import Axis, Method
 
 
 def methods(*names: str) -> tuple[Method, ...]:

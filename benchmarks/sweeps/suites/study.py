@@ -9,8 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Axis
+from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.suites.parts import axis, home_again, methods, noises, wrapper
 
 _CENTRES = axis(scenario=("matched", "guided"))
