@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup.scenario import Agent
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver
-from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.config import WORLDS, Driver
+from deqmcl_gym.world.course import Course, Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.journey import Journeys
-from deqmcl_gym.world.path import Point, Pose
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster, mean_pose
 
 _AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead

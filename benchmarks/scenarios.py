@@ -13,8 +13,7 @@ from typing import Any
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Gaussian, Scenario, Uniform
 from benchmarks.setup.thresholds import Thresholds
-from deqmcl_gym.world.config import MotionNoise, Start, World
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, MotionNoise, Start, World
 from localizers import CensoredGaussianUniform, OdometryMotion
 
 

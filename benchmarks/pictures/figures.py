@@ -16,7 +16,7 @@ from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
 from localizers import Belief

@@ -12,11 +12,10 @@ from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.maps.units import LENGTH, POSE, pixel, scaled
+from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, number, one_of, pose
-from deqmcl_gym.world.config import World
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, World
 from localizers import (
     Belief,
     GaussianPrior,
@@ -36,7 +35,7 @@ class TrialEnv(Protocol):
     """An env that localizers can be tried in.
 
     Its ``info`` has ``action``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
-    step, ``truth``: see ``deqmcl_gym.envs.info``.
+    step, ``truth``: see ``deqmcl_gym.envs.room``.
     """
 
     @property
