@@ -179,7 +179,7 @@ def scaled(part: T, factor: float) -> T:
         value = getattr(part, own.name)
         if dataclasses.is_dataclass(value):
             changes[own.name] = scaled(value, factor)
-        elif value is not None and (power := field.metadata.get("length")):
+        elif value is not None and (power := own.metadata.get("length")):
             changes[own.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]
 
