@@ -66,7 +66,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         refuse_too_many,
         shard_of,
     )
-    from benchmarks.sweeps.sweepfile import sweeps_named
+    from benchmarks.sweeps.suites import sweeps_named
 
     added = [name for listed in options.added for name in localizers_named(listed)]
     how = Options(

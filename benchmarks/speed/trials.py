@@ -5,7 +5,7 @@ from functools import partial
 
 from benchmarks.speed.figure import Figure, Side
 from benchmarks.speed.timing import Job
-from benchmarks.sweeps.suites.paper import paper_suite
+from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 
