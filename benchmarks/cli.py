@@ -48,8 +48,8 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code.
 
-    0: done. 2: bad input. 3: failed. 130, 143: stopped by SIGINT or SIGTERM. 141: whoever read the
-    output stopped reading, as after ``| head``.
+    0: done. 1: results differ from those before. 2: bad input. 3: failed. 130, 143: stopped by
+    SIGINT or SIGTERM. 141: whoever read the output stopped reading, as after ``| head``.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -120,8 +120,10 @@ def _explain(error: Exception) -> int:
         print(f"deqmcl: {words}.", file=sys.stderr)
         return FAILED
     words = " ".join(str(error).split()) if isinstance(error, RuntimeError) else ""
-    print(f"deqmcl: {words or in_words(error)} (--debug shows where)", file=sys.stderr)
-    return FAILED
+    code: int = getattr(error, "exit_code", FAILED)
+    where = " (--debug shows where)" if code == FAILED else ""
+    print(f"deqmcl: {words or in_words(error)}{where}", file=sys.stderr)
+    return code
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
