@@ -5,6 +5,7 @@ import gc
 
 from benchmarks.execution.worker import load
 from benchmarks.trials.attempt import trial_trace
+from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
 
 load()
@@ -13,4 +14,5 @@ _SMALL = Trial(
 )
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
     trial_trace(_SMALL)
+code_digest()
 gc.freeze()  # no worker searches it for garbage
