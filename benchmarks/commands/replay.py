@@ -110,7 +110,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.running import check, gated, runs_of
     from benchmarks.replay.setting import Told, reading_of, setting_of
-    from deqmcl_gym.envs.recorded import log_of
+    from deqmcl_gym.envs.log import log_of
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)

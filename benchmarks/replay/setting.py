@@ -14,7 +14,7 @@ from benchmarks.setup.log_scenario import check_inside
 from benchmarks.setup.motion_noise import motion_noise
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
-from deqmcl_gym.maps.units import PIXELS, pixel
+from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
     GaussianPrior,
