@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
+from deqmcl_gym.logs.found import UNREADABLE, Found, usable
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.validation import InputError, LogWarning, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range

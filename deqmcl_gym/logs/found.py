@@ -11,7 +11,7 @@ import numpy as np
 
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import LARGEST, InputError
+from deqmcl_gym.validation import LARGEST, InputError, LogWarning
 
 UNREADABLE = "unreadable"
 OTHER_SCAN = "with a scan of another length or geometry"
@@ -19,10 +19,6 @@ NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
 _FEW = 0.5  # share of records with a reference pose below which a warning is given
-
-
-class LogWarning(UserWarning):
-    """A problem in a log, and how it was handled."""
 
 
 @dataclass

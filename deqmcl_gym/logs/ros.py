@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.files import opened_log
-from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found, LogWarning
+from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, LogWarning
 
 _ODOMETRY_FRAME = "odom"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
