@@ -7,9 +7,8 @@ import cv2
 import pytest
 
 from benchmarks.cli import main
-from benchmarks.speed import command
-from benchmarks.speed.figure import Published, Side
-from benchmarks.speed.timing import Effort, Job
+from benchmarks.studies.speed import command
+from benchmarks.studies.speed.figure import Effort, Job, Published, Side
 
 NAMED = {"speed.csv", "scaling.csv", "speed.md", "scaling.png"}
 FILES = {*NAMED, "written.json"}

@@ -9,11 +9,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks.speed import replanned, steps, trials, worlds
-from benchmarks.speed.command import FIGURES, PEERS
-from benchmarks.speed.figure import Figure, Published, Side, measured
-from benchmarks.speed.lap import fan
-from benchmarks.speed.timing import Effort, Job, rates
+from benchmarks.studies.speed import steps, worlds
+from benchmarks.studies.speed.command import FIGURES, PEERS
+from benchmarks.studies.speed.figure import Effort, Figure, Job, Published, Side, measured, rates
+from benchmarks.studies.speed.work import fan, replanned_lap
 from benchmarks.trials.attempt import Outcome
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
@@ -71,7 +70,7 @@ def test_docs_explain_every_figure():
 
 
 def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
-    lap = replanned.replanned_lap()
+    lap = replanned_lap()
     plans = [lap.first, *(plan for _, _, plan in lap.steps)]
     pairs = list(pairwise(plan for plan in plans if len(plan) > 1))
     assert len(pairs) > 100
@@ -82,8 +81,8 @@ def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
 
 def test_a_localizers_share_of_a_trial_is_the_time_that_the_trial_counts(monkeypatch):
     outcome = Outcome(record={}, seconds=0.25)
-    monkeypatch.setattr(trials, "attempt", lambda trial, key: outcome)
-    assert rates([trials.trial_job("mcl", localizer_only=True)], ONCE) == [4.0]
+    monkeypatch.setattr(worlds, "attempt", lambda trial, key: outcome)
+    assert rates([worlds.trial_job("mcl", localizer_only=True)], ONCE) == [4.0]
 
 
 def test_all_beams_of_one_scan_are_clipped_and_none_of_the_other(monkeypatch):

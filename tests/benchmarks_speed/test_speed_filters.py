@@ -1,14 +1,13 @@
 """Filters of others compute what ours do, so that the ratios compare like with like."""
 
 import math
-from importlib import import_module
 
 import numpy as np
 import pytest
 
-from benchmarks.speed import numpy_baseline
-from benchmarks.speed.lap import bearings_of, free_poses, recorded_lap
-from benchmarks.speed.numpy_baseline import NumpyModels
+from benchmarks.studies.speed import numpy_baseline, peers
+from benchmarks.studies.speed.numpy_baseline import NumpyModels
+from benchmarks.studies.speed.work import bearings_of, free_poses, recorded_lap
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic
@@ -20,7 +19,7 @@ PARTICLES, RUNS, STEPS = 500, 12, 30
 
 def our_mcl(robot, particles, prior, rng):
     localizer = make("mcl", robot, particles=particles)
-    localizer.reset(prior, recorded_lap().plan, rng)
+    localizer.reset(prior, recorded_lap().first, rng)
     return lambda *step: localizer.update(*step).points()
 
 
@@ -30,8 +29,8 @@ def estimates(mcl):
     for seed in range(RUNS):
         np.random.seed(seed)  # noqa: NPY002 (peers draw from the global generator)
         update = mcl(lap.robot, PARTICLES, lap.prior, np.random.default_rng(seed))
-        for t in range(STEPS):
-            poses, weights = update(lap.scans[t], lap.plan[t], lap.plan[t + 1 :])
+        for step in lap.steps[:STEPS]:
+            poses, weights = update(*step)
         x, y, heading = np.asarray(poses, dtype=float).T
         ends.append(np.average([x, y, np.cos(heading), np.sin(heading)], axis=1, weights=weights))
     return np.array(ends)
@@ -44,11 +43,11 @@ def ours():
 
 @pytest.mark.parametrize("name", ["numpy_baseline", "particles", "pfilter", "stonesoup"])
 def test_estimates_are_ours_within_their_scatter(name, ours):
-    filtering = numpy_baseline
+    filtering = numpy_baseline.mcl
     if name != "numpy_baseline":
         pytest.importorskip(name)
-        filtering = import_module(f"benchmarks.speed.peers.{name}")
-    theirs = estimates(filtering.mcl)
+        filtering = getattr(peers, name)
+    theirs = estimates(filtering)
     error = np.sqrt((ours.var(axis=0, ddof=1) + theirs.var(axis=0, ddof=1)) / RUNS)
     # Welch's t with some 15 to 22 degrees of freedom; |t| > 5 in 4 components: below 1 in 1,000
     assert (np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) < 5 * error).all()
@@ -57,17 +56,18 @@ def test_estimates_are_ours_within_their_scatter(name, ours):
 
 def test_log_likelihoods_are_ours_at_the_same_ranges_and_outside():
     lap, poses = recorded_lap(), free_poses(PAPER_ROOM, 3_000)
+    measured = lap.steps[7][0]
     states = np.ascontiguousarray(poses.T)
     scan = LidarScan(floor_plan=PAPER_ROOM, lidar=lap.robot.lidar, beam=lap.robot.scan)
     expected = numpy_baseline.segments(PAPER_ROOM)(states, bearings_of(16))
-    ours = scan.weighed(lap.scans[7].astype(float), expected)
+    ours = scan.weighed(measured.astype(float), expected)
     models = NumpyModels(lap.robot)
-    seen = models.log_likelihood(states, lap.scans[7])
+    seen = models.log_likelihood(states, measured)
     assert np.abs(seen - ours).max() < 16 * 1e-5  # z²/2 ≤ 10 where the hit counts, in float32
     assert ours.std() > 1
     states[0] -= 400
-    outside = models.log_likelihood(states, lap.scans[7])
-    assert outside.tolist() == scan.log_likelihood(states, lap.scans[7].astype(float)).tolist()
+    outside = models.log_likelihood(states, measured)
+    assert outside.tolist() == scan.log_likelihood(states, measured.astype(float)).tolist()
 
 
 class Drawn:
@@ -105,7 +105,7 @@ def test_systematic_resampling_takes_the_same_ancestors(n):
 def test_the_recorded_lap_ends_where_it_starts():
     lap = recorded_lap()
     x, y, heading = lap.prior.mean
-    for distance, turn in lap.plan:
+    for _, (distance, turn), _ in lap.steps:
         heading += turn
         x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
     assert math.hypot(x - lap.prior.mean[0], y - lap.prior.mean[1]) < 1e-2

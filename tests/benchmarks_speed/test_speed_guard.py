@@ -2,9 +2,8 @@
 
 import pytest
 
-from benchmarks.speed.command import FIGURES
-from benchmarks.speed.figure import is_time, measured
-from benchmarks.speed.timing import Effort
+from benchmarks.studies.speed.command import FIGURES
+from benchmarks.studies.speed.figure import Effort, is_time, measured
 
 BOUNDS = {
     "rays_vs_numpy": 3.0,

@@ -1,15 +1,12 @@
 """Rays of others end where ours do, to what their arithmetic resolves."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 import reference
 
-from benchmarks.speed import numpy_baseline
-from benchmarks.speed.lap import bearings_of, fan, free_poses
-from benchmarks.speed.rays import pymunk_queries
-from benchmarks.speed.scaling import pillared_room
+from benchmarks.studies.speed import numpy_baseline, peers
+from benchmarks.studies.speed.rays import pymunk_queries
+from benchmarks.studies.speed.work import bearings_of, fan, free_poses, pillared_room
 from deqmcl_gym.world.config import PAPER_ROOM
 
 SINGLE = 2e-6  # rad: θ + b, sine and cosine in float32, |θ + b| ≤ 2π, are off by less
@@ -25,7 +22,7 @@ def pymunk_ranges(poses, beams):
 
 def navground_ranges(poses, beams):
     pytest.importorskip("navground.core")
-    ranges = import_module("benchmarks.speed.peers.navground").caster(PAPER_ROOM, beams)
+    ranges = peers.navground(PAPER_ROOM, beams)
     return np.array([ranges(pose) for pose in poses.tolist()])
 
 
@@ -53,7 +50,7 @@ def test_ranges_are_exact_within_a_turn_that_float32_cannot_resolve(cast, beams,
 
 def test_raycast2d_hits_pixels_that_the_same_beams_meet():
     pytest.importorskip("raycast2D")
-    hits_at = import_module("benchmarks.speed.peers.raycast2d").caster(PAPER_ROOM, 16)
+    hits_at = peers.raycast2d(PAPER_ROOM, 16)
     poses, bearings = free_poses(PAPER_ROOM, 200, radius=2.0), fan(16).bearings
     poses[:, :2] = np.floor(poses[:, :2]) + 0.5  # pixels' centres: where it starts from
     for pose in poses:

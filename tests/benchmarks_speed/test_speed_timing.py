@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.speed.timing import Effort, Job, rates
+from benchmarks.studies.speed.figure import Effort, Job, rates
 
 
 class Clock:

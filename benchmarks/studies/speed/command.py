@@ -6,28 +6,40 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
 
+from tabulate import tabulate
 from tqdm import tqdm
 
 from benchmarks.files import command_line, own_folder, write_part
-from benchmarks.speed import rays, replanned, steps, trials, worlds
-from benchmarks.speed.figure import Measured, measured
-from benchmarks.speed.plots import scaling_plot
-from benchmarks.speed.scaling import Scaling, curves, scaled
-from benchmarks.speed.tables import (
-    HOW,
-    scaling_csv,
-    scaling_tables,
-    sides_table,
-    speed_csv,
-    speed_table,
+from benchmarks.studies.speed import rays, steps, worlds
+from benchmarks.studies.speed.figure import (
+    Effort,
+    Measured,
+    amount,
+    digits,
+    is_time,
+    measured,
+    three_digits,
 )
-from benchmarks.speed.timing import Effort
+from benchmarks.studies.speed.scaling import (
+    Scaling,
+    curves,
+    scaled,
+    scaling_csv,
+    scaling_plot,
+    scaling_tables,
+)
+from benchmarks.tables.text import csv_text
 from benchmarks.trials.provenance import environment
 
 T = TypeVar("T")
 
-FIGURES = (*rays.FIGURES, *steps.FIGURES, *replanned.FIGURES, *trials.FIGURES, *worlds.FIGURES)
+FIGURES = (*rays.FIGURES, *steps.FIGURES, *worlds.FIGURES)
 PEERS = (*rays.PEERS, *steps.PEERS)
+_HOW = (
+    "CPU time of one core (of trials: wall time), medians of turns taken one after the other in "
+    "one process. The ratio is ours over the other's, of rates (more is faster) or of times (less "
+    "is faster). A row without a ratio compares with a figure from another machine."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +69,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     rows, reasons = _measured(extent.figures, peers=peers)
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
-    files = {"speed.csv": speed_csv(rows).encode(), "scaling.csv": scaling_csv(seen).encode()}
+    files = {"speed.csv": _csv(rows).encode(), "scaling.csv": scaling_csv(seen).encode()}
     if find_spec("matplotlib"):
         files["scaling.png"] = scaling_plot(seen)
     else:
@@ -65,7 +77,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
     write_part(out, "speed", files)
     written = f"Written to {out}: {', '.join(files)}."
-    return "\n\n".join([speed_table(rows, "simple"), HOW, *reasons, written])
+    return "\n\n".join([_table(rows, "simple"), _HOW, *reasons, written])
 
 
 def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]]:
@@ -83,6 +95,25 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
     return rows, reasons
 
 
+def _csv(rows: Iterable[Measured]) -> str:
+    """Return speed.csv; rates per second, or times in their unit."""
+    lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
+    return csv_text(["figure", "ours", "other", "ratio"], lines)
+
+
+def _table(rows: Iterable[Measured], style: str) -> str:
+    """Return the figures as a table; ``style`` is a format of tabulate."""
+    lines = []
+    for row in rows:
+        unit, target = row.figure.unit, row.figure.target
+        aim = "" if target is None else f"{'≤' if is_time(unit) else '≥'} {target:,g}"
+        sides = amount(row.ours, unit), amount(row.other, unit)
+        lines.append([row.figure.name, *sides, three_digits(row.ratio), aim, row.verdict])
+    header = ["figure", "ours", "other", "ratio", "target", "reached"]
+    align = ("left", "right", "right", "right", "right", "left")
+    return tabulate(lines, header, tablefmt=style, disable_numparse=True, colalign=align)
+
+
 def _page(
     rows: Sequence[Measured],
     reasons: Sequence[str],
@@ -95,15 +126,16 @@ def _page(
     libraries = machine["libraries"]
     assert isinstance(libraries, dict)
     versions = [f"Python {machine['python']}", *(f"{k} {v}" for k, v in libraries.items())]
+    sides = [[f.name, f.what, f.ours.who, f.other.who] for f in (row.figure for row in rows)]
     parts = [
         "# Speed",
         f"`{command_line(command)}`",
-        speed_table(rows, "github"),
-        HOW,
+        _table(rows, "github"),
+        _HOW,
         *reasons,
         f"{', '.join(versions)}; {machine['platform']}.",
         "## What is compared",
-        sides_table(row.figure for row in rows),
+        tabulate(sides, ["figure", "what", "ours", "other"], tablefmt="github"),
         "## Scaling",
         scaling_tables(scaling),
         *["![The tables as curves](scaling.png)"] * picture,

@@ -1,14 +1,14 @@
 """A localizer's step through its public ``update`` on a recorded lap, and its parts."""
 
+from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 
 import numpy as np
 
-from benchmarks.speed.figure import Figure, Published, Side
-from benchmarks.speed.lap import BEAMS, PLANNED, fan, free_poses, recorded_lap
-from benchmarks.speed.numpy_baseline import CasterMaker, mcl, segments, slabs
-from benchmarks.speed.timing import Job
+from benchmarks.studies.speed import numpy_baseline, peers
+from benchmarks.studies.speed.figure import Figure, Job, Published, Side
+from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
+from benchmarks.studies.speed.work import BEAMS, fan, free_poses, recorded_lap, replanned_lap
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
 from localizers.models.scan import LidarScan
@@ -20,21 +20,38 @@ def our_job(name: str, *, beams: int = BEAMS, **params: int) -> Job:
     """Return the job of one of our localizers, its queue full."""
     lap = recorded_lap(beams)
     localizer = make(name, lap.robot, **params)
-    localizer.reset(lap.prior, lap.plan[:PLANNED], np.random.default_rng(1))
-    return lap.following(localizer.update, warm_up=params.get("lag", 0))
+    localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
+    job = lap.following(localizer.update)
+    for _ in range(params.get("lag", 0)):
+        job.call()
+    return job
 
 
 def numpy_job(particles: int, caster: CasterMaker = segments) -> Job:
     """Return the job of MCL in NumPy."""
     lap, rng = recorded_lap(), np.random.default_rng(1)
-    return lap.following(mcl(lap.robot, particles, lap.prior, rng, caster))
+    return lap.following(numpy_baseline.mcl(lap.robot, particles, lap.prior, rng, caster))
 
 
-def peer_job(name: str) -> Job:
+def peer_job(made: Callable[..., peers.Update]) -> Job:
     """Return the job of MCL as a peer's user would write it, given the NumPy models."""
     lap, rng = recorded_lap(), np.random.default_rng(1)
-    peer = import_module(f"benchmarks.speed.peers.{name}")
-    return lap.following(peer.mcl(lap.robot, FEW, lap.prior, rng))
+    return lap.following(made(lap.robot, FEW, lap.prior, rng))
+
+
+def replanned_job(name: str, particles: int) -> Job:
+    """Return the job of following a lap whose plan changes, over and over from its start.
+
+    A queue has to redraw its future there, and a table of h is made anew; on a plan that is kept,
+    both are spared.
+    """
+    lap = replanned_lap()
+    localizer = make(name, lap.robot, particles=particles)
+
+    def restart() -> None:
+        localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
+
+    return lap.following(localizer.update, restart)
 
 
 def scan_job(*, clipped: bool) -> Job:
@@ -42,7 +59,8 @@ def scan_job(*, clipped: bool) -> Job:
     lap, lidar = recorded_lap(), fan(BEAMS)
     scan = LidarScan(floor_plan=PAPER_ROOM, lidar=lidar, beam=CensoredGaussianUniform())
     states = np.ascontiguousarray(free_poses(PAPER_ROOM, FEW).T)
-    ranges = np.full(BEAMS, lidar.max_range) if clipped else lap.scans[0].astype(np.float64)
+    inside = lap.steps[0][0].astype(np.float64)
+    ranges = np.full(BEAMS, lidar.max_range) if clipped else inside
     return Job(lambda: scan.log_likelihood(states, ranges))
 
 
@@ -57,9 +75,9 @@ def _versus(name: str, particles: int, other: Side, target: float | None = None)
     )
 
 
-def _peer(name: str, who: str) -> Figure:
-    side = Side(f"{who}, given the NumPy models", partial(peer_job, name))
-    return _versus(f"step1k_vs_{name}", FEW, side, 10)
+def _peer(made: Callable[..., peers.Update], who: str) -> Figure:
+    side = Side(f"{who}, given the NumPy models", partial(peer_job, made))
+    return _versus(f"step1k_vs_{made.__name__}", FEW, side, 10)
 
 
 def _queue(name: str, ours: Side, other: Side, target: float) -> Figure:
@@ -71,18 +89,19 @@ def _deq(lag: int) -> Side:
     return Side(f"deq-mcl, L = {lag}", partial(our_job, "deq-mcl", particles=MANY, lag=lag))
 
 
+def _replanned(figure: str, name: str, particles: int, target: float | None = None) -> Figure:
+    return Figure(
+        name=f"{figure}_vs_map_step{particles // 1000}k",
+        what=f"step in scenario guided, a new plan at every step, N = {particles:,}, B = 1",
+        unit="µs/step",
+        ours=Side(f"{name}, L = 20", partial(replanned_job, name, particles)),
+        other=Side("mcl-map", partial(replanned_job, "mcl-map", particles)),
+        target=target,
+    )
+
+
 _MAP = Side("mcl-map", partial(our_job, "mcl-map", particles=MANY))
-_AMCL = Side(
-    "amcl",
-    partial(
-        our_job,
-        "amcl",
-        min_particles=FEW,
-        max_particles=FEW,
-        update_min_d=0,
-        update_min_a=0,
-    ),
-)
+_SAME = {"min_particles": FEW, "max_particles": FEW, "update_min_d": 0, "update_min_a": 0}
 
 FIGURES = (
     *(
@@ -99,7 +118,7 @@ FIGURES = (
         name="amcl_step",
         what=f"step with a likelihood field and KLD-sampling, N = {FEW:,}, B = {BEAMS}",
         unit="µs/step",
-        ours=_AMCL,
+        ours=Side("amcl", partial(our_job, "amcl", **_SAME)),
         other=Published("beluga, on another machine", 383),
     ),
     Figure(
@@ -109,9 +128,19 @@ FIGURES = (
         ours=Side("all beams clipped", partial(scan_job, clipped=True)),
         other=Side("no beam clipped", partial(scan_job, clipped=False)),
     ),
+    *(
+        _replanned(figure, name, particles, target)
+        for particles in (FEW, MANY)
+        for figure, name, target in (
+            ("plan", "mcl-plan", 5.0),
+            ("replanned_deq", "deq-mcl", None),
+            ("replanned_pilots", "mcl-pilots", None),
+            ("replanned_h", "mcl-h", None),
+        )
+    ),
 )
 PEERS = (
-    _peer("particles", "particles"),
-    _peer("pfilter", "pfilter"),
-    _peer("stonesoup", "Stone Soup"),
+    _peer(peers.particles, "particles"),
+    _peer(peers.pfilter, "pfilter"),
+    _peer(peers.stonesoup, "Stone Soup"),
 )

@@ -1,9 +1,10 @@
-"""The environment's step, against Gymnasium's CartPole; resets are part of the time.
+"""The environment's step, against Gymnasium's CartPole, and whole trials of the paper.
 
-Every side looks its actions up in a table, by the steps since its room began: the planned lap
-here, actions drawn beforehand there.
+Resets are part of the time. Every side looks its actions up in a table, by the steps since its
+room began: the planned lap here, actions drawn beforehand there.
 """
 
+import time
 from functools import partial
 from typing import Any
 
@@ -11,13 +12,16 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.speed.figure import Figure, Side
-from benchmarks.speed.lap import BEAMS
-from benchmarks.speed.timing import Job
+from benchmarks.studies.speed.figure import Figure, Job, Side
+from benchmarks.studies.speed.work import BEAMS
+from benchmarks.sweeps.suites.paper import paper_suite
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
 from deqmcl_gym import ENV_ID as ROOM
 
 CARTPOLE = "CartPole-v1"
 FEW, MANY = 64, 1_024
+PARTICLES = 1_000
 _HOW: dict[str, dict[str, Any]] = {ROOM: {"lidar": {"beams": BEAMS}}, CARTPOLE: {}}
 
 Actions = NDArray[Any]
@@ -65,6 +69,20 @@ def vector(name: str, size: int) -> Job:
     return driving_all(gym.make_vec(name, **how), _actions(name))
 
 
+def trial_job(name: str, *, localizer_only: bool) -> Job:
+    """Return the job of a trial, with the wall's clock or with what its localizer counts."""
+    (trial,) = paper_suite(localizers=[name], trials=1, particles=PARTICLES)
+    spent = 0.0
+
+    def run() -> None:
+        nonlocal spent
+        outcome = attempt(trial, key_of(trial))
+        assert outcome.reason is None, outcome.reason
+        spent += outcome.seconds
+
+    return Job(run, clock=(lambda: spent) if localizer_only else time.perf_counter)
+
+
 def _actions(name: str) -> Actions:
     if name == CARTPOLE:
         return np.random.default_rng(0).integers(0, 2, 1_000)
@@ -72,7 +90,7 @@ def _actions(name: str) -> Actions:
     return np.array(info["planned_actions"])
 
 
-def _figure(name: str, ours: Side, other: Side, target: float | None = None) -> Figure:
+def _steps(name: str, ours: Side, other: Side, target: float | None = None) -> Figure:
     what = "environment steps, resets included"
     return Figure(name=name, what=what, unit="steps/s", ours=ours, other=other, target=target)
 
@@ -81,12 +99,25 @@ def _rooms(size: int) -> Side:
     return Side(f"{size:,} rooms, {BEAMS} beams", partial(vector, ROOM, size))
 
 
+def _trial(name: str) -> Figure:
+    return Figure(
+        name=f"trial_{name.replace('-', '_')}",
+        what=f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time",
+        unit="ms/trial",
+        ours=Side("world, localizer and scores", partial(trial_job, name, localizer_only=False)),
+        other=Side("its localizer's share", partial(trial_job, name, localizer_only=True)),
+        target=2.0,
+    )
+
+
 _SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
 _CARTPOLE = Side(CARTPOLE, partial(single, CARTPOLE))
 _CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CARTPOLE, FEW))
 
 FIGURES = (
-    _figure("env_vs_cartpole", _SINGLE, _CARTPOLE, 0.5),
-    _figure("vector64_vs_cartpole_vector64", _rooms(FEW), _CARTPOLES, 1.2),
-    _figure("vector1024_vs_single", _rooms(MANY), _SINGLE),
+    _trial("mcl"),
+    _trial("deq-mcl"),
+    _steps("env_vs_cartpole", _SINGLE, _CARTPOLE, 0.5),
+    _steps("vector64_vs_cartpole_vector64", _rooms(FEW), _CARTPOLES, 1.2),
+    _steps("vector1024_vs_single", _rooms(MANY), _SINGLE),
 )

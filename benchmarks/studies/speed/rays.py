@@ -2,16 +2,20 @@
 
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 
 import numpy as np
 import pymunk
 
-from benchmarks.speed.buildings import office_floor, pillared_room
-from benchmarks.speed.figure import Figure, Published, Side
-from benchmarks.speed.lap import BEAMS, bearings_of, free_poses
-from benchmarks.speed.numpy_baseline import CasterMaker, segments, slabs
-from benchmarks.speed.timing import Job
+from benchmarks.studies.speed import peers
+from benchmarks.studies.speed.figure import Figure, Job, Published, Side
+from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
+from benchmarks.studies.speed.work import (
+    BEAMS,
+    bearings_of,
+    free_poses,
+    office_floor,
+    pillared_room,
+)
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.world.config import PAPER_ROOM
@@ -71,9 +75,9 @@ def pymunk_job() -> Job:
     return Job(pymunk_queries(poses, bearings_of(BEAMS)), POSES_ONE_BY_ONE * BEAMS)
 
 
-def peer_job(name: str, beams: int) -> Job:
+def peer_job(made: peers.CasterMaker, beams: int) -> Job:
     """Return the job of a peer that is asked for a pose at a time."""
-    cast = import_module(f"benchmarks.speed.peers.{name}").caster(PAPER_ROOM, beams)
+    cast = made(PAPER_ROOM, beams)
     poses = free_poses(PAPER_ROOM, POSES_ONE_BY_ONE, radius=2.0).tolist()  # not in a wall's pixels
 
     def cast_all() -> None:
@@ -96,45 +100,44 @@ def _figure(
     )
 
 
-def _peer(name: str, who: str, beams: int = BEAMS) -> Side:
-    return Side(f"{who}, {beams} beams a call", partial(peer_job, name, beams))
+def _peer(made: peers.CasterMaker, who: str, beams: int = BEAMS) -> Side:
+    return Side(f"{who}, {beams} beams a call", partial(peer_job, made, beams))
 
 
-def _published(name: str, ours: Side, other: Published, what: str) -> Figure:
-    return Figure(name=name, what=what, unit="rays/s", ours=ours, other=other)
-
-
-_TABLE = Published("a lookup table of range_libc, on another machine", 31e6)
-_FLOOR = f"rays in 1,000² cells, {POSES:,} poses × {BEAMS} beams"
-
-
-def _grid(name: str, spread: float | None) -> Figure:
-    ours = Side("GridMap.ranges", partial(office_job, spread))
+def _cells(name: str, spread: float | None) -> Figure:
     cloud = "all over the map" if spread is None else f"within {spread:g} m and 0.1 rad (σ)"
-    return _published(f"rays_grid_{name}", ours, _TABLE, f"{_FLOOR}, {cloud}")
-
-
-def _walls_job(walls: int) -> Job:
-    return our_job(pillared_room(walls), POSES)
+    return Figure(
+        name=f"rays_grid_{name}",
+        what=f"rays in 1,000² cells, {POSES:,} poses × {BEAMS} beams, {cloud}",
+        unit="rays/s",
+        ours=Side("GridMap.ranges", partial(office_job, spread)),
+        other=_TABLE,
+    )
 
 
 def _walls(walls: int) -> Figure:
-    ours = Side("PolygonMap.ranges", partial(_walls_job, walls))
-    what = f"rays among {walls:,} walls, {POSES:,} poses × {BEAMS} beams"
-    return _published(f"rays_{walls}_walls", ours, _TABLE, what)
+    return Figure(
+        name=f"rays_{walls}_walls",
+        what=f"rays among {walls:,} walls, {POSES:,} poses × {BEAMS} beams",
+        unit="rays/s",
+        ours=Side("PolygonMap.ranges", lambda: our_job(pillared_room(walls), POSES)),
+        other=_TABLE,
+    )
 
+
+_TABLE = Published("a lookup table of range_libc, on another machine", 31e6)
 
 FIGURES = (
     _figure("numpy", Side("NumPy, all walls", partial(numpy_job, segments)), 8),
     _figure("numpy_slabs", Side("NumPy, slab method", partial(numpy_job, slabs))),
     _figure("pymunk", Side("pymunk, a segment query a ray", pymunk_job), 1_000),
-    _grid("uniform", None),
-    _grid("converged", 0.2),
+    _cells("uniform", None),
+    _cells("converged", 0.2),
     _walls(256),
     _walls(1024),
 )
 PEERS = (
-    _figure("navground", _peer("navground", "navground", 360), 10, poses=1_000, beams=360),
-    _figure("navground_16", _peer("navground", "navground")),
-    _figure("raycast2d", _peer("raycast2d", "raycast2D, pixels of 1 px (not exact)")),
+    _figure("navground", _peer(peers.navground, "navground", 360), 10, poses=1_000, beams=360),
+    _figure("navground_16", _peer(peers.navground, "navground")),
+    _figure("raycast2d", _peer(peers.raycast2d, "raycast2D, pixels of 1 px (not exact)")),
 )
