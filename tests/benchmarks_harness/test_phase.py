@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.phase.cycles import cycles_of, perfect_cycles
-from benchmarks.phase.fields import PlaceFields
-from benchmarks.phase.precession import precession
+from benchmarks.studies.phase.cycles import PlaceFields, cycles_of, perfect_cycles, precession
 from deqmcl_gym.world.course import Path
 
 # Once around is 6,000 px. Both fields are passed as a whole at every offset of a queue of 20.
