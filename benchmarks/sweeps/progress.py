@@ -11,7 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.console import doing
+from benchmarks.console import beside, doing
 
 MINUTE = 60.0  # s between two lines
 _LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
@@ -46,27 +46,14 @@ def counted(
             bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
             bar.update()
 
+        def tell(done: threading.Event) -> None:
+            while not done.wait(MINUTE):
+                print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
+
         if lines:
             running = f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"
-            with doing(running), _told_every_minute(bar):
+            with doing(running), beside(tell):
                 yield count
         else:
             bar.set_postfix_str("starting; kernels are compiled at first use")
             yield count
-
-
-@contextmanager
-def _told_every_minute(bar: "tqdm[Any]") -> Iterator[None]:
-    done = threading.Event()
-
-    def tell() -> None:
-        while not done.wait(MINUTE):
-            print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
-
-    teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
-    try:
-        yield
-    finally:
-        done.set()
-        teller.join()
