@@ -4,8 +4,8 @@
 >>> log = logs.read("robot.log.gz", reference="robot.tum")
 """
 
-from deqmcl_gym.logs.found import LogWarning
 from deqmcl_gym.logs.log import Log, Record, Scanner
+from deqmcl_gym.logs.raw_records import LogWarning
 from deqmcl_gym.logs.reading import check_writable, read, write
 from deqmcl_gym.logs.trajectory import Trajectory, read_tum, referenced
 

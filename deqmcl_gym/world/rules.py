@@ -1,4 +1,4 @@
-"""Setting: what all episodes of an environment share, and the commands that its robots obey."""
+"""What all episodes of an environment share, and the commands that its robots obey."""
 
 import math
 from dataclasses import dataclass, fields
@@ -21,8 +21,15 @@ from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_ro
 from deqmcl_gym.world.route import Journeys
 from deqmcl_gym.world.sensor import Stream, episode_stream
 
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing
+
 Actions = Singles
 _FLOAT32 = np.dtype(np.float32)
+_START_TRIES = 1000
+_FREE_TRIES = 100_000
+_ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
+_ARGUMENTS += ("observation", "render_mode")
 
 
 class Commands:
@@ -119,17 +126,8 @@ def _first_outside(commands: Actions, low: Actions, high: Actions, resting: Bool
     return -1
 
 
-if TYPE_CHECKING:  # OpenCV is only loaded for pictures
-    from deqmcl_gym.world.drawing import Drawing
-
-_START_TRIES = 1000
-_FREE_TRIES = 100_000
-_ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
-_ARGUMENTS += ("observation", "render_mode")
-
-
 @dataclass(frozen=True)
-class Setting:
+class RoomRules:
     """A world, and the rules of its episodes.
 
     Attributes:
@@ -153,8 +151,8 @@ class Setting:
         ends_at_goal: bool = True,
         observation: str = "scan",
         **parts: Any,
-    ) -> "Setting":
-        """Return the setting that the environment's arguments describe.
+    ) -> "RoomRules":
+        """Return the rules that the environment's arguments describe.
 
         Raises:
             InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
@@ -164,17 +162,17 @@ class Setting:
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
-        setting = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
-        if setting.journeys is None:
-            _ = setting.plan  # refuses laps that cannot be driven
+        rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
+        if rules.journeys is None:
+            _ = rules.plan  # refuses laps that cannot be driven
         else:
-            setting.journeys.check()
+            rules.journeys.check()
             if observation == "dict" and rows is None:
                 raise InputError(
                     'observation is "dict" and there is a route, whose plans differ in length: '
                     "give a horizon, such as 50."
                 )
-        return setting
+        return rules
 
     @cached_property
     def journeys(self) -> Journeys | None:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, opened_log, save, text_of
-from deqmcl_gym.logs.found import UNREADABLE, Found
 from deqmcl_gym.logs.log import Log, Scanner
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords
 from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
@@ -43,7 +43,7 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     first = _first_range(path, columns)
     at = [columns.index(name) for name in _COLUMNS]
     reference = [columns.index(name) for name in _REFERENCE if name in columns]
-    found = Found(str(path))
+    found = RawRecords(str(path))
     for row in map(_cells, filter(str.strip, rows)):
         try:
             if len(row) != len(columns):
@@ -85,7 +85,7 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             f"{path} has times {times.shape}, odometry {odometry.shape} and ranges {ranges.shape}, "
             "but they must be numbers of shape (n,), (n, 3) and (n, beams)."
         )
-    found = Found(str(path), times.tolist(), odometry.tolist(), list(ranges))
+    found = RawRecords(str(path), times.tolist(), odometry.tolist(), list(ranges))
     found.geometry = [(ranges.shape[1], None)] * n
     if (reference := known.pop("reference", None)) is not None:
         if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":

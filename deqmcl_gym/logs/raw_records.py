@@ -1,10 +1,10 @@
-"""Records found in a file, made into a log: damaged ones are skipped and counted."""
+"""Records as they stand in a file, made into a log: damaged ones are skipped and counted."""
 
 import bisect
 import warnings
 from collections import Counter
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ class LogWarning(UserWarning):
 
 
 @dataclass
-class Found:
+class RawRecords:
     """All records of a file, sound or damaged.
 
     Attributes:
@@ -59,6 +59,17 @@ class Found:
         self.ranges.append(ranges)
         self.geometry.append((len(ranges), geometry))
         self.references.append(reference)
+
+    def kept(self, chosen: Sequence[int]) -> "RawRecords":
+        """Return the records of these indices, in order; all damage counts."""
+        return replace(
+            self,
+            times=[self.times[i] for i in chosen],
+            odometry=[self.odometry[i] for i in chosen],
+            ranges=[self.ranges[i] for i in chosen],
+            geometry=[self.geometry[i] for i in chosen],
+            references=[self.references[i] for i in chosen],
+        )
 
     def log(self, scanner_of: Callable[[int, Any], Scanner], *, unit: str = "m") -> Log:
         """Return the sound records as a log; warn of the others.
