@@ -1,4 +1,4 @@
-"""What is compared: the sides do the same, and targets are read the right way round."""
+"""What is compared: rates by turns, targets read the right way round, sides that do the same."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,16 @@ import pytest
 
 from benchmarks.studies.speed import steps, worlds
 from benchmarks.studies.speed.command import FIGURES, PEERS
-from benchmarks.studies.speed.figure import Effort, Figure, Job, Published, Side, measured, rates
+from benchmarks.studies.speed.figure import (
+    Effort,
+    Figure,
+    Job,
+    Published,
+    Side,
+    is_time,
+    measured,
+    rates,
+)
 from benchmarks.studies.speed.work import fan, replanned_lap
 from benchmarks.trials.attempt import Outcome
 
@@ -19,15 +28,42 @@ DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
 ONCE = Effort(repeats=1, seconds=0.0)
 
 
+class Clock:
+    """Time that passes only as jobs say; notes who ran."""
+
+    def __init__(self):
+        self.now, self.log = 0.0, []
+
+    def job(self, name, seconds, amount=1.0):
+        def call():
+            self.log.append(name)
+            self.now += seconds(len(self.log)) if callable(seconds) else seconds
+
+        return Job(call, amount, clock=lambda: self.now)
+
+
+def test_jobs_take_turns_that_are_at_least_as_long_as_asked_for():
+    clock = Clock()
+    jobs = [clock.job("a", 0.01, amount=50), clock.job("b", 0.05), clock.job("c", 1.0)]
+    assert rates(jobs, Effort(repeats=2, seconds=0.1)) == pytest.approx([5000, 20, 1])
+    turns = "".join(clock.log)[-2 * (10 + 2 + 1) :]
+    assert turns == 2 * (10 * "a" + 2 * "b" + "c")
+
+
+@pytest.mark.parametrize(("slow_call", "repeats"), [(1, 1), (5, 5)])
+def test_neither_a_first_call_that_compiles_nor_one_slow_turn_changes_a_rate(slow_call, repeats):
+    job = Clock().job("a", lambda call: 60.0 if call == slow_call else 0.01)
+    assert rates([job], Effort(repeats=repeats, seconds=0.01)) == pytest.approx([100])
+
+
+def test_a_job_too_short_for_the_clock_has_a_finite_rate():
+    (rate,) = rates([Clock().job("a", 0.0)], Effort(repeats=1, seconds=0))
+    assert 0 < rate < float("inf")
+
+
 def lasting(seconds):
     """A side whose every call takes so long, by its own clock."""
-    now = 0.0
-
-    def call():
-        nonlocal now
-        now += seconds
-
-    return Side("they", lambda: Job(call, clock=lambda: now))
+    return Side("they", lambda: Clock().job("they", seconds))
 
 
 def figure(unit, other=None, target=None, ours=0.5):
@@ -138,3 +174,20 @@ def test_a_single_env_is_driven_along_its_plan():
     for _ in range(150):
         job.call()
     assert told == planned[:150].tolist()
+
+
+BOUNDS = {  # of ratios within one process, never a time; far below what we aim at
+    "rays_vs_numpy": 3.0,
+    "rays_vs_pymunk": 200.0,
+    "step1k_vs_numpy": 1.5,
+    "deq_vs_map_step": 2.0,
+    "deq_lag80_vs_lag10": 1.6,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", [f for f in FIGURES if f.name in BOUNDS], ids=lambda f: f.name)
+def test_we_do_not_fall_far_behind(figure):
+    ratio = measured(figure, Effort(repeats=9, seconds=0.05)).ratio
+    bound = BOUNDS[figure.name]
+    assert ratio < bound if is_time(figure.unit) else ratio > bound
