@@ -8,8 +8,7 @@ from statistics import fmean
 from tabulate import tabulate
 
 from benchmarks.execution.apart import provenance
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Engine, available_cpus
+from benchmarks.execution.engines import Engine, available_cpus, outcomes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.running import Options
 from benchmarks.trials.provenance import Provenance

@@ -1,4 +1,4 @@
-"""A record of the files we wrote in a folder: nothing else there is overwritten or removed.
+"""An inventory of the files we wrote in a folder: nothing else there is overwritten or removed.
 
 ``written.json`` holds, by part (a report, the figures, …), a digest of what the part was made from
 and the size and SHA-256 of each of its files. A file that it does not list, or that has another
@@ -133,10 +133,10 @@ def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:
 
 
 def _read(folder: Path) -> dict[str, Part]:
-    """Return the parts in a folder; none if it has no record.
+    """Return the parts in a folder; none if it has no inventory.
 
     Raises:
-        InputError: a file of that name is no record of ours, or leads elsewhere.
+        InputError: a file of that name is no inventory of ours, or leads elsewhere.
     """
     path = folder / NAME
     try:

@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from benchmarks.files import own_folder, refuse_changed, write_part, written
-from benchmarks.files import record as record_module
+from benchmarks.files import inventory, own_folder, refuse_changed, write_part, written
 from deqmcl_gym.validation import InputError
 
 FILES = {"a.csv": b"a", "images/b.svg": b"b"}
@@ -75,7 +74,7 @@ def test_nothing_is_written_over_a_link_a_folder_or_a_file_that_was_there(tmp_pa
 
 @pytest.mark.parametrize("at", range(1, 5))
 def test_a_write_that_is_interrupted_anywhere_is_made_up_for_by_the_next(made, monkeypatch, at):
-    new, writes, really = {"a.csv": b"A", "c.csv": b"C"}, [], record_module.write_bytes
+    new, writes, really = {"a.csv": b"A", "c.csv": b"C"}, [], inventory.write_bytes
 
     def interrupted(path, content):
         writes.append(path)
@@ -84,8 +83,8 @@ def test_a_write_that_is_interrupted_anywhere_is_made_up_for_by_the_next(made, m
         really(path, content)
 
     with monkeypatch.context() as patch:
-        patch.setattr(record_module, "write_bytes", interrupted)
-        patch.setattr(record_module, "write_text", lambda p, text: interrupted(p, text.encode()))
+        patch.setattr(inventory, "write_bytes", interrupted)
+        patch.setattr(inventory, "write_text", lambda p, text: interrupted(p, text.encode()))
         with pytest.raises(KeyboardInterrupt):
             make(made, new, "new")
     assert make(made, new, "new") == (True, list(new))
