@@ -79,7 +79,7 @@ class Published:
     value: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Figure:
     """A rate or a time of ours beside another.
 

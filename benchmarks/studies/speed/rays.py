@@ -87,57 +87,43 @@ def peer_job(made: peers.CasterMaker, beams: int) -> Job:
     return Job(cast_all, POSES_ONE_BY_ONE * beams)
 
 
-def _figure(
+def _in_paper(
     name: str, other: Side, target: float | None = None, *, poses: int = POSES, beams: int = BEAMS
 ) -> Figure:
-    return Figure(
-        name=f"rays_vs_{name}",
-        what=f"rays in the paper's room, {poses:,} poses × {beams} beams",
-        unit="rays/s",
-        ours=Side("PolygonMap.ranges", partial(our_job, PAPER_ROOM, poses, beams)),
-        other=other,
-        target=target,
-    )
+    what = f"rays in the paper's room, {poses:,} poses × {beams} beams"
+    ours = Side("PolygonMap.ranges", partial(our_job, PAPER_ROOM, poses, beams))
+    return Figure(f"rays_vs_{name}", what, "rays/s", ours, other, target)
+
+
+def _in_cells(name: str, spread: float | None, cloud: str) -> Figure:
+    what = f"rays in 1,000² cells, {POSES:,} poses × {BEAMS} beams, {cloud}"
+    ours = Side("GridMap.ranges", partial(office_job, spread))
+    return Figure(f"rays_grid_{name}", what, "rays/s", ours, _TABLE)
+
+
+def _among(walls: int) -> Figure:
+    what = f"rays among {walls:,} walls, {POSES:,} poses × {BEAMS} beams"
+    ours = Side("PolygonMap.ranges", lambda: our_job(pillared_room(walls), POSES))
+    return Figure(f"rays_{walls}_walls", what, "rays/s", ours, _TABLE)
 
 
 def _peer(made: peers.CasterMaker, who: str, beams: int = BEAMS) -> Side:
     return Side(f"{who}, {beams} beams a call", partial(peer_job, made, beams))
 
 
-def _cells(name: str, spread: float | None) -> Figure:
-    cloud = "all over the map" if spread is None else f"within {spread:g} m and 0.1 rad (σ)"
-    return Figure(
-        name=f"rays_grid_{name}",
-        what=f"rays in 1,000² cells, {POSES:,} poses × {BEAMS} beams, {cloud}",
-        unit="rays/s",
-        ours=Side("GridMap.ranges", partial(office_job, spread)),
-        other=_TABLE,
-    )
-
-
-def _walls(walls: int) -> Figure:
-    return Figure(
-        name=f"rays_{walls}_walls",
-        what=f"rays among {walls:,} walls, {POSES:,} poses × {BEAMS} beams",
-        unit="rays/s",
-        ours=Side("PolygonMap.ranges", lambda: our_job(pillared_room(walls), POSES)),
-        other=_TABLE,
-    )
-
-
 _TABLE = Published("a lookup table of range_libc, on another machine", 31e6)
 
 FIGURES = (
-    _figure("numpy", Side("NumPy, all walls", partial(numpy_job, segments)), 8),
-    _figure("numpy_slabs", Side("NumPy, slab method", partial(numpy_job, slabs))),
-    _figure("pymunk", Side("pymunk, a segment query a ray", pymunk_job), 1_000),
-    _cells("uniform", None),
-    _cells("converged", 0.2),
-    _walls(256),
-    _walls(1024),
+    _in_paper("numpy", Side("NumPy, all walls", partial(numpy_job, segments)), 8),
+    _in_paper("numpy_slabs", Side("NumPy, slab method", partial(numpy_job, slabs))),
+    _in_paper("pymunk", Side("pymunk, a segment query a ray", pymunk_job), 1_000),
+    _in_cells("uniform", None, "all over the map"),
+    _in_cells("converged", 0.2, "within 0.2 m and 0.1 rad (σ)"),
+    _among(256),
+    _among(1024),
 )
 PEERS = (
-    _figure("navground", _peer(peers.navground, "navground", 360), 10, poses=1_000, beams=360),
-    _figure("navground_16", _peer(peers.navground, "navground")),
-    _figure("raycast2d", _peer(peers.raycast2d, "raycast2D, pixels of 1 px (not exact)")),
+    _in_paper("navground", _peer(peers.navground, "navground", 360), 10, poses=1_000, beams=360),
+    _in_paper("navground_16", _peer(peers.navground, "navground")),
+    _in_paper("raycast2d", _peer(peers.raycast2d, "raycast2D, pixels of 1 px (not exact)")),
 )

@@ -65,14 +65,9 @@ def scan_job(*, clipped: bool) -> Job:
 
 
 def _versus(name: str, particles: int, other: Side, target: float | None = None) -> Figure:
-    return Figure(
-        name=name,
-        what=f"MCL step, N = {particles:,}, B = {BEAMS}",
-        unit="steps/s",
-        ours=Side("mcl", partial(our_job, "mcl", particles=particles)),
-        other=other,
-        target=target,
-    )
+    what = f"MCL step, N = {particles:,}, B = {BEAMS}"
+    ours = Side("mcl", partial(our_job, "mcl", particles=particles))
+    return Figure(name, what, "steps/s", ours, other, target)
 
 
 def _peer(made: Callable[..., peers.Update], who: str) -> Figure:
@@ -80,26 +75,19 @@ def _peer(made: Callable[..., peers.Update], who: str) -> Figure:
     return _versus(f"step1k_vs_{made.__name__}", FEW, side, 10)
 
 
-def _queue(name: str, ours: Side, other: Side, target: float) -> Figure:
-    what = f"step, N = {MANY:,}, B = {BEAMS}"
-    return Figure(name=name, what=what, unit="µs/step", ours=ours, other=other, target=target)
-
-
 def _deq(lag: int) -> Side:
     return Side(f"deq-mcl, L = {lag}", partial(our_job, "deq-mcl", particles=MANY, lag=lag))
 
 
 def _replanned(figure: str, name: str, particles: int, target: float | None = None) -> Figure:
-    return Figure(
-        name=f"{figure}_vs_map_step{particles // 1000}k",
-        what=f"step in scenario guided, a new plan at every step, N = {particles:,}, B = 1",
-        unit="µs/step",
-        ours=Side(f"{name}, L = 20", partial(replanned_job, name, particles)),
-        other=Side("mcl-map", partial(replanned_job, "mcl-map", particles)),
-        target=target,
-    )
+    what = f"step in scenario guided, a new plan at every step, N = {particles:,}, B = 1"
+    ours = Side(f"{name}, L = 20", partial(replanned_job, name, particles))
+    other = Side("mcl-map", partial(replanned_job, "mcl-map", particles))
+    named = f"{figure}_vs_map_step{particles // 1000}k"
+    return Figure(named, what, "µs/step", ours, other, target)
 
 
+_STEP, _FEW = f"step, N = {MANY:,}, B = {BEAMS}", f"N = {FEW:,}, B = {BEAMS}"
 _MAP = Side("mcl-map", partial(our_job, "mcl-map", particles=MANY))
 _SAME = {"min_particles": FEW, "max_particles": FEW, "update_min_d": 0, "update_min_a": 0}
 
@@ -112,21 +100,21 @@ FIGURES = (
             ("_slabs", "NumPy, slab method", slabs, None),
         )
     ),
-    _queue("deq_vs_map_step", _deq(20), _MAP, 1.5),
-    _queue("deq_lag80_vs_lag10", _deq(80), _deq(10), 1.3),
+    Figure("deq_vs_map_step", _STEP, "µs/step", _deq(20), _MAP, 1.5),
+    Figure("deq_lag80_vs_lag10", _STEP, "µs/step", _deq(80), _deq(10), 1.3),
     Figure(
-        name="amcl_step",
-        what=f"step with a likelihood field and KLD-sampling, N = {FEW:,}, B = {BEAMS}",
-        unit="µs/step",
-        ours=Side("amcl", partial(our_job, "amcl", **_SAME)),
-        other=Published("beluga, on another machine", 383),
+        "amcl_step",
+        f"step with a likelihood field and KLD-sampling, {_FEW}",
+        "µs/step",
+        Side("amcl", partial(our_job, "amcl", **_SAME)),
+        Published("beluga, on another machine", 383),
     ),
     Figure(
-        name="censored_vs_inside",
-        what=f"CensoredGaussianUniform by LidarScan, N = {FEW:,}, B = {BEAMS}",
-        unit="µs/scan",
-        ours=Side("all beams clipped", partial(scan_job, clipped=True)),
-        other=Side("no beam clipped", partial(scan_job, clipped=False)),
+        "censored_vs_inside",
+        f"CensoredGaussianUniform by LidarScan, {_FEW}",
+        "µs/scan",
+        Side("all beams clipped", partial(scan_job, clipped=True)),
+        Side("no beam clipped", partial(scan_job, clipped=False)),
     ),
     *(
         _replanned(figure, name, particles, target)

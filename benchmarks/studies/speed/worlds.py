@@ -90,26 +90,18 @@ def _actions(name: str) -> Actions:
     return np.array(info["planned_actions"])
 
 
-def _steps(name: str, ours: Side, other: Side, target: float | None = None) -> Figure:
-    what = "environment steps, resets included"
-    return Figure(name=name, what=what, unit="steps/s", ours=ours, other=other, target=target)
-
-
 def _rooms(size: int) -> Side:
     return Side(f"{size:,} rooms, {BEAMS} beams", partial(vector, ROOM, size))
 
 
 def _trial(name: str) -> Figure:
-    return Figure(
-        name=f"trial_{name.replace('-', '_')}",
-        what=f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time",
-        unit="ms/trial",
-        ours=Side("world, localizer and scores", partial(trial_job, name, localizer_only=False)),
-        other=Side("its localizer's share", partial(trial_job, name, localizer_only=True)),
-        target=2.0,
-    )
+    what = f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time"
+    ours = Side("world, localizer and scores", partial(trial_job, name, localizer_only=False))
+    share = Side("its localizer's share", partial(trial_job, name, localizer_only=True))
+    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share, 2.0)
 
 
+_STEPS = "environment steps, resets included"
 _SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
 _CARTPOLE = Side(CARTPOLE, partial(single, CARTPOLE))
 _CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CARTPOLE, FEW))
@@ -117,7 +109,7 @@ _CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CA
 FIGURES = (
     _trial("mcl"),
     _trial("deq-mcl"),
-    _steps("env_vs_cartpole", _SINGLE, _CARTPOLE, 0.5),
-    _steps("vector64_vs_cartpole_vector64", _rooms(FEW), _CARTPOLES, 1.2),
-    _steps("vector1024_vs_single", _rooms(MANY), _SINGLE),
+    Figure("env_vs_cartpole", _STEPS, "steps/s", _SINGLE, _CARTPOLE, 0.5),
+    Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES, 1.2),
+    Figure("vector1024_vs_single", _STEPS, "steps/s", _rooms(MANY), _SINGLE),
 )
