@@ -11,7 +11,6 @@ from typing import NoReturn
 
 from benchmarks import console
 from benchmarks.commands import COMMANDS
-from benchmarks.stopping import Terminated, stoppable
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _RESUMED = "paper", "sweep"  # what they have finished, they need not run again
@@ -71,13 +70,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     options = _parse(given)
     try:
-        with stoppable(leaving=leaving):
+        with console.stoppable(leaving=leaving):
             _refuse_no_folder()
             print(options.run(options, given))
     except KeyboardInterrupt as how:
         kept = "; finished trials are kept" if options.command in _RESUMED else ""
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
-        return TERMINATED if isinstance(how, Terminated) else INTERRUPTED
+        return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
         print(
             f"deqmcl: a plug-in called exit({end.code!r}).",
@@ -139,7 +138,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         own = subparsers.add_parser(
             command.NAME, allow_abbrev=False, help=command.HELP, description=command.DESCRIPTION
         )
-        command.arguments(own)
+        if command.NAME in arguments:
+            command.arguments(own)
         own.add_argument(
             "--debug", action="store_true", help="show a traceback when something fails"
         )

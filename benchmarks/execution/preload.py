@@ -3,7 +3,7 @@
 import contextlib
 import gc
 
-from benchmarks.execution.worker import load
+from benchmarks.execution.processes import load
 from benchmarks.trials.attempt import trial_trace
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial

@@ -1,21 +1,26 @@
 """Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
 
 import contextlib
+import io
+import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from tqdm import tqdm
+
+from benchmarks.console import beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Where
+from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.progress import counted
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
@@ -24,6 +29,8 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 MANY = 100_000  # trials; more are run only with --yes
+MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
+_LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
 
 
 class TrialsFailedError(RuntimeError):
@@ -155,6 +162,48 @@ def run_missing(
             count(reason is not None)
             if options.fail_fast and reason is not None:
                 return
+
+
+@contextmanager
+def counted(
+    out: Path, total: int, waiting: int, *, shown: bool = True
+) -> Iterator[Callable[[bool], None]]:
+    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
+
+    Args:
+        out: folder of the sweep; its name is shown.
+        total: trials of the sweep.
+        waiting: those that are still to be run.
+        shown: False shows nothing.
+
+    Yields:
+        A function of whether the trial failed.
+    """
+    name = out.resolve().name
+    failed, lines = 0, shown and not sys.stderr.isatty()
+    kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
+    if lines:  # what tqdm would print goes nowhere; it counts and estimates
+        kept |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}
+        kept |= {"smoothing": 0.0}
+    with tqdm(**kept, unit="trial", disable=not shown) as bar:
+
+        def count(failure: bool) -> None:
+            nonlocal failed
+            failed += failure
+            bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
+            bar.update()
+
+        def tell(done: threading.Event) -> None:
+            while not done.wait(MINUTE):
+                print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
+
+        if lines:
+            running = f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"
+            with doing(running), beside(tell):
+                yield count
+        else:
+            bar.set_postfix_str("starting; kernels are compiled at first use")
+            yield count
 
 
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import provenance
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Where
+from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.collecting import recorded_sweep
 from benchmarks.sweeps.manifest import Manifest, Verified, differences
-from benchmarks.sweeps.progress import counted
+from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import environment
