@@ -34,7 +34,7 @@ def _path(text: str, what: str) -> Path:
 @contextmanager
 def log_warnings() -> Iterator[list[str]]:
     """Collect the warnings of log readers, each sentence once; if all fails, say them."""
-    from deqmcl_gym.logs import LogWarning
+    from deqmcl_gym.validation import LogWarning
 
     said: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
@@ -48,7 +48,7 @@ def log_warnings() -> Iterator[list[str]]:
 
 
 def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.logs import LogWarning
+    from deqmcl_gym.validation import LogWarning
 
     words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
     return list(dict.fromkeys(words))

@@ -3,8 +3,9 @@
 import contextlib
 import gc
 
-from benchmarks.execution.worker import load
+from benchmarks.execution.processes import load
 from benchmarks.setup.changes import Changes
+from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 
@@ -14,4 +15,5 @@ _SMALL = Trial(
 )
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
     Stage.of(_SMALL).trace()
+code_digest()
 gc.freeze()  # no worker searches it for garbage

@@ -1,6 +1,6 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
+from benchmarks.files.inventory import is_empty, own_folder, refuse_changed, write_part, written
 from deqmcl_gym.files import (
     UnreadableError,
     command_line,

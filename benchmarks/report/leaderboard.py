@@ -170,7 +170,7 @@ def _runs(read: Sequence[Source]) -> Table:
                 source.folder.name,
                 command_line(made.command),
                 ", ".join(f"{name} {number}" for name, number in versions.items()),
-                made.made.code,
+                "; ".join([made.made.code, *source.results.verified]),
             ]
         )
     header = ["run", "folder", "command", "versions", "code (SHA-256)"]

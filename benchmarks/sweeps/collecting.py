@@ -38,6 +38,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         planned=len(trials),
         command=list(made.command),
         environment=made.environment,
+        verified=[one.words() for one in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
     )
     return of_sweep(sweep, results)
@@ -69,8 +70,7 @@ def results_in(folder: Path) -> Results:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     made = manifest.read(folder)
-    with documents.errors_name(folder / manifest.NAME):
-        sweep = sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
+    sweep = recorded_sweep(folder, made)
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}
     results = collected(sweep, trials, Store(folder, reading=True), made)
     if results.left_out and results.missing == results.planned:
@@ -80,6 +80,16 @@ def results_in(folder: Path) -> Results:
             ": give another folder, or run the sweep again."
         )
     return results
+
+
+def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
+    """Return the sweep of a folder's manifest; nothing that it names is loaded.
+
+    Raises:
+        InputError: the manifest was changed.
+    """
+    with documents.errors_name(folder / manifest.NAME):
+        return sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
 
 
 def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tuple[str, ...] | None:

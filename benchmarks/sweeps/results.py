@@ -41,6 +41,7 @@ class Results:
         planned: distinct trials asked for.
         command: the words that started the sweep.
         environment: versions and code, see ``provenance.environment``.
+        verified: what other code got the same results, in words.
         left_out: files of the folder that are in no table, and why.
     """
 
@@ -53,6 +54,7 @@ class Results:
     environment: dict[str, Any]
     limits: list[LimitRuns] = field(default_factory=list)
     baseline: str = BASELINE
+    verified: list[str] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -60,6 +62,12 @@ class Results:
         """The methods of every setting, compared: all intervals and tests, computed once."""
         failed = [failure.trial for failure in self.failures]
         return panels(self.records, self.baseline, self.limits, failed)
+
+    @property
+    def made_by(self) -> str:
+        """Whose numbers these are, in a sentence; "" if only one code has made them."""
+        code = str(self.environment.get("code", ""))[:12]
+        return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
 
     @property
     def finished(self) -> list[dict[str, Any]]:

@@ -10,8 +10,7 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.logs import LogWarning
-from deqmcl_gym.validation import in_words
+from deqmcl_gym.validation import LogWarning, in_words
 from localizers.naming.isolation import is_ctrl_c
 
 

@@ -236,7 +236,7 @@ class GridMap:
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``disc_kernels.Terrain``, as a plain tuple, for kernels that drive robots."""
+        """A ``grid_kernels.CellGrid``, as a plain tuple, for kernels that drive robots."""
         return (self._reach, *self._runs, self._frame)
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:

@@ -7,8 +7,7 @@ import pytest
 from report_cases import trials
 
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
-from benchmarks.sweeps.sweepfile import sweeps_named
+from benchmarks.sweeps.suites import FAMILIES, SUITES, sweeps_named, with_localizers
 from benchmarks.tables.panels import panels
 from benchmarks.tables.power import least_worlds
 from benchmarks.trials.spec import Trial

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,8 @@ import pytest
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import with_localizers
-from benchmarks.sweeps.sweepfile import read_sweep, sweep_named
+from benchmarks.sweeps.suites import SUITES, sweeps_named, with_localizers
+from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym.validation import InputError
 
 ALL = """
@@ -136,6 +137,38 @@ def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monk
     assert with_localizers(found, ["./own.py:Own"]).names == [own, "mcl"]  # it is there already
 
 
+def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole(tmp_path):
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "base.toml").write_text(ALL)
+    found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\nlimit = []\n')
+    base = read_sweep(tmp_path / "below" / "base.toml")
+    assert found == replace(base, title="my-sweep", trials=9, params=(), limits=())
+    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(SUITES["lost"], title="Mine")
+
+
+def test_a_base_that_leads_back_to_its_file_or_nowhere_is_refused(tmp_path):
+    (tmp_path / "other.toml").write_text('base = "./my-sweep.toml"')
+    with pytest.raises(
+        InputError, match=r"other\.toml: base is './my-sweep\.toml', which is this file"
+    ):
+        read(tmp_path, 'base = "other.toml"')
+    with pytest.raises(InputError, match=r"base 'lots': did you mean 'lost'\?.*\.toml"):
+        read(tmp_path, 'base = "lots"')
+
+
+def test_an_action_with_a_third_number_is_repeated_so_many_times(tmp_path):
+    text = (
+        'localizers = ["mcl"]\ndisturbance = [{{ kind = "plan-change", step = 1, actions = {} }}]'
+    )
+    short, long = (
+        text.format(a)
+        for a in ("[[5.0, 0.0, 2], [0.0, 1.0]]", f"{[[5.0, 0.0]] * 2 + [[0.0, 1.0]]}")
+    )
+    assert read(tmp_path, short) == read(tmp_path, long)
+    with pytest.raises(InputError, match="steps of an action is 0"):
+        read(tmp_path, text.format("[[5.0, 0.0, 0]]"))
+
+
 BAD = [  # a file, and what the sentence must name
     ("", ["localizers", "missing"]),
     ("localizers = []", ["no localizer", "no combinations"]),
@@ -233,7 +266,7 @@ def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tm
 
 def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest():
     with pytest.raises(InputError, match=r"'quik': did you mean 'quick'\?.*\.toml"):
-        sweep_named("quik")
+        sweeps_named("quik")
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
-        sweep_named("quick", ["dec-mcl"])
+        sweeps_named("quick", ["dec-mcl"])
     assert "toml" not in str(caught.value)
