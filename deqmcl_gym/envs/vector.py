@@ -11,14 +11,13 @@ from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs import vector_kernels as kernels
-from deqmcl_gym.envs.room import RoomInfo
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.grid_kernels import NO_CELLS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
 from deqmcl_gym.world.driver import FixedPlan
-from deqmcl_gym.world.rules import RoomRules
+from deqmcl_gym.world.rules import RoomInfo, RoomRules
 from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_stream
 
 
