@@ -26,10 +26,10 @@ for scenario, name in (("paper", "mcl"), ("guided", "deq-mcl"), ("driving", "dea
         disturbance=((("kind", "dropout"), ("probability", 0.1)),),
     )
     key = key_of(trial)
+    assert attempt(trial, key).record  # its kernels are compiled
     sys.setprofile(see)
-    outcome = attempt(trial, key)
+    attempt(trial, key)
     sys.setprofile(None)
-    assert outcome.record, outcome
 print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
 print(*(path for path in executed if Path(path).is_relative_to(sys.argv[1])))
 """
@@ -50,7 +50,7 @@ READING = "benchmarks.files"  # hands a file on as it is, or refuses it
 def seen():
     """Modules of the harness that trials load, and files of ours that they execute."""
     done = subprocess.run(
-        [sys.executable, "-c", RUN, ROOT], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", RUN, ROOT], capture_output=True, text=True, check=False, timeout=400
     )
     assert done.returncode == 0, done.stderr
     loaded, executed = done.stdout.splitlines()
