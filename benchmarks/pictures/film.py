@@ -21,8 +21,7 @@ from deqmcl_gym.world.drawing import (
     write_legend,
     write_words,
 )
-from localizers import best_cluster
-from localizers.api import mean_pose
+from localizers import best_cluster, mean_pose
 
 _BEST: Color = (0, 114, 178)
 _PLAN: Color = (0, 158, 115)

@@ -11,7 +11,7 @@ from benchmarks.speed.numpy_baseline import CasterMaker, mcl, segments, slabs
 from benchmarks.speed.timing import Job
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 FEW, MANY = 1_000, 10_000
 
@@ -43,7 +43,7 @@ def scan_job(*, clipped: bool) -> Job:
     scan = LidarScan(floor_plan=PAPER_ROOM, lidar=lidar, beam=CensoredGaussianUniform())
     states = np.ascontiguousarray(free_poses(PAPER_ROOM, FEW).T)
     ranges = np.full(BEAMS, lidar.max_range) if clipped else lap.scans[0].astype(np.float64)
-    return Job(lambda: scan.log_likelihood(states, ranges))
+    return Job(lambda: scan.log_likelihood(states, Scan.of(ranges, lidar.max_range)))
 
 
 def _versus(name: str, particles: int, other: Side, target: float | None = None) -> Figure:
