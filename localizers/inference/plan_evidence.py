@@ -143,17 +143,17 @@ class PlanEvidence:
         if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
             return belief.remembering(PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
-        tempering, feasible, log_evidence = _tempering(
+        power, feasible, log_evidence = tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
         )
-        read = belief.reweighted(_charges(tempering, self.sensor.beta, collisions))
+        read = belief.reweighted(_charges(power, self.sensor.beta, collisions))
         if feasible == 0.0:
             read = read._replace(events=read.events.plus(infeasible_plans=1))
-        return read.remembering(PlanReading(plan, seen, tempering, feasible, log_evidence))
+        return read.remembering(PlanReading(plan, seen, power, feasible, log_evidence))
 
 
 @compiled
-def _tempering(
+def tempering(
     weights: Floats, collisions: Ints, beta: float, keep: float
 ) -> tuple[float, float, float]:
     """Return λ, the largest of 0 … 1 at which exp(-λ β C) leaves ``keep`` of the sample size.
@@ -200,11 +200,11 @@ def _tempering(
     return low, sums[0], log64(total) - shift
 
 
-def _charges(tempering: float, beta: float, collisions: Ints) -> Floats:
+def _charges(power: float, beta: float, collisions: Ints) -> Floats:
     """-λ β C of each state, (n,); 0 at λ = 0, even if β is infinite."""
     per_count = np.zeros(int(collisions.max()) + 1)
-    if tempering > 0.0:
-        per_count[1:] = -(tempering * beta) * np.arange(1.0, per_count.size)
+    if power > 0.0:
+        per_count[1:] = -(power * beta) * np.arange(1.0, per_count.size)
     charges: Floats = per_count[collisions]
     return charges
 

@@ -13,7 +13,7 @@ from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic
 from localizers.models import motion as kernels
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 PARTICLES, RUNS, STEPS = 500, 12, 30
 
@@ -67,7 +67,8 @@ def test_log_likelihoods_are_ours_at_the_same_ranges_and_outside():
     assert ours.std() > 1
     states[0] -= 400
     outside = models.log_likelihood(states, lap.scans[7])
-    assert outside.tolist() == scan.log_likelihood(states, lap.scans[7].astype(float)).tolist()
+    seventh = Scan.of(lap.scans[7].astype(float), scan.lidar.max_range)
+    assert outside.tolist() == scan.log_likelihood(states, seventh).tolist()
 
 
 class Drawn:
