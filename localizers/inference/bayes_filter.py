@@ -153,7 +153,7 @@ def checked_step(
         and plan.ndim == 2
         and ranges.dtype.kind == action.dtype.kind == plan.dtype.kind == "f"
     ):
-        measured, command, ahead = (_as_float64(values) for values in (ranges, action, plan))
+        measured, command, ahead = _copied(ranges), _copied(action), _copied(plan)
         if _is_sound(measured, command, ahead, lidar.beams):
             return Scan.of(measured, lidar.max_range), increments(command), increments(ahead)
     scan = Scan.of(checked_scan(ranges, lidar), lidar.max_range)
@@ -174,8 +174,8 @@ def _is_sound(ranges: Floats, action: Floats, plan: Floats, beams: int) -> bool:
     return amiss == 0
 
 
-def _as_float64(values: NDArray[Any]) -> Floats:
-    """Return a copy in C order."""
+def _copied(values: NDArray[Any]) -> Floats:
+    """Return a float64 copy in C order."""
     if values.dtype is _FLOAT64:
         return values.copy()  # twice as fast as astype
     return values.astype(_FLOAT64, "C")

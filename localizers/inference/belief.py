@@ -182,7 +182,7 @@ class ParticleBelief(_Cloud):
             log_weights=left,
             log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
             log_h=None,
-            memory=tuple(memory.resampled(ancestors) for memory in self.memory),
+            memory=tuple([memory.resampled(ancestors) for memory in self.memory]),
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
@@ -252,7 +252,7 @@ class ParticleBelief(_Cloud):
             log_weights=total if math.isfinite(top) else self.log_weights,
             scan_log_evidence=evidence,
             scan_power=power,
-            memory=tuple(memory.scanned(scan, evidence) for memory in self.memory),
+            memory=tuple([memory.scanned(scan, evidence) for memory in self.memory]),
         )
 
     def _collapsed(self) -> "ParticleBelief":

@@ -131,9 +131,9 @@ class ParticleFilter:
         if self.tempering is not None:
             power = self.tempering(belief.log_weights, log_likelihood)
         belief = belief.scanned(scan, log_likelihood, power=power)
-        if self.lookahead is None:
-            return belief.forgetting(PlanReading)  # of the start
-        return self.lookahead(belief, plan, rng)
+        if self.lookahead is not None:
+            return self.lookahead(belief, plan, rng)
+        return belief if self.start is None else belief.forgetting(PlanReading)  # of its plan
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues if it is time to, then move them."""

@@ -14,6 +14,16 @@ from deqmcl_gym.validation import InputError
 from localizers.models.beams import BeamDensity
 
 
+@compiled
+def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
+    """Fill in which ranges are usable; return how many are."""
+    count = 0
+    for i in range(ranges.size):
+        out[i] = 0.0 <= ranges[i] <= max_range  # false for NaN
+        count += out[i]
+    return count
+
+
 class Scan(NamedTuple):
     """A scan o_t.
 
@@ -30,8 +40,8 @@ class Scan(NamedTuple):
     @classmethod
     def of(cls, ranges: Floats, max_range: float) -> "Scan":
         """Return a scan; the ranges (B,) are kept, not copied."""
-        usable: Bools = (ranges >= 0.0) & (ranges <= max_range)  # both are false for NaN
-        return cls(ranges, usable, int(np.count_nonzero(usable)))
+        usable = np.empty(ranges.size, np.bool_)
+        return cls(ranges, usable, _mark_usable(ranges, max_range, usable))
 
 
 @compiled
