@@ -28,8 +28,7 @@ from deqmcl_gym.world.drawing import (
     write_legend,
     write_words,
 )
-from localizers import best_cluster
-from localizers.api import mean_pose
+from localizers import best_cluster, mean_pose
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),

@@ -126,7 +126,7 @@ def test_all_beams_of_one_scan_are_clipped_and_none_of_the_other(monkeypatch):
 
     class Scan:
         def __init__(self, **_):
-            self.log_likelihood = lambda _, ranges: seen.append(ranges)
+            self.log_likelihood = lambda _, scan: seen.append(scan.ranges)
 
     monkeypatch.setattr(steps, "LidarScan", Scan)
     for clipped in (True, False):

@@ -20,7 +20,7 @@ from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic
 from localizers.models import motion as kernels
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 SINGLE = 2e-6  # rad: θ + b, sine and cosine in float32, |θ + b| ≤ 2π, are off by less
 PARTICLES, RUNS, STEPS = 500, 12, 30
@@ -138,7 +138,8 @@ def test_log_likelihoods_are_ours_at_the_same_ranges_and_outside():
     assert ours.std() > 1
     states[0] -= 400
     outside = models.log_likelihood(states, measured)
-    assert outside.tolist() == scan.log_likelihood(states, measured.astype(float)).tolist()
+    seen = Scan.of(measured.astype(float), lap.robot.lidar.max_range)
+    assert outside.tolist() == scan.log_likelihood(states, seen).tolist()
 
 
 class Drawn:

@@ -11,7 +11,7 @@ from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
 from benchmarks.studies.speed.work import BEAMS, fan, free_poses, recorded_lap, replanned_lap
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 FEW, MANY = 1_000, 10_000
 
@@ -61,7 +61,8 @@ def scan_job(*, clipped: bool) -> Job:
     states = np.ascontiguousarray(free_poses(PAPER_ROOM, FEW).T)
     inside = lap.steps[0][0].astype(np.float64)
     ranges = np.full(BEAMS, lidar.max_range) if clipped else inside
-    return Job(lambda: scan.log_likelihood(states, ranges))
+    seen = Scan.of(ranges, lidar.max_range)
+    return Job(lambda: scan.log_likelihood(states, seen))
 
 
 def _versus(name: str, particles: int, other: Side, target: float | None = None) -> Figure:

@@ -9,9 +9,10 @@ from following import follow, small
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference.trust import FOUND, LOST, MEMORY, Anywhere, Trust
-from localizers.inference.weight_kernels import log_evidence
+from localizers.inference.loss_detector import FOUND, LOST, MEMORY, LossDetector, LostDensity
+from localizers.inference.weights import log_evidence
 from localizers.models.prior import even_poses
+from localizers.models.scan import Scan
 
 OWN = {
     "grid": {"cell": 10.0, "headings": 36},
@@ -25,20 +26,24 @@ class Table:
 
     rows = np.array([[-1.0, -2.0], [-4.0, -0.5], [-math.inf, -3.0], [-math.inf, -math.inf]])
 
-    def log_likelihood(self, states, ranges):
-        return self.rows[int(ranges[0])]
+    def log_likelihood(self, states, scan):
+        return self.rows[int(scan.ranges[0])]
 
 
-ANYWHERE = Anywhere(Table(), np.zeros((3, 2), np.float32))
+DETECTOR = LossDetector(LostDensity(Table(), np.zeros((3, 2), np.float32)))
 
 
-def trusted(evidence: list[float], ask_always: bool = False) -> float:
-    trust = Trust(ANYWHERE)
+def scan_of(number: float) -> Scan:
+    return Scan.of(np.array([float(number)]), 400.0)
+
+
+def quality(evidence: list[float], ask_always: bool = False) -> float:
+    detector = DETECTOR
     for i, log_right in enumerate(evidence):
-        trust = trust.after(np.array([float(i % 3)]), log_right)
+        detector = detector.scanned(scan_of(i % 3), log_right)
         if ask_always:
-            assert 0 <= trust.quality <= 1
-    return trust.quality
+            assert 0 <= detector.quality <= 1
+    return detector.quality
 
 
 def test_the_quality_is_that_of_all_paths_through_the_two_states():
@@ -51,37 +56,36 @@ def test_the_quality_is_that_of_all_paths_through_the_two_states():
         for i, (before, after) in enumerate(itertools.pairwise(path)):
             p *= change[before, after] * math.exp(evidence[i] if after else lost[i % 3])
         ending[path[-1]] += p
-    assert trusted(evidence) == pytest.approx(ending[1] / (ending[0] + ending[1]), rel=1e-12)
+    assert quality(evidence) == pytest.approx(ending[1] / (ending[0] + ending[1]), rel=1e-12)
 
 
 def test_asking_changes_nothing():
     evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
-    assert trusted(evidence) == trusted(evidence, ask_always=True)
+    assert quality(evidence) == quality(evidence, ask_always=True)
 
 
 def test_of_scans_beyond_the_memory_only_time_remains():
     evidence = np.random.default_rng(0).uniform(-4, 0, 2 * MEMORY).tolist()
     forgotten = [math.nan] * MEMORY + evidence[MEMORY:]
-    assert trusted(evidence) == pytest.approx(trusted(forgotten), rel=1e-12)
+    assert quality(evidence) == pytest.approx(quality(forgotten), rel=1e-12)
 
 
 def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
-    trust, start = Trust(ANYWHERE), 1 - LOST
+    detector, start = DETECTOR, 1 - LOST
     for i in range(4 * MEMORY + 1):
-        seen = [evidence.ranges[0] for evidence in trust.scans]
+        seen = [evidence.scan.ranges[0] for evidence in detector.evidence]
         assert seen == list(range(max(0, i - MEMORY), i))
-        assert trust.start == start
-        trust = trust.after(np.array([float(i)]), -1.0)
+        assert detector.start == start
+        detector = detector.scanned(scan_of(i), -1.0)
         if i >= MEMORY:
             start = start * (1 - LOST) + (1 - start) * FOUND
 
 
 def test_impossible_and_unknown_evidence_leaves_a_number():
-    assert trusted([-math.inf]) == 0.0
-    assert trusted([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND)
-    trust = Trust(ANYWHERE)
-    assert trust.after(np.array([3.0]), -math.inf).quality == pytest.approx(0.9802)
-    assert trust.after(np.array([3.0]), -50.0).quality == 1.0
+    assert quality([-math.inf]) == 0.0
+    assert quality([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND)
+    assert DETECTOR.scanned(scan_of(3), -math.inf).quality == pytest.approx(0.9802)
+    assert DETECTOR.scanned(scan_of(3), -50.0).quality == 1.0
 
 
 @pytest.mark.parametrize("n", [1, 255, 256, 257, 5000])
@@ -144,11 +148,11 @@ def kidnapped(name: str) -> list[float]:
 
 @pytest.mark.parametrize("name", LOCALIZING)
 def test_the_quality_is_high_on_the_way_and_low_after_a_kidnap(name):
-    quality = kidnapped(name)
-    assert all(0 <= q <= 1 for q in quality)
+    found = kidnapped(name)
+    assert all(0 <= q <= 1 for q in found)
     # nine beams of 10 px against a room of 300: one scan tells right from lost by many nats
-    assert min(quality[3:15]) > 0.9
-    assert max(quality[15:17]) < 0.5
+    assert min(found[3:15]) > 0.9
+    assert max(found[15:17]) < 0.5
 
 
 def test_without_scans_the_quality_goes_to_one_half(robot, prior):
