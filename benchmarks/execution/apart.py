@@ -16,10 +16,10 @@ from typing import TypeVar
 import localizers
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.setup.names import scenario_digest
-from benchmarks.trials.episode import check_params, check_setting
 from benchmarks.trials.plugins import guest_of, provenance_of, setup_guests
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.plugins import is_reference
 from localizers.naming.registry import is_plug_in
@@ -117,7 +117,7 @@ def check_settings(trials: Iterable[Trial]) -> None:
 
 
 def check_methods(trials: Collection[Trial]) -> None:
-    """Let the localizer of each trial look at its parameters; see ``check_params``.
+    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``.
 
     Raises:
         InputError: one refuses them. Any other trouble of a plug-in is left to its trials.
@@ -151,7 +151,7 @@ def _loads(name: str) -> bool:
 
 def _check_settings(trials: Collection[Trial]) -> None:
     for trial in trials:
-        check_setting(trial)
+        Stage.of(trial).check()
 
 
 def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) -> T:
@@ -171,7 +171,7 @@ def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) 
 
 def _check_all(trials: Collection[Trial]) -> None:
     for trial in trials:
-        check_params(trial)
+        Stage.of(trial).check_params()
 
 
 @cache  # by its source, too: an edited plug-in is asked again

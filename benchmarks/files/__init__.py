@@ -1,6 +1,6 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.record import (
+from benchmarks.files.inventory import (
     as_written,
     is_empty,
     own_folder,

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.console import doing, warn
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Where
+from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files import own_folder, utf8, write_part
 from benchmarks.replay.agreement import disagreement, misfit_words, sideways
 from benchmarks.replay.running import Run, attempt, guest_of
@@ -18,8 +17,7 @@ from benchmarks.replay.tables import plain, results_csv, trials_csv
 from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
 from benchmarks.report import load, no_report
-from benchmarks.sweeps.progress import counted
-from benchmarks.sweeps.running import TrialsFailedError
+from benchmarks.sweeps.running import TrialsFailedError, counted
 from deqmcl_gym.logs import Trajectory
 
 _TRACKS = "tracks"

@@ -110,7 +110,7 @@ def place_of(panel: Panel) -> Place:
         ("assumed", setting.assumed),
         ("params", panel.swept),
     ):
-        place |= {f"{part}.{name}": value for name, value in values}
+        place |= {f"{part}.{name}": value for name, value in values.items()}
     return place
 
 

@@ -183,10 +183,10 @@ def offsets_table(panel: Panel) -> Table:
 
 def _with(panel: Panel) -> str:
     """The parameters that all methods which take them have in common, where no title names them."""
-    swept, methods = dict(panel.swept), list(panel.records)
+    swept, methods = panel.swept, list(panel.records)
     values: dict[str, list[object]] = {}
     for method in methods:
-        for name, value in method.params:
+        for name, value in method.params.items():
             values.setdefault(name, []).append(value)
     shared = [
         f"{name} {held[0]}"
@@ -199,7 +199,7 @@ def _with(panel: Panel) -> str:
 
 def _takers(name: str, methods: Sequence[Method]) -> int:
     """How many methods are of a localizer that was given this parameter."""
-    takers = {method.name for method in methods if name in dict(method.params)}
+    takers = {method.name for method in methods if name in method.params}
     return sum(method.name in takers for method in methods)
 
 
@@ -216,5 +216,5 @@ def _marked(row: Comparison) -> str:
 
 
 def _told(method: Method) -> str:
-    words = [f"{name}={value}" for name, value in method.params]
+    words = [f"{name}={value}" for name, value in method.params.items()]
     return " ".join([short_name(method.name), *words])

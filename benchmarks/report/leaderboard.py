@@ -9,13 +9,14 @@ from benchmarks.report.error_tables import marked_label
 from benchmarks.report.pages import page, plain, table_text
 from benchmarks.report.tables import Table
 from benchmarks.report.words import capital, done, estimated, significant
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
-from benchmarks.trials.spec import Method, Params, Run, Setting
+from benchmarks.trials.spec import Method, Run, Setting
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"
@@ -80,8 +81,8 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 def boards(read: Sequence[Source]) -> list[Table]:
     """Return a table for each setting; what several runs have of one code is listed once."""
-    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Entry]]] = {}
-    titles: dict[tuple[Setting, Params], str] = {}
+    found: dict[tuple[Setting, Changes], dict[tuple[object, str], list[Entry]]] = {}
+    titles: dict[tuple[Setting, Changes], str] = {}
     for source in read:
         for panel in source.results.panels:
             place = (panel.setting, panel.swept)
@@ -163,7 +164,7 @@ def _runs(read: Sequence[Source]) -> Table:
                 source.folder.name,
                 command_line(made.command),
                 ", ".join(f"{name} {number}" for name, number in versions.items()),
-                made.made.code,
+                "; ".join([made.made.code, *source.results.verified]),
             ]
         )
     header = ["run", "folder", "command", "versions", "code (SHA-256)"]

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.pictures.figures import camera_of
-from benchmarks.pictures.film import Film
-from benchmarks.pictures.frames import png, side_by_side, webp
-from benchmarks.trials.episode import trial_moments
+from benchmarks.pictures.film import Film, png, side_by_side, webp
 from benchmarks.trials.plugins import guest_of, key_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import Image
 
@@ -101,8 +100,8 @@ def _guest_of(shown: Animation) -> str:
 
 
 def _frames(trial: Trial, label: str) -> list[Image]:
-    camera = camera_of(trial, _SCALE)
-    film = Film(camera, label, STRIDE)
-    for _ in film.of(trial_moments(trial)):
+    stage = Stage.of(trial)
+    film = Film(camera_of(stage, _SCALE), label, STRIDE)
+    for _ in film.of(stage.moments()):
         pass
     return film.frames

@@ -17,7 +17,7 @@ from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Trial, unworded
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 
@@ -46,6 +46,7 @@ class Results:
         planned: distinct trials asked for.
         command: the words that started the sweep.
         environment: versions and code, see ``provenance.environment``.
+        verified: what other code got the same results, in words.
         left_out: files of the folder that are in no table, and why.
     """
 
@@ -58,6 +59,7 @@ class Results:
     environment: dict[str, Any]
     limits: list[LimitRuns] = field(default_factory=list)
     baseline: str = BASELINE
+    verified: list[str] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -65,6 +67,12 @@ class Results:
         """The methods of every setting, compared: all intervals and tests, computed once."""
         failed = [failure.trial for failure in self.failures]
         return panels(self.records, self.baseline, self.limits, failed)
+
+    @property
+    def made_by(self) -> str:
+        """Whose numbers these are, in a sentence; "" if only one code has made them."""
+        code = str(self.environment.get("code", ""))[:12]
+        return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
 
     @property
     def finished(self) -> list[Finished]:
@@ -93,6 +101,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         planned=len(trials),
         command=list(made.command),
         environment=made.environment,
+        verified=[one.words() for one in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
     )
     return of_sweep(sweep, results)
@@ -124,8 +133,7 @@ def results_in(folder: Path) -> Results:
         InputError: the folder is not one of results, or none of its files can be read.
     """
     made = manifest.read(folder)
-    with documents.errors_name(folder / manifest.NAME):
-        sweep = sweep_of(unworded(made.sweep), title="", takes=partial(_recorded, made.parameters))
+    sweep = recorded_sweep(folder, made)
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}
     results = collected(sweep, trials, Store(folder, reading=True), made)
     if results.left_out and results.missing == results.planned:
@@ -135,6 +143,16 @@ def results_in(folder: Path) -> Results:
             ": give another folder, or run the sweep again."
         )
     return results
+
+
+def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
+    """Return the sweep of a folder's manifest; nothing that it names is loaded.
+
+    Raises:
+        InputError: the manifest was changed.
+    """
+    with documents.errors_name(folder / manifest.NAME):
+        return sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
 
 
 def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tuple[str, ...] | None:

@@ -13,7 +13,7 @@ from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
-from benchmarks.trials.spec import Method, Setting, Trial, thawed
+from benchmarks.trials.spec import Method, Setting, Trial
 
 Column = Callable[[Comparison], Any]
 
@@ -102,17 +102,17 @@ def timings_csv(records: Iterable[Finished]) -> str:
 
 
 def _panel(panel: Panel) -> list[Any]:
-    return [*_setting(panel.setting), _json(thawed(panel.swept))]
+    return [*_setting(panel.setting), _json(panel.swept.json())]
 
 
 def _setting(setting: Setting) -> list[Any]:
-    wrappers = [thawed(wrapper) for wrapper in setting.disturbance]
-    changes = map(_json, (thawed(setting.world), thawed(setting.assumed), wrappers))
+    wrappers = [wrapper.json() for wrapper in setting.disturbance]
+    changes = map(_json, (setting.world.json(), setting.assumed.json(), wrappers))
     return [setting.scenario, *changes, setting.lag, setting.seed]
 
 
 def _method(method: Method) -> list[str]:
-    return [method.name, _json(thawed(method.params))]
+    return [method.name, _json(method.params.json())]
 
 
 def _run(trial: Trial) -> list[Any]:

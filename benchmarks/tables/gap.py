@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.pairing import Runs, by_world, runs_of
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Params, Setting
+from benchmarks.trials.spec import Method, Setting
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Gap:
 
 def gaps(
     setting: Setting,
-    swept: Params,
+    swept: Changes,
     methods: Mapping[Method, list[Finished]],
     limits: Sequence[LimitRuns],
 ) -> list[Gap]:
@@ -69,7 +70,7 @@ def gaps(
 def _gaps_to(
     limit_records: Iterable[Finished],
     setting: Setting,
-    swept: Params,
+    swept: Changes,
     methods: Mapping[Method, list[Finished]],
 ) -> list[Gap]:
     """Hold methods against one limit, which may differ between values of what is swept."""
@@ -87,12 +88,12 @@ def _gaps_to(
     return rows
 
 
-def limit_of(swept: Params, method: Method, limits: Sequence[Method]) -> Method | None:
+def limit_of(swept: Changes, method: Method, limits: Sequence[Method]) -> Method | None:
     """Return the limit with the panel's and the method's value of all in which limits differ."""
-    told = [dict(limit.params) for limit in limits]
+    told = [limit.params for limit in limits]
     names = {name for params in told for name in params}
     differing = {name for name in names if len({params.get(name) for params in told}) > 1}
-    own = dict(swept) | dict(method.params)
+    own = swept | method.params
     for limit, params in zip(limits, told, strict=True):
         if all(own[name] == params.get(name) for name in differing & own.keys()):
             return limit

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Params, Run
+from benchmarks.trials.spec import Run
 from deqmcl_gym.numerics.types import Floats, Indices
 
 Runs = dict[Run, float]
@@ -16,10 +17,9 @@ Runs = dict[Run, float]
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
 
 
-def agree(some: Params, others: Params) -> bool:
+def agree(some: Changes, others: Changes) -> bool:
     """Whether the parameters that both have are the same."""
-    ours, theirs = dict(some), dict(others)
-    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
+    return all(some[name] == others[name] for name in some.keys() & others.keys())
 
 
 def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from benchmarks.setup.changes import Changes
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.setup.world_files import short
 from benchmarks.tables.comparison import Comparison, compared, outcomes_of
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes
@@ -16,7 +16,7 @@ from benchmarks.tables.text import short_name
 from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Params, Run, Setting, Trial
+from benchmarks.trials.spec import Method, Run, Setting, Trial
 
 # What a filter assumes of a world's numbers.
 _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
@@ -48,7 +48,7 @@ class Panel:
     number: int
     title: str
     setting: Setting
-    swept: Params
+    swept: Changes
     labels: dict[Method, str]
     rows: list[Comparison]
     gaps: list[Gap]
@@ -131,7 +131,7 @@ def panels(
             found.append(
                 Panel(
                     number=len(found) + 1,
-                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept)]),
+                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
                     setting=setting,
                     swept=swept,
                     labels=_labels(list(members)),
@@ -154,26 +154,27 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def disturbance_words(wrapper: Params) -> str:
+def disturbance_words(wrapper: Changes) -> str:
     """Its kind, and what it was given."""
     given = dict(wrapper)
     kind = given.pop("kind", "disturbance")
     return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
 
 
-def _swept(methods: Sequence[Method]) -> list[Params]:
-    """Values of the numbers of which one localizer has several; [()] if there are none.
+def _swept(methods: Sequence[Method]) -> list[Changes]:
+    """Values of the numbers of which one localizer has several; none of them if there are none.
 
     A word makes variants of a localizer, which appear side by side.
     """
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
-        for name, value in method.params:
+        for name, value in method.params.items():
             if is_number(value):
                 seen.setdefault((method.name, name), set()).add(value)
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
-        tuple((name, value) for name, value in method.params if name in names) for method in methods
+        Changes({name: value for name, value in method.params.items() if name in names})
+        for method in methods
     )
     # what says less than another one, and nothing else, is no panel of its own
     return [
@@ -196,8 +197,8 @@ def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
     A variant named by words is another choice of models, and the numbers that go with it are as
     long as they are uninteresting.
     """
-    same = [dict(other.params) for other in methods if other.name == method.name]
-    apart = [(n, v) for n, v in method.params if any(other.get(n) != v for other in same)]
+    same = [other.params for other in methods if other.name == method.name]
+    apart = [(n, v) for n, v in method.params.items() if any(other.get(n) != v for other in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]
     alike = [other for other in same if all(other.get(name) == value for name, value in words)]
     return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
@@ -210,7 +211,7 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     titles = {}
     for setting in settings:
         words = [f"scenario {setting.scenario}"]
-        words += [f"{name} {short(name, value)}" for name, value in setting.world]
+        words += [f"{name} {value}" for name, value in setting.world.short().items()]
         words += _assumed(setting)
         words += map(disturbance_words, setting.disturbance)
         words += [f"L {setting.lag}"] if several_lags else []
@@ -221,8 +222,8 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
 
 def _assumed(setting: Setting) -> list[str]:
     """What filters assume; in a few words if they assume all that the world is told to be."""
-    told = {_ASSUMED[name]: value for name, value in setting.world if name in _ASSUMED}
-    alike = bool(told) and told.items() <= dict(setting.assumed).items()
-    apart = [(n, value) for n, value in setting.assumed if not (alike and n in told)]
+    told = {_ASSUMED[name]: value for name, value in setting.world.items() if name in _ASSUMED}
+    alike = bool(told) and told.items() <= setting.assumed.items()
+    apart = [(n, value) for n, value in setting.assumed.items() if not (alike and n in told)]
     words = [f"assumed {name} {value}" for name, value in apart]
     return [*words, "filters assume the same"] if alike else words

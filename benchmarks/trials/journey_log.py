@@ -8,8 +8,7 @@ import numpy as np
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
-from benchmarks.trials.journeys import Group, Journey, WholeRun, scores_of
-from benchmarks.trials.symmetry import half_turned, weight_near
+from benchmarks.trials.journeys import Group, Journey, WholeRun, half_turned, scores_of, weight_near
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from localizers import best_cluster, quality_of

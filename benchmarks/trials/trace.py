@@ -16,7 +16,7 @@ from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.models.scan import count_usable
+from localizers.models.scan import Scan
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
@@ -123,7 +123,7 @@ class _Lap:
         if moment.step > 0:
             self.seconds += moment.seconds
             ranges = np.asarray(moment.ranges, np.float64)
-            self.scans_used += count_usable(ranges, self._task.max_range) > 0
+            self.scans_used += Scan.of(ranges, self._task.max_range).beams > 0
 
 
 class _Beliefs:

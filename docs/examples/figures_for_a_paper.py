@@ -14,8 +14,7 @@ import matplotlib.pyplot as plt
 from benchmarks.execution.engines import Where
 from benchmarks.files import write_part
 from benchmarks.report.latex import latex_files, pdf_files
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Axis, Method
+from benchmarks.sweeps.design import Axis, Method, Sweep
 from benchmarks.sweeps.running import Options, begun
 
 sweep = Sweep(

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from deqmcl_gym.validation import InputError, one_of
-from localizers.api import Localizer, RobotModel
+from localizers.api import Localizer
 from localizers.methods.amcl import amcl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import (
@@ -22,6 +22,7 @@ from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
 from localizers.methods.lookahead import mcl_h, mcl_pilots
 from localizers.methods.mcl_plan import mcl_plan
+from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
 from localizers.naming.installed import installed, unreadable

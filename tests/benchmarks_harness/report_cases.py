@@ -9,13 +9,14 @@ import pytest
 from msgspec.structs import replace as changed
 
 from benchmarks.report import story, write_report
+from benchmarks.setup.changes import Changes
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.panels import panels
 from benchmarks.trials.journeys import WholeRun
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
-from benchmarks.trials.spec import Trial, frozen
+from benchmarks.trials.spec import Trial
 
 STEPS = 60
 
@@ -26,10 +27,10 @@ def trial_of(localizer, number, *, params=None, world=None, assumed=None, distur
     return Trial(
         localizer=localizer,
         trial=number,
-        params=frozen(params or {}),
-        world=frozen(world or {}),
-        assumed=frozen(assumed or {}),
-        disturbance=tuple(map(frozen, disturbance)),
+        params=Changes(params or {}),
+        world=Changes(world or {}),
+        assumed=Changes(assumed or {}),
+        disturbance=tuple(map(Changes, disturbance)),
         **base,
     )
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from report_cases import changed, comparisons, finished, parsed, trials
 
+from benchmarks.setup.changes import Changes
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import baseline_of
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.panels import panels
-from benchmarks.trials.spec import Method, frozen
+from benchmarks.trials.spec import Method
 
 
 def by_name(records):
@@ -67,7 +68,7 @@ def test_only_trials_of_the_same_setting_and_world_are_compared(world, number):
 
 
 def method(localizer, **params):
-    return Method(localizer, frozen(params))
+    return Method(localizer, Changes(params))
 
 
 VARIANTS = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", kind="b")]

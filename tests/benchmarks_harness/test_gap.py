@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from report_cases import changed, finished, parsed, results, trials
 
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.setup.changes import Changes
+from benchmarks.sweeps.design import Limit, Sweep
 from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.csv_files import gaps_csv
 from benchmarks.tables.gap import LimitRuns, limit_of
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
-from benchmarks.trials.spec import frozen
+from benchmarks.trials.spec import Method
 from deqmcl_gym.validation import InputError
 
 MANY = {"particles": 100_000}
@@ -39,9 +39,9 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     for order in ((unnamed, own), (own, unnamed)):
         found = {r.method: (r.limit.name, r.gap.mean, r.worlds) for r in gaps(records, *order)}
         assert found == {
-            Method("mcl-pilots", frozen(MANY)): ("mcl-pilots", 0.0, 3),
+            Method("mcl-pilots", Changes(MANY)): ("mcl-pilots", 0.0, 3),
             Method("mcl-h"): ("mcl-pilots", 2.0, 3),
-            Method("mcl-plan", frozen(MANY)): ("mcl-plan", 0.0, 2),
+            Method("mcl-plan", Changes(MANY)): ("mcl-plan", 0.0, 2),
             Method("mcl"): ("mcl-plan", 8.0, 2),
             Method("mcl-plan"): ("mcl-plan", 8.0, 2),
         }
@@ -108,8 +108,8 @@ SWEEP = Sweep(
     localizers=(Method(name="mcl"), Method(name="dead-reckoning")),
     trials=5,
     filter_seeds=3,
-    params=frozen({"particles": 10}),
-    limits=(Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),),
+    params=Changes({"particles": 10}),
+    limits=(Limit(method=Method(name="mcl", params=Changes(MANY)), trials=2, filter_seeds=4),),
 )
 
 
@@ -121,7 +121,7 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
-    assert {t.params for t in limits} == {frozen(MANY)}
+    assert {t.params for t in limits} == {Changes(MANY)}
     apart = of_sweep(SWEEP, results(ran(SWEEP)))
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]

@@ -11,8 +11,8 @@ from test_journey_tables import run
 
 from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.report.swept import charts_over, regime_maps
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.panels import panels
-from benchmarks.trials.spec import frozen
 
 BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
 WORLDS = 12
@@ -25,7 +25,7 @@ def at(record, beams, width, length):
         "route.max_length": length[1],
         "route.min_length": length[0],
     }
-    return changed(record, trial=replace(record.trial, world=frozen(world)))
+    return changed(record, trial=replace(record.trial, world=Changes(world)))
 
 
 def swept(lengths=LENGTHS):

@@ -11,8 +11,8 @@ from benchmarks.sweeps.running import Options, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials import attempt
-from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.plugins import keyed
+from benchmarks.trials.stage import Stage
 from localizers.naming import registry
 
 
@@ -40,8 +40,8 @@ def results(out):
 @pytest.fixture
 def runs(monkeypatch):
     """The trials that were run rather than found."""
-    ran = []
-    monkeypatch.setattr(attempt, "trial_moments", lambda t, r: ran.append(t) or trial_moments(t, r))
+    ran, run = [], Stage.moments
+    monkeypatch.setattr(Stage, "moments", lambda stage: ran.append(stage.trial) or run(stage))
     return ran
 
 
@@ -83,8 +83,8 @@ class Nowhere:
 
 def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
     trials = suite(["dead-reckoning"], trials=1)
-    first = list(trial_moments(trials[0]))[:1]
-    monkeypatch.setattr(attempt, "trial_moments", lambda *_: first)
+    first = list(Stage.of(trials[0]).moments())[:1]
+    monkeypatch.setattr(Stage, "moments", lambda _: first)
     assert reasons(*run(trials, tmp_path)) == ["it processed 0 steps"]
 
 

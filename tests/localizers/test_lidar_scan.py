@@ -8,7 +8,7 @@ import pytest
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
-from localizers.models.scan import LidarScan, usable_beams
+from localizers.models.scan import LidarScan, Scan
 
 NAN, INF = math.nan, math.inf
 LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
@@ -23,54 +23,58 @@ def scan(request, room) -> LidarScan:
     return LidarScan(floor_plan=room, lidar=LIDAR, beam=request.param)
 
 
+def told(model: LidarScan, ranges: np.ndarray, poses: np.ndarray = POSES) -> np.ndarray:
+    return model.log_likelihood(poses, Scan.of(ranges, LIDAR.max_range))
+
+
 def only(scan: LidarScan, beam: int) -> np.ndarray:
     """The likelihood of one beam, all others being unusable."""
     ranges = np.full(5, NAN)
     ranges[beam] = SCAN[beam]
-    return scan.log_likelihood(POSES, ranges)
+    return told(scan, ranges)
 
 
 @pytest.mark.parametrize("bad", [NAN, INF, -INF, -1e-9, 400.001, 1e9])
 def test_a_scan_is_the_product_of_its_beams_but_for_those_that_are_no_number_in_range(scan, bad):
     # sums of five logs in another order: some units of float64
     each = np.array([only(scan, beam) for beam in range(5)])
-    together = scan.log_likelihood(POSES, SCAN)
+    together = told(scan, SCAN)
     assert together == pytest.approx(each.sum(axis=0), rel=1e-12)
     assert np.ptp(together) > 0.1
     for beam in range(5):
         spoilt = SCAN.copy()
         spoilt[beam] = bad
         others = np.delete(each, beam, axis=0).sum(axis=0)
-        assert scan.log_likelihood(POSES, spoilt) == pytest.approx(others, rel=1e-12)
-        assert usable_beams(spoilt, 400.0).tolist() == [i != beam for i in range(5)]
+        assert told(scan, spoilt) == pytest.approx(others, rel=1e-12)
+        assert Scan.of(spoilt, 400.0).usable.tolist() == [i != beam for i in range(5)]
 
 
 @pytest.mark.parametrize("limit", [0.0, 400.0])
 def test_zero_and_the_maximum_range_are_measurements(scan, limit):
     ranges = np.full(5, NAN)
     ranges[2] = limit
-    assert usable_beams(ranges, 400.0).sum() == 1
-    assert np.ptp(scan.log_likelihood(POSES, ranges)) > 0
+    assert Scan.of(ranges, 400.0).beams == 1
+    assert np.ptp(told(scan, ranges)) > 0
 
 
 @pytest.mark.parametrize("bad", [NAN, INF, -5.0, 401.0])
 def test_a_scan_without_a_usable_beam_says_nothing(scan, bad):
     outside_too = np.hstack([POSES, np.array([[-50], [50], [0]], dtype=np.float32)])
-    assert scan.log_likelihood(outside_too, np.full(5, bad)).tolist() == [0.0] * 5
+    assert told(scan, np.full(5, bad), outside_too).tolist() == [0.0] * 5
 
 
 def test_inside_the_solid_rectangle_its_own_walls_are_what_is_seen(scan):
     # At (175, 150, 0), in the solid: 75 px to the right. As published, feasibility is g's business.
     one = np.full(5, NAN)
     one[2] = 75.0
-    likelihoods = scan.log_likelihood(POSES, one)
+    likelihoods = told(scan, one)
     assert likelihoods.argmax() == 3
 
 
 def test_many_poses_are_looked_at_block_by_block_each_by_itself(scan):
     poses = np.random.default_rng(2).uniform((-30, -30, -4), (380, 330, 4), (10_000, 3)).T
-    together = scan.log_likelihood(poses, SCAN)
-    assert together[8200:8300].tolist() == scan.log_likelihood(poses[:, 8200:8300], SCAN).tolist()
+    together = told(scan, SCAN, poses)
+    assert together[8200:8300].tolist() == told(scan, SCAN, poses[:, 8200:8300]).tolist()
 
 
 class Hall:
@@ -93,7 +97,7 @@ def test_any_map_and_any_beam_model_will_do():
             return 1.0
 
     scan = LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=Flat())
-    assert scan.log_likelihood(POSES, SCAN).tolist() == [5.0] * 4
+    assert told(scan, SCAN).tolist() == [5.0] * 4
     del Flat.least_density
     for beam, lacking in ((Flat(), "least_density"), (None, "log_likelihood and least_density")):
         kind = type(beam).__name__

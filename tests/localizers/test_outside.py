@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import LARGEST
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
-from localizers.models.scan import LidarScan, ScanTable
+from localizers.models.scan import LidarScan, Scan, ScanTable
 
 SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
 
@@ -67,17 +67,16 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
     inside = np.array([truth, [0.5 * x1, 0.5 * y1, 1.0], [0.05 * x1, 0.9 * y1, -2.0]])
     outside = np.array([[-0.1 * x1, y1 / 2, 0.0], [x1 / 2, 1.5 * y1, 2.0], [3 * x1, -y1, 1.0]])
     poses = np.ascontiguousarray(np.vstack([inside, outside]).T, np.float32)
-    scan = scans(data.draw, model, truth)
+    scan = Scan.of(scans(data.draw, model, truth), model.lidar.max_range)
     told = model.log_likelihood(poses, scan)
     assert not np.isnan(told).any()
     within, beyond = told[:3], told[3:]
     assert beyond.tolist() == [beyond[0]] * 3
-    used = (scan >= 0) & (scan <= model.lidar.max_range)
     assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(told, rel=1e-9)
-    if not used.any():
+    if scan.beams == 0:
         assert told.tolist() == [0.0] * 6
         return
-    assert beyond[0] <= used.sum() * -30.0
+    assert beyond[0] <= scan.beams * -30.0
     # a sum of logarithms is right to some units of each: 1e-12 of the sum
     assert (within >= beyond[0] - 1e-12 * abs(np.nan_to_num(beyond[0], neginf=0.0))).all()
 
@@ -90,6 +89,6 @@ def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
 ):
     lidar = Lidar(beams=used + lost + 1, field_of_view=6.0, max_range=400.0)
     model = LidarScan(floor_plan=room, lidar=lidar, beam=beam)
-    scan = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
+    ranges = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
     outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
-    assert model.log_likelihood(outside, scan).tolist() == [used * -30.0]
+    assert model.log_likelihood(outside, Scan.of(ranges, 400.0)).tolist() == [used * -30.0]
