@@ -6,16 +6,14 @@
 import json
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 from msgspec import Struct
 
 from benchmarks.files import UnreadableError, as_written, content_of, json_of, typed
-from benchmarks.sweeps import drawing
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
@@ -26,31 +24,6 @@ from deqmcl_gym.validation import InputError
 IMAGES, INDEX = "images", "laps.json"
 _NONE = "the folder has none of these trials"
 _LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
-
-
-class Animator(Protocol):
-    """Gives animations their pictures."""
-
-    def lacking(self, keys: Collection[str]) -> str:
-        """Say what a report of these trials would lack; "" if nothing."""
-        ...
-
-    def working(self) -> AbstractContextManager[Callable[[Animation], Promise]]:
-        """Return a context in which animations are promised."""
-        ...
-
-
-class Drawing:
-    """Runs the trials again."""
-
-    def lacking(self, keys: Collection[str]) -> str:
-        """All are drawn."""
-        del keys
-        return ""
-
-    def working(self) -> AbstractContextManager[Callable[[Animation], Promise]]:
-        """Start the workers."""
-        return drawing.drawing()
 
 
 class _Entry(Struct):
@@ -66,15 +39,15 @@ class Kept:
     folder: Path
 
     def lacking(self, keys: Collection[str]) -> str:
-        """Some may be gone, or drawn of other trials."""
+        """Say what a report of these trials would lack; "" if nothing."""
         shown = {key for entry in self._index.values() for key in entry.trials}
         if not shown or not shown <= set(keys):
             return f"{_NONE} ({sorted(shown - set(keys))})"
         return ", ".join(filter(None, map(self._spoilt, self._index)))
 
     @contextmanager
-    def working(self) -> Iterator[Callable[[Animation], Promise]]:
-        """Nothing is to be started."""
+    def given(self) -> Iterator[Callable[[Animation], Promise]]:
+        """As ``drawing`` promises animations, but nothing is started."""
         yield lambda shown: lambda: self._of(shown)
 
     @cached_property
@@ -120,7 +93,7 @@ def animation_files(shown: Sequence[Animation]) -> dict[str, bytes]:
 def animations_of(panel: Panel) -> list[Animation]:
     """Choose the best, median and worst world of the panel's focus, beside its baseline.
 
-    Nothing is drawn yet: see ``Animator``.
+    Nothing is drawn yet: see ``drawing``.
     """
     focus = _focus(panel.present)
     if focus is None:

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.report import error_tables, tables, words
-from benchmarks.report.animations import Animator, animations_of
+from benchmarks.report.animations import Kept, animations_of
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -19,7 +19,7 @@ from benchmarks.report.journeys import WORDS, journey_charts, journey_table
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
-from benchmarks.sweeps.drawing import Animation, Promise
+from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import GROUPS, Group
@@ -178,12 +178,12 @@ class Story:
         return [*self.curves, *(picture for pictures in shown for picture in pictures)]
 
 
-def story_of(results: Results, animator: Animator) -> Story:
-    """Draw everything; the animations are the animator's."""
+def story_of(results: Results, kept: Kept | None) -> Story:
+    """Draw everything, but for the animations if they are kept."""
     panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
     animated = panels[:ANIMATED]
-    with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
+    with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(
@@ -213,8 +213,8 @@ def story_of(results: Results, animator: Animator) -> Story:
         )
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source
-        for place, drawing in enumerate(waiting):
-            sections[place] = replace(sections[place], **_awaited(drawing))
+        for place, promises in enumerate(waiting):
+            sections[place] = replace(sections[place], **_awaited(promises))
     return story
 
 
@@ -241,9 +241,9 @@ def _described(trial: Trial) -> str:
     )
 
 
-def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:
+def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:
     try:
-        return {"animations": [promise() for promise in drawing]}
+        return {"animations": [promise() for promise in promises]}
     except InputError as error:
         return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
