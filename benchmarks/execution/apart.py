@@ -10,7 +10,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import replace
 from functools import cache
+from itertools import groupby
 from typing import TypeVar
 
 import localizers
@@ -170,8 +172,11 @@ def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) 
 
 
 def _check_all(trials: Collection[Trial]) -> None:
-    for trial in trials:
-        Stage.of(trial).check_params()
+    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
+        first, *others = own
+        stage = Stage.of(first)
+        for trial in (first, *others):
+            replace(stage, trial=trial).check_params()
 
 
 @cache  # by its source, too: an edited plug-in is asked again

@@ -28,8 +28,11 @@ class Changes(Mapping[str, Any]):
     __slots__ = ("_values",)
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
-        own = dict(values)
-        self._values = {name: _kept(own[name]) for name in sorted(own)}
+        if isinstance(values, Changes):
+            self._values: dict[str, Any] = values._values
+        else:
+            own = dict(values)
+            self._values = {name: _kept(own[name]) for name in sorted(own)}
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
@@ -74,7 +77,7 @@ class Changes(Mapping[str, Any]):
 
     def json(self) -> dict[str, Any]:
         """Return JSON-able values, from which the same changes are made again."""
-        return {name: _jsonable(value) for name, value in self.items()}
+        return {name: jsonable(value) for name, value in self.items()}
 
     def by_part(self, parts: Collection[str], what: str) -> dict[str, Any]:
         """Return the value of each part: nested dicts of the names in it, or what is given whole.
@@ -141,9 +144,10 @@ def _kept(value: Any) -> Any:
     return _WORDS.get(value, value) if isinstance(value, str) else value
 
 
-def _jsonable(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
+    """Return a value of a trial as JSON has it: no tuples, and infinity as a word."""
     if isinstance(value, tuple):
-        return list(map(_jsonable, value))
+        return list(map(jsonable, value))
     if isinstance(value, Changes):
         return value.json()
     return str(value) if isinstance(value, float) and math.isinf(value) else value

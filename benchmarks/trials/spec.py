@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.changes import NOTHING, Changes, jsonable
 
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
 
@@ -119,18 +119,7 @@ class Trial:
 
     def canonical(self) -> dict[str, Any]:
         """Return the trial as JSON-able values in a fixed order."""
-        return {
-            "scenario": self.scenario,
-            "world": self.world.json(),
-            "assumed": self.assumed.json(),
-            "disturbance": [wrapper.json() for wrapper in self.disturbance],
-            "localizer": self.localizer,
-            "params": self.params.json(),
-            "lag": self.lag,
-            "seed": self.seed,
-            "trial": self.trial,
-            "filter_seed": self.filter_seed,
-        }
+        return {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
 
     def cell(self) -> str:
         """Return its setting and method in words: what trials are counted by."""
