@@ -143,7 +143,7 @@ def test_kernels_call_only_their_own_file_and_those_whose_edits_every_cache_noti
     seen = set()
     for package in (deqmcl_gym, localizers, benchmarks):
         for module in walk_packages(package.__path__, f"{package.__name__}."):
-            if "kernels" in module.name or module.name.startswith("deqmcl_gym."):
+            if "kernels" in module.name or module.name.startswith(("deqmcl_gym.", "localizers.")):
                 seen.add(module.name)
                 for value in vars(import_module(module.name)).values():
                     if hasattr(value, "py_func"):
