@@ -12,7 +12,7 @@ from localizers.inference.belief import ParticleBelief
 from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import SCHEMES, Always, by_own_weight
-from localizers.inference.weights import log_sum_exp, normalized
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 from localizers.models.scan import Scan
 
 INF = math.inf
@@ -53,6 +53,9 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     assert seen == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert (seen >= 0).all()
     assert seen.sum() == pytest.approx(1.0, abs=1e-12)
+    assert effective_sample_size(seen) == pytest.approx(1 / math.fsum(w * w for w in expected))
+    total = max(logs) + math.log(math.fsum(math.exp(log - max(logs)) for log in logs))
+    assert log_sum_exp(np.array(logs)) == pytest.approx(total)
 
 
 @settings(deadline=None)
