@@ -99,6 +99,7 @@ def markdown(story: Story, folder: str) -> str:
         "## How to reproduce it",
         _fenced(command_line(results.command)),
         _fenced(json.dumps(results.environment, indent=2), "json"),
+        *([results.made_by] if results.made_by else []),
     ]
     return "\n\n".join(parts) + "\n"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from report_cases import changed, finished, parsed, results, trials
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.design import Limit, Sweep
 from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
@@ -81,11 +81,14 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
 
 def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
     limits = [Method("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
-    assert limit_of((), Method("mcl-map", (("beta", 10), ("particles", 300))), limits) == limits[1]
-    assert limit_of((), Method("mcl-map", (("beta", 5),)), limits) is None
-    assert limit_of((), Method("mcl", (("particles", 300),)), limits) == limits[0]
-    assert limit_of((("beta", 10),), Method("mcl"), limits) == limits[1]  # the panel's
-    assert limit_of((), Method("mcl"), []) is None
+    assert (
+        limit_of(NOTHING, Method("mcl-map", (("beta", 10), ("particles", 300))), limits)
+        == limits[1]
+    )
+    assert limit_of(NOTHING, Method("mcl-map", (("beta", 5),)), limits) is None
+    assert limit_of(NOTHING, Method("mcl", (("particles", 300),)), limits) == limits[0]
+    assert limit_of(Changes({"beta": 10}), Method("mcl"), limits) == limits[1]  # the panel's
+    assert limit_of(NOTHING, Method("mcl"), []) is None
 
 
 def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels_limit():
