@@ -1,17 +1,16 @@
 """From a TOML file to a ``Scenario``; docs/scenarios.md has the table of its keys."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from benchmarks.setup import documents
 from benchmarks.setup.scenario import Scenario
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.world_files import beside, file_digest, files_of
 from deqmcl_gym.validation import part
-from localizers.naming.digests import digest_of
+from localizers.naming.digests import content_digest
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 
@@ -44,16 +43,5 @@ def read_scenario(path: Path, named: Callable[[str, Path], Scenario]) -> Scenari
             agent=documents.text("agent", given.get("agent", base.agent)),
             buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
-            source=sha256(
-                f"{base.source}{digest_of(path, _texts(given))}{files}".encode()
-            ).hexdigest(),
+            source=sha256(f"{base.source}{content_digest(path)}{files}".encode()).hexdigest(),
         )
-
-
-def _texts(value: Any) -> list[str]:
-    """Return the texts in a document, which may name files, such as a map."""
-    if isinstance(value, Mapping):
-        value = list(value.values())
-    if isinstance(value, list):
-        return [text for inner in value for text in _texts(inner)]
-    return [value] if isinstance(value, str) else []
