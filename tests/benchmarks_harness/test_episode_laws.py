@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import localizers
 from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.setup.priors import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
@@ -13,7 +14,6 @@ from benchmarks.trials.trace import trace_of
 from deqmcl_gym.envs.wrappers import PlanChange
 from localizers import PoseBelief, make, names, parameters
 from localizers.models.motion import increments
-from localizers.naming import registry
 
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
@@ -136,10 +136,8 @@ class Vandal:
 
 
 @pytest.mark.parametrize("name", BLINDLY_DRIVEN)
-def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(
-    name, monkeypatch
-):
-    monkeypatch.setitem(registry._FACTORIES, "vandal", Vandal)
+@localizers.registered("vandal", Vandal)
+def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(name):
     honest, vandal = trials([*fitting(["dead-reckoning", "mcl"], name)[:1], "vandal"], name)
     room = scenario(name).room()
     before = trial_trace(honest)
