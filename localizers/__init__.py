@@ -20,7 +20,15 @@ from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
 from localizers.naming.plugins import absolute_name
-from localizers.naming.registry import make, names, parameters, register, resolve, source_digest
+from localizers.naming.registry import (
+    make,
+    names,
+    parameters,
+    register,
+    registered,
+    resolve,
+    source_digest,
+)
 
 __all__ = [
     "BeamModel",
@@ -46,6 +54,7 @@ __all__ = [
     "parameters",
     "quality_of",
     "register",
+    "registered",
     "resolve",
     "source_digest",
 ]

@@ -4,11 +4,10 @@ docs/scenarios.md has the table of a scenario file's keys.
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
@@ -18,7 +17,7 @@ from benchmarks.setup.scenario import Agent, Scenario
 from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
-from localizers.naming.digests import digest_of
+from localizers.naming.digests import content_digest
 from localizers.naming.isolation import is_ctrl_c
 from localizers.naming.plugins import is_reference, load, raised, reference_digest
 
@@ -169,7 +168,7 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         assumed = Changes.told("assumed", given.get("assumed", {})) | prior
         world = Changes.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
-        own = [base.source, str(digest_of(path, _texts(given))), *map(file_digest, world.files)]
+        own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
         return replace(
             changed,
             words=documents.text("words", given.get("words", path.stem)),
@@ -186,12 +185,3 @@ def _absolute(name: str, folder: Path) -> str:
     if not path.endswith((".toml", ".py")):
         return name
     return os.path.abspath(folder / Path(path).expanduser()) + colon + attribute
-
-
-def _texts(value: Any) -> list[str]:
-    """Return the texts in a document, which may name files, such as a map."""
-    if isinstance(value, Mapping):
-        value = list(value.values())
-    if isinstance(value, list):
-        return [text for inner in value for text in _texts(inner)]
-    return [value] if isinstance(value, str) else []

@@ -15,8 +15,8 @@ from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
 from benchmarks.trials.spec import Method
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import absolute_name
+from localizers.naming.parsed import is_file
 from localizers.naming.registry import complete
-from localizers.naming.written import is_file
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
@@ -25,11 +25,12 @@ _KEYS = (
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
-def read_sweep(path: Path, *, above: Sequence[Path] = ()) -> Sweep:
+def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file.
 
     Args:
         path: of the file.
+        added: localizers to add.
         above: the files that this one is the base of.
 
     Raises:
@@ -45,8 +46,16 @@ def read_sweep(path: Path, *, above: Sequence[Path] = ()) -> Sweep:
         )
         title = utf8(path.stem).decode()
         sweep = sweep_of(given, title=title, folder=path.parent, base=base)
+        sweep = with_localizers(sweep, added)
         _refuse_idle(sweep)
         return sweep
+
+
+def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
+    """Return a sweep with further localizers; one that it has already is not added."""
+    known = {absolute_name(method.name) for method in sweep.localizers}
+    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
+    return replace(sweep, localizers=(*sweep.localizers, *(Method(name=name) for name in added)))
 
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:

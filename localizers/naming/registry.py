@@ -2,7 +2,8 @@
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -26,7 +27,7 @@ from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
 from localizers.naming.installed import installed, unreadable
-from localizers.naming.written import is_file, localizers_in
+from localizers.naming.parsed import is_file, localizers_in
 
 Factory = Callable[..., Localizer]
 
@@ -64,6 +65,20 @@ def register(name: str, factory: Factory) -> None:
     if plugins.is_reference(name):
         raise InputError(f"the localizer name {name!r} has a colon: choose one without.")
     _FACTORIES[name] = factory
+
+
+@contextmanager
+def registered(name: str, factory: Factory) -> Iterator[None]:
+    """Know ``factory`` as ``name`` in a ``with`` block, or while a function runs that it decorates.
+
+    Raises:
+        InputError: see ``register``.
+    """
+    register(name, factory)
+    try:
+        yield
+    finally:
+        del _FACTORIES[name]
 
 
 def is_registered(name: str) -> bool:

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import localizers
 from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.setup.scenario import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
@@ -15,7 +16,6 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.wrappers import PlanChange
 from localizers import PoseBelief, make, names, parameters
 from localizers.models.motion import increments
-from localizers.naming import registry
 
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
@@ -139,10 +139,8 @@ class Vandal:
 
 
 @pytest.mark.parametrize("name", BLINDLY_DRIVEN)
-def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(
-    name, monkeypatch
-):
-    monkeypatch.setitem(registry._FACTORIES, "vandal", Vandal)
+@localizers.registered("vandal", Vandal)
+def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(name):
     honest, vandal = trials([*fitting(["dead-reckoning", "mcl"], name)[:1], "vandal"], name)
     before, stage = Stage.of(honest).trace(), Stage.of(vandal)
     after = stage.trace()

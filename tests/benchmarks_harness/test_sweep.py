@@ -6,14 +6,14 @@ from functools import partial
 import numpy as np
 import pytest
 
+import localizers
 from benchmarks.execution.engines import Where
 from benchmarks.sweeps.running import Options, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials import attempt
-from benchmarks.trials.plugins import keyed
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.stage import Stage
-from localizers.naming import registry
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -22,8 +22,9 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 def run(trials, out):
     """Run trials; return the store and the trials by key."""
-    store, named = Store(out), keyed(trials)
-    run_missing(named, store, Options(where=Where(jobs=1), progress=False))
+    store, made = Store(out), provenance_of(trials)
+    named = {made.key(trial): trial for trial in trials}
+    run_missing(named, store, Options(where=Where(jobs=1), progress=False), made)
     return store, named
 
 
@@ -126,8 +127,8 @@ class Broken:
 def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(
     tmp_path, monkeypatch, made, reason
 ):
-    monkeypatch.setitem(registry._FACTORIES, "bad", lambda robot: made())
-    bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
+    with localizers.registered("bad", lambda robot: made()):
+        bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
     assert good is None
     assert len(results(tmp_path)) == 1

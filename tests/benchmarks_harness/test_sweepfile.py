@@ -91,11 +91,15 @@ def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
 
 def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     document = Path(__file__).parents[2] / "docs" / "sweeps.md"
-    (text,) = re.findall(r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE)
+    text, changed = re.findall(
+        r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE
+    )
     sweep = read(tmp_path, text)
     assert sweep.combinations == 1440
     assert f"= {sweep.combinations} trials" in document.read_text()
     check(sweep)
+    (tmp_path / "mine.py").write_text(OWN.format(parameter="own"))
+    assert read(tmp_path, changed).names == ["mcl-map", f"{tmp_path}/mine.py:Own"]
 
 
 OWN = """

@@ -9,11 +9,11 @@ import pytest
 from deqmcl_command import files
 from sweep_command import broken, report, sweep, tables, write_small
 
+import localizers
 from benchmarks.files.lock import locked
 from benchmarks.sweeps.results import results_in
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
-from localizers.naming import registry
 
 
 def lost(path):
@@ -111,8 +111,8 @@ def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
     assert found.command[:2] == ["deqmcl", "sweep"]
 
 
+@localizers.registered("broken", broken)
 def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3

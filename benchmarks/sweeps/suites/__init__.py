@@ -1,16 +1,24 @@
 """The named experiments: the sweep files of this folder, by name; and the paper's, with options."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names
+from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
 from benchmarks.trials.spec import Method, Trial
-from localizers import absolute_name
+
+__all__ = [
+    "FAMILIES",
+    "PAPER_METHODS",
+    "SUITES",
+    "paper_suite",
+    "paper_sweep",
+    "sweeps_named",
+    "with_localizers",
+]
 
 
 class _Suites(Mapping[str, Sweep]):
@@ -52,15 +60,10 @@ def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
     """
     if name in FAMILIES:
         return {own: with_localizers(SUITES[own], added) for own in FAMILIES[name]}
-    path = Path(name) if name.endswith(".toml") else suite_file("suite", name, tuple(FAMILIES))
-    return {"": with_localizers(read_sweep(path), added)}
-
-
-def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
-    """Return a sweep with further localizers; one that it has already is not added."""
-    known = {absolute_name(method.name) for method in sweep.localizers}
-    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
-    return replace(sweep, localizers=(*sweep.localizers, *map(_method, added)))
+    if name.endswith(".toml"):
+        return {"": read_sweep(Path(name), added)}
+    suite_file("suite", name, tuple(FAMILIES))
+    return {"": with_localizers(SUITES[name], added)}
 
 
 PAPER_METHODS = (
@@ -95,7 +98,7 @@ def paper_sweep(
     return Sweep(
         title="The paper's experiment",
         scenario=scenario,
-        localizers=tuple(map(_method, localizers)),
+        localizers=tuple(Method(name=name) for name in localizers),
         trials=trials,
         seed=seed,
         lag=lag,
@@ -106,7 +109,3 @@ def paper_sweep(
 def paper_suite(**given: Any) -> list[Trial]:
     """Return the trials of ``paper_sweep``, which takes the same arguments."""
     return paper_sweep(**given).distinct()
-
-
-def _method(name: str) -> Method:
-    return Method(name=name)
