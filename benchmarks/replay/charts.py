@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from benchmarks.replay.scoring import Played, Row
 from benchmarks.replay.words import told
 from benchmarks.report.journeys import LOCALIZED, share_chart
-from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.report.svg import INK, Look, Picture, canvas, picture
 from benchmarks.tables.journeys import curve_of
 from benchmarks.trials.fixes import FOUND, NEAR
 from deqmcl_gym.maps import Map

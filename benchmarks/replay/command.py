@@ -4,10 +4,10 @@ import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from benchmarks.console import doing, warn
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Where
+from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files import own_folder, utf8, write_part
 from benchmarks.replay.agreement import disagreement, misfit_words, sideways
 from benchmarks.replay.running import Run, attempt, guest_of
@@ -17,8 +17,7 @@ from benchmarks.replay.tables import plain, results_csv, trials_csv
 from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
 from benchmarks.report import load, no_report
-from benchmarks.sweeps.progress import counted
-from benchmarks.sweeps.running import TrialsFailedError
+from benchmarks.sweeps.running import TrialsFailedError, counted
 from deqmcl_gym.logs import Trajectory
 
 _TRACKS = "tracks"
@@ -84,7 +83,8 @@ def _played(
             if outcome.record is None:
                 failures[key] = outcome.reason or "no reason was given"
             else:
-                played[key] = Played(run=runs[key], **outcome.record)
+                found: Any = outcome.record
+                played[key] = Played(run=runs[key], **found)
             count(outcome.record is None)
     return played, {key: failures[key] for key in runs if key in failures}
 

@@ -13,9 +13,8 @@ from benchmarks.replay.setting import Setting
 from benchmarks.replay.tables import evo_table
 from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
-from benchmarks.report.html import page
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE
+from benchmarks.report.pages import page
+from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.trials.provenance import environment
 
 

@@ -15,8 +15,7 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers import Localizer, Prior, best_cluster
-from localizers.api import mean_pose
+from localizers import Localizer, Prior, best_cluster, mean_pose
 
 _NOWHERE = np.full(3, np.nan)
 

@@ -12,8 +12,8 @@ from benchmarks.execution.apart import checked_apart, parameters
 from benchmarks.replay.agreement import agreement
 from benchmarks.replay.playing import replay
 from benchmarks.replay.setting import EVERY, Setting, robot_of
+from benchmarks.setup.changes import Changes
 from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.spec import Params, frozen
 from deqmcl_gym.validation import InputError, in_words, integer
 from localizers import make
 from localizers.naming.isolation import is_ctrl_c
@@ -35,7 +35,7 @@ class Run:
 
     setting: Setting
     localizer: str
-    params: Params
+    params: Changes
     root: int
     seed: int
 
@@ -77,7 +77,7 @@ def runs_of(
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
     params = {
-        name: frozen({**(shared.get(name) or _given(name, particles)), **own.get(name, {})})
+        name: Changes({**(shared.get(name) or _given(name, particles)), **own.get(name, {})})
         for name in localizers
     }
     runs = [
@@ -140,7 +140,8 @@ def attempt(run: Run, key: str) -> Outcome:
         if is_ctrl_c(error):
             raise
         return Outcome(reason=in_words(error))
-    return Outcome(record={"track": track, "agreement": agreed}, seconds=track.seconds.sum())
+    found: Any = {"track": track, "agreement": agreed}
+    return Outcome(record=found, seconds=track.seconds.sum())
 
 
 def gated(runs: Mapping[str, Run], every: object) -> list[str]:

@@ -23,8 +23,7 @@ from localizers import (
     RobotModel,
     UniformPrior,
 )
-from localizers.api import METRE_SIGMA
-from localizers.models.beams import BEAM_MODELS, BeamDensity
+from localizers.models.beams import BEAM_MODELS, METRE_SIGMA, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, kind_of, unknown_motion
 
 EVERY = "0.2m,5deg"

@@ -9,9 +9,7 @@ import numpy as np
 from benchmarks.replay.scoring import Row
 from benchmarks.replay.tables import belief_table, results_table
 from benchmarks.report.tables import Table
-from benchmarks.report.verdicts import rounded
-from benchmarks.report.words import interval, p_value, significant
-from benchmarks.tables.power import worlds_to_see
+from benchmarks.report.words import interval, p_value, rounded, significant
 from benchmarks.tables.stats import (
     ALPHA,
     Estimate,
@@ -20,6 +18,7 @@ from benchmarks.tables.stats import (
     sign_test,
     signed_rank_estimate,
     wilcoxon,
+    worlds_to_see,
 )
 from benchmarks.trials.fixes import FOUND
 from deqmcl_gym.numerics.types import Floats

@@ -1,22 +1,21 @@
 """LogScenario: segments of a recorded log as worlds."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from inspect import signature
 from typing import Any, Self
 
+from benchmarks.setup.changes import NOTHING, Changes, file_digest
 from benchmarks.setup.motion_noise import motion_noise
-from benchmarks.setup.scenario import NOTHING, Scenario, grouped
-from benchmarks.setup.trial_env import TrialEnv
-from benchmarks.setup.world_files import file_digest, files_of
+from benchmarks.setup.scenario import Gaussian, Scenario, TrialEnv
+from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
-from localizers import RobotModel
-from localizers.models.nav2_motion import MotionModel, kind_of
+from localizers import GaussianUniform, RobotModel
+from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
 
 # arguments of the env that are not a scenario's to give
 _OURS = ("on_mismatch", "render_mode", "others")
@@ -84,8 +83,14 @@ class LogScenario(Scenario):
         given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
         return replace(found, estimated=found.estimated and not given)
 
-    def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {**self.env, **grouped(values, _ARGUMENTS, "part of a log's world")}
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The noise that the log shows."""
+        shown = _noise(self._recording()[0], kind_of(self.motion))
+        return {f"motion.{name}": value for name, value in vars(shown).items()}
+
+    def _env_with(self, values: Changes) -> Mapping[str, Any]:
+        return {**self.env, **values.by_part(_ARGUMENTS, "part of a log's world")}
 
     def _recording(self) -> tuple[Log, Map]:
         for name in ("log", "map"):
@@ -94,9 +99,9 @@ class LogScenario(Scenario):
                     f"the scenario names no {name}: write {name} = … in [env] of a scenario file "
                     'with base = "log", or in [world] of a sweep file.'
                 )
-        digests = "".join(map(file_digest, files_of(self.env)))
+        digests = "".join(map(file_digest, Changes(self.env).files))
         played = {name: value for name, value in self.env.items() if name not in _EPISODES}
-        return _read(json.dumps(played, sort_keys=True, default=list), digests)
+        return _read(Changes(played), digests)
 
 
 def check_inside(log: Log, floor_plan: Map) -> None:
@@ -124,13 +129,23 @@ def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=4)
-def _read(arguments: str, digests: str) -> tuple[Log, Map]:
+def _read(arguments: Changes, digests: str) -> tuple[Log, Map]:
     """Return the records that are played and their map, read once for all trials of a process."""
     del digests  # a file that was changed is read again
-    env = LogEnv(**_arguments(json.loads(arguments)))
+    env = LogEnv(**_arguments(arguments))
     return env.log, env.floor_plan
 
 
 @lru_cache(maxsize=4)
 def _noise(log: Log, kind: str) -> MotionModel:
     return motion_noise(log, kind)
+
+
+LOG = LogScenario(
+    words="segments of a recorded log, named by log, map and reference in a file of your own",
+    env={"segment": 50.0, "every": "0.2m,5deg", "max_beams": 60},
+    motion=unknown_motion("differential", "m"),  # what is not given if some of it is
+    scan=GaussianUniform(sigma=0.2),  # Nav2's sigma_hit
+    prior=Gaussian(sd_position=0.2, sd_heading=0.1),
+    thresholds=Thresholds(far=1.0, lost=1.0),
+)

@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
-from benchmarks.trials.journeys import Group, Journey, scores_of
-from benchmarks.trials.symmetry import half_turned, weight_near
+from benchmarks.trials.journeys import Group, Journey, WholeRun, half_turned, scores_of, weight_near
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from localizers import best_cluster, quality_of
@@ -47,13 +45,10 @@ class JourneyLog:
             masses = self._masses(poses, weights, moment.truth)
             self._fixes.append((moment.step, *best, rated, *masses))
 
-    def scored(self) -> dict[str, Any]:
-        """Return the part of a record about this run: its scores and curves; {} if none is asked.
-
-        An infinite score and an unknown one are null.
-        """
+    def scored(self) -> WholeRun | None:
+        """Return the part of a record about this run; None if nothing is asked."""
         if not self._groups or not self._fixes:
-            return {}
+            return None
         run = self.journey()
         found = {
             name: value if math.isfinite(value) else None
@@ -67,7 +62,7 @@ class JourneyLog:
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
         short = {name: [_short(value) for value in values] for name, values in curves.items()}
-        return {"journey": {"scores": found, "curves": short}}
+        return WholeRun(scores=found, curves=short)
 
     def journey(self) -> Journey:
         """Return the run so far."""

@@ -10,21 +10,19 @@ import numpy as np
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import Group
+from benchmarks.trials.journeys import Group, WholeRun
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.models.scan import count_usable
+from localizers.models.scan import Scan
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
 _CALIBRATION = ("energy", "rank", "nees")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
-
-Table = Floats  # one row per state, (k, c)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +56,7 @@ class Trace:
         plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
-        journey: scores and curves of the whole run, see ``JourneyLog.scored``; {} if none is asked.
+        journey: scores and curves of the whole run; None if none is asked.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -71,7 +69,7 @@ class Trace:
     quality: Floats
     plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
-    journey: dict[str, Any] = field(default_factory=dict)
+    journey: WholeRun | None = None
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
@@ -125,7 +123,7 @@ class _Lap:
         if moment.step > 0:
             self.seconds += moment.seconds
             ranges = np.asarray(moment.ranges, np.float64)
-            self.scans_used += count_usable(ranges, self._task.max_range) > 0
+            self.scans_used += Scan.of(ranges, self._task.max_range).beams > 0
 
 
 class _Beliefs:
@@ -139,7 +137,7 @@ class _Beliefs:
         self,
         offsets: Iterable[int],
         truth: Sequence[Reals],
-        measure: Callable[[Clouds], Table],
+        measure: Callable[[Clouds], Floats],
         stride: int = 1,
     ) -> None:
         self._offsets, self._truth = tuple(offsets), truth
@@ -148,7 +146,7 @@ class _Beliefs:
         self._due: list[Cloud] = []
         self._points = 0  # of those due
         self._labels: list[tuple[int, int]] = []
-        self._tables: list[Table] = []
+        self._tables: list[Floats] = []
 
     def see(self, moment: Moment) -> None:
         for offset in self._offsets:
@@ -166,8 +164,8 @@ class _Beliefs:
         if self._points >= _BATCH:
             self._measure_due()
 
-    def tables(self) -> dict[int, tuple[Indices, Table]]:
-        """By offset: the states and a row of each; what is held of no state is left out."""
+    def tables(self) -> dict[int, tuple[Indices, Floats]]:
+        """By offset: the states and a row of each, (k, c); what is held of no state is out."""
         self._measure_due()
         if not self._tables:
             return {}
@@ -184,7 +182,7 @@ class _Beliefs:
             self._due, self._points = [], 0
 
 
-def _measured(clouds: Clouds, task: Task) -> Table:
+def _measured(clouds: Clouds, task: Task) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = moments(clouds)
     asked = [each(clouds, task) for each in _EACH.values()]
@@ -193,7 +191,7 @@ def _measured(clouds: Clouds, task: Task) -> Table:
     )
 
 
-def _offset_trace(states: Indices, table: Table) -> OffsetTrace:
+def _offset_trace(states: Indices, table: Floats) -> OffsetTrace:
     return OffsetTrace(
         states=states,
         means=table[:, :4].copy(),

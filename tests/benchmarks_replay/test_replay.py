@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.replay.playing import played, replay
 from benchmarks.setup.names import scenario
-from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
@@ -48,7 +48,7 @@ def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(lap, nam
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
     setup = scenario("sharp")
     room = setup.room()
-    live = list(trial_moments(trial))
+    live = list(Stage.of(trial).moments())
     log = Log.of_episode(
         [moment.ranges for moment in live],
         [moment.action for moment in live[1:]],
