@@ -108,7 +108,7 @@ def of_command(name: str) -> set[str]:
 
 def of_a_trial(method: str) -> set[str]:
     """Return the files that one trial enters, without its worker and its store."""
-    from benchmarks.sweeps.sweepfile import sweeps_named
+    from benchmarks.sweeps.suites import sweeps_named
     from benchmarks.trials.attempt import attempt
     from benchmarks.trials.plugins import key_of
 
