@@ -8,17 +8,20 @@ one with which the belief's 95 % region covers the reference about as often as i
 
 import math
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
-from benchmarks.replay.playing import Track, replay
-from benchmarks.replay.setting import Setting, robot_of
+from benchmarks.replay.options import NAME, Setting
 from benchmarks.tables.text import percent
+from benchmarks.trials.attempt import collectors_of
+from benchmarks.trials.episode import scenario_of, trial_moments
+from benchmarks.trials.fixes import metre
+from benchmarks.trials.spec import Trial, frozen
+from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
-from localizers import GaussianPrior, make
-from localizers.models.beams import BeamDensity
 
-LEVEL = 0.95
+LEVEL = 95
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges
 _MOST = 800  # records fitted on: two seconds of a filter for each power that is tried
 _LEAST = 100  # records with a reference, fewer say nothing of 95 %
@@ -36,7 +39,7 @@ class Fit:
         power: of the likelihood of a scan.
         covered: share of the reference's poses within the 95 % region, on the part fitted on.
         untempered: the same with power 1.
-        records: how many of the first were fitted on.
+        records: how many of the first with a reference were fitted on.
     """
 
     power: float
@@ -60,9 +63,12 @@ def calibrated(setting: Setting) -> Setting:
     fit = fitted_power(setting)
     if fit is None:
         return setting
-    scan: BeamDensity = replace(setting.scan, power=fit.power)  # type: ignore[type-var]
-    first = int(setting.log.referenced[0]) + fit.records
-    return replace(setting, scan=scan, calibration=fit.words, judged=first)
+    return replace(
+        setting,
+        world={**setting.world, "judged": int(setting.log.referenced[0]) + fit.records},
+        assumed={**setting.assumed, "scan.power": fit.power},
+        calibration=fit.words,
+    )
 
 
 def fitted_power(setting: Setting) -> Fit | None:
@@ -74,55 +80,58 @@ def fitted_power(setting: Setting) -> Fit | None:
     Args:
         setting: what is played; its power is replaced.
     """
-    part = _part(setting.log)
-    if part is None:
+    count = _part(setting.log)
+    if count is None:
         return None
-    first = part.reference[0] if part.reference is not None else None
-    assert first is not None
-    here = replace(setting, log=part, start=tuple(first.tolist()))
+    here = {name: own for name, own in setting.assumed.items() if not name.startswith("prior.")}
+    begun = replace(setting, assumed=here, world={**setting.world, "start": _first(setting)})
     tried: list[tuple[float, float]] = []
     for power in _POWERS:
-        covered, off = _covered(here, power)
+        covered, off = _covered(begun, power, count)
         if off > _NEAR:
             break
         tried.append((covered, power))
-        if covered >= LEVEL:
+        if covered >= LEVEL / 100:
             break
     if not tried:
         return None
-    covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL))
-    return Fit(power=power, covered=covered, untempered=tried[0][0], records=len(part))
+    covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
+    return Fit(power=power, covered=covered, untempered=tried[0][0], records=count)
 
 
-def _part(log: Log) -> Log | None:
-    """Return the first records, from the first one with a reference; None if too few have one."""
+def _part(log: Log) -> int | None:
+    """Return how many records from the first reference on; None if too few of them have one."""
     if log.referenced.size == 0:
         return None
     first = int(log.referenced[0])
     count = min(_MOST, math.ceil(PART * (len(log) - first)))
-    if count < 2:
-        return None
-    part = log.segment(first, count)
-    return part if part.referenced.size >= _LEAST else None
+    known = np.count_nonzero(log.referenced < first + count)
+    return count if count > 1 and known >= _LEAST else None
 
 
-def _covered(setting: Setting, power: float) -> tuple[float, float]:
+def _first(setting: Setting) -> int:
+    """Return which record of the whole log is the first that is played with a reference."""
+    whole, log = setting.scenario.whole, setting.log
+    at = log.referenced[0]
+    same = (whole.times == log.times[at]) & (whole.odometry == log.odometry[at]).all(axis=1)
+    return int(np.flatnonzero(same)[0])
+
+
+def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
     """Return the share covered, and the 95 % quantile of the position errors, m."""
-    tempered = replace(setting, scan=replace(setting.scan, power=power))  # type: ignore[type-var]
-    env = tempered.env()
-    robot, prior = robot_of(tempered, env)
-    assert isinstance(prior, GaussianPrior)
-    rng = np.random.default_rng(np.random.SeedSequence(_ROOT, spawn_key=(0,)))
-    track = replay(env, make("mcl", robot, particles=_PARTICLES), prior, rng)
-    return _share(track), _off(track) / setting.metre
-
-
-def _share(track: Track) -> float:
-    ranks = track.ranks[np.isfinite(track.ranks)]
-    return float((ranks <= LEVEL).mean()) if ranks.size else 0.0
-
-
-def _off(track: Track) -> float:
-    off = (track.best - track.truth)[:, :2]
-    off = off[np.isfinite(off[:, 0])]
-    return float(np.quantile(np.hypot(off[:, 0], off[:, 1]), 0.95))
+    trial = Trial(
+        scenario=NAME,
+        world=frozen(setting.world),
+        assumed=frozen({**setting.assumed, "scan.power": power}),
+        localizer="mcl",
+        params=(("particles", _PARTICLES),),
+        lag=0,
+        seed=_ROOT,
+        trial=0,
+    )
+    room = scenario_of(trial).room()
+    (kept,) = collectors_of(trial, room)
+    assert isinstance(kept, TrackLog)
+    for moment in islice(trial_moments(trial, room), count):
+        kept.see(moment)
+    return kept.scores()[f"coverage_{LEVEL}"], float(np.quantile(kept.track.errors.translation, 0.95))

@@ -1,4 +1,4 @@
-"""LogScenario: segments of a recorded log as worlds."""
+"""Recorded logs as worlds: segments of one, or the whole of it, run after run."""
 
 import json
 from collections.abc import Mapping
@@ -7,21 +7,25 @@ from functools import lru_cache
 from inspect import signature
 from typing import Any, Self
 
+import numpy as np
+
 from benchmarks.setup.motion_noise import motion_noise
 from benchmarks.setup.scenario import NOTHING, Scenario, grouped
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.setup.world_files import file_digest, files_of
 from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.envs.recorded import log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, integer
 from localizers import RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
 
 # arguments of the env that are not a scenario's to give
 _OURS = ("on_mismatch", "render_mode", "others")
 _ARGUMENTS = tuple(name for name in signature(LogEnv).parameters if name not in _OURS)
-_EPISODES = ("segment", "plan", "horizon")  # of them, what may differ between envs of one log
+_EPISODES = ("segment", "plan", "horizon", "radius")  # of them: may differ between envs of one log
+_READ = ("log", "reference", "reading")  # of them: what the records are read from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +43,7 @@ class LogScenario(Scenario):
     @property
     def unit(self) -> str:
         """Of all lengths."""
-        return self._recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
+        return self.recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
 
     @property
     def has_goal(self) -> bool:
@@ -53,9 +57,8 @@ class LogScenario(Scenario):
             InputError: no log or map is named, it cannot be read, has no reference or leaves the
                 map, or an agent is to drive it.
         """
-        log, floor_plan = self._recording()
-        if not log.referenced.size:
-            raise InputError(f"{log.source} has no reference to score by: name one as reference.")
+        log, floor_plan = self.recording()
+        self._check(log)
         check_inside(log, floor_plan)
         given = {name: value for name, value in _arguments(self.env).items() if name in _EPISODES}
         shown = given.get("plan", "odometry")
@@ -70,7 +73,7 @@ class LogScenario(Scenario):
     def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for."""
         robot = super().robot_model(room)
-        return replace(robot, motion=self.motion_of(self._recording()[0]))
+        return replace(robot, motion=self.motion_of(self.recording()[0]))
 
     def motion_of(self, log: Log) -> MotionModel:
         """Return the motion that the filters assume."""
@@ -84,19 +87,73 @@ class LogScenario(Scenario):
         given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
         return replace(found, estimated=found.estimated and not given)
 
+    def recording(self) -> tuple[Log, Map]:
+        """Return the records that are played and their map.
+
+        Raises:
+            InputError: no log or map is named, or one of them cannot be read.
+        """
+        played = {name: value for name, value in self._named().items() if name not in _EPISODES}
+        return _played(_key(played), self._digests)
+
+    @property
+    def whole(self) -> Log:
+        """The log as it was read, with all records and beams."""
+        named = self._named()
+        return _whole(_key({name: named[name] for name in _READ if name in named}), self._digests)
+
+    def _check(self, log: Log) -> None:
+        if not log.referenced.size:
+            raise InputError(f"{log.source} has no reference to score by: name one as reference.")
+
     def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         return {**self.env, **grouped(values, _ARGUMENTS, "part of a log's world")}
 
-    def _recording(self) -> tuple[Log, Map]:
+    def _named(self) -> Mapping[str, Any]:
+        """Return the arguments of the env, the log and the map among them."""
         for name in ("log", "map"):
             if name not in self.env:
                 raise InputError(
                     f"the scenario names no {name}: write {name} = … in [env] of a scenario file "
                     'with base = "log", or in [world] of a sweep file.'
                 )
-        digests = "".join(map(file_digest, files_of(self.env)))
-        played = {name: value for name, value in self.env.items() if name not in _EPISODES}
-        return _read(json.dumps(played, sort_keys=True, default=list), digests)
+        return self.env
+
+    @property
+    def _digests(self) -> str:
+        return "".join(map(file_digest, files_of(self.env)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayScenario(LogScenario):
+    """A whole log, with a reference or without: its worlds are runs of the localizers on it.
+
+    Attributes:
+        judged: first record by which beliefs are judged; what is before it was fitted on.
+    """
+
+    judged: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        integer("judged", self.judged)
+
+    def filter_rng(self, trial: Any) -> np.random.Generator:
+        """Return the stream of a run: the same for every localizer."""
+        key = (trial.trial, trial.filter_seed) if trial.filter_seed else (trial.trial,)
+        return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=key))
+
+    def changed(
+        self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
+    ) -> Self:
+        """Return this scenario with some values changed; ``judged`` is one of the world."""
+        others = {name: value for name, value in world.items() if name != "judged"}
+        return replace(
+            super().changed(others, assumed), judged=world.get("judged", self.judged)
+        )
+
+    def _check(self, log: Log) -> None:
+        """Take any log: without a reference, scans are compared with the map."""
 
 
 def check_inside(log: Log, floor_plan: Map) -> None:
@@ -123,11 +180,25 @@ def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _key(arguments: Mapping[str, Any]) -> str:
+    return json.dumps(arguments, sort_keys=True, default=list)
+
+
 @lru_cache(maxsize=4)
-def _read(arguments: str, digests: str) -> tuple[Log, Map]:
-    """Return the records that are played and their map, read once for all trials of a process."""
+def _whole(arguments: str, digests: str) -> Log:
+    """Return all records of a log, read once for all trials of a process."""
     del digests  # a file that was changed is read again
-    env = LogEnv(**_arguments(json.loads(arguments)))
+    given = _arguments(json.loads(arguments))
+    return log_of(given["log"], given.get("reference"), given.get("reading"))
+
+
+@lru_cache(maxsize=4)
+def _played(arguments: str, digests: str) -> tuple[Log, Map]:
+    """Return the records that are played and their map."""
+    given = json.loads(arguments)
+    whole = _whole(_key({name: given[name] for name in _READ if name in given}), digests)
+    others = {name: value for name, value in given.items() if name not in _READ}
+    env = LogEnv(log=whole, **_arguments(others))
     return env.log, env.floor_plan
 
 

@@ -6,6 +6,8 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
+import numpy as np
+
 from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.trial_env import TrialEnv
@@ -99,6 +101,11 @@ class Scenario:
             motion=self.motion,
             scan=self.scan,
         )
+
+    def filter_rng(self, trial: Any) -> np.random.Generator:
+        """Return the stream of a trial's localizer: see ``Trial.filter_rng``."""
+        found: np.random.Generator = trial.filter_rng()
+        return found
 
     def prior_in(self, room: TrialEnv) -> Prior:
         """Return p(x_0) in the episode that a room has begun last."""

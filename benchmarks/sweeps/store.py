@@ -32,7 +32,7 @@ _SHAPES = {
         "unit": str,
         "thresholds": {str: float},
         "scores": [{"offset": int} | dict.fromkeys(SCORE_NAMES, _NUMBER)],
-        "curves": {str: {"first_state": int, "error": [float]}},
+        "curves": {str: {"first_state": int, "error": [_NUMBER]}},
         "quality": ([_NUMBER], type(None)),
         "profile": {str: float},
         "steps_done": int,

@@ -66,7 +66,8 @@ def rated_steps(record: Record) -> Steps:
         return np.empty(0), np.empty(0, dtype=bool)
     present = record["curves"]["0"]
     limit = thresholds_of(record).far
-    errors = dict(enumerate(present["error"], present["first_state"]))
+    listed = enumerate(present["error"], present["first_state"])
+    errors = {step: error for step, error in listed if error is not None}
     rated = [
         (quality, errors[step] > limit)
         for step, quality in enumerate(record["quality"], 1)

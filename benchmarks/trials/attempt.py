@@ -6,11 +6,14 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.setup.log_scenario import ReplayScenario
+from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.trials.episode import groups_of, scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.trace import Collector, Trace, trace_of
+from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import LogWarning
 from deqmcl_gym.validation import in_words
 from localizers.naming.isolation import is_ctrl_c
@@ -29,7 +32,17 @@ def trial_trace(trial: Trial) -> Trace:
     """Run one trial and return its trace."""
     room = scenario_of(trial).room()
     task, groups = task_of(room), groups_of(trial, room)
-    return trace_of(trial_moments(trial, room), trial.offsets, task, groups)
+    collectors = collectors_of(trial, room)
+    return trace_of(trial_moments(trial, room), trial.offsets, task, groups, collectors)
+
+
+def collectors_of(trial: Trial, room: TrialEnv) -> tuple[Collector, ...]:
+    """Return what else is kept of a trial: the track of one that replays a whole log."""
+    setup = scenario_of(trial)
+    if not isinstance(setup, ReplayScenario):
+        return ()
+    log, _ = setup.recording()
+    return (TrackLog(log, room.floor_plan, setup.thresholds, setup.judged),)
 
 
 def attempt(trial: Trial, key: str) -> Outcome:

@@ -17,6 +17,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.setup.agent import Agent
+from benchmarks.setup.log_scenario import ReplayScenario
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Uniform
 from benchmarks.setup.scenario import Scenario
@@ -33,13 +34,16 @@ from localizers import Belief, Localizer, Prior, make
 from localizers.naming.isolation import is_ctrl_c
 
 
+UNKNOWN = np.full(3, np.nan)
+
+
 @dataclass(frozen=True)
 class Moment:
     """A step of an episode, as seen from outside.
 
     Attributes:
         step: t, from 0 (reset).
-        truth: the true pose x_t, (3,) px, px, rad.
+        truth: the true pose x_t, (3,) px, px, rad; NaN where a log has no reference.
         ranges: the scan o_t, (B,) px; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
         seconds: time the localizer took.
@@ -82,7 +86,7 @@ def moments(
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    truth, own = info.pop("truth"), agent.plan_at_reset(info)
+    truth, own = info.pop("truth", UNKNOWN), agent.plan_at_reset(info)
     ahead = _shown_plan(info) if own is None else own
     given_plan = np.array(ahead)
     started = time.perf_counter()
@@ -95,7 +99,7 @@ def moments(
     while not ended:
         action, plan = agent.act(belief, info)
         ranges, _, terminated, truncated, info = env.step(action)
-        truth, step, ended = info.pop("truth"), step + 1, terminated or truncated
+        truth, step, ended = info.pop("truth", UNKNOWN), step + 1, terminated or truncated
         ahead = _shown_plan(info) if plan is None else plan
         given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()
@@ -116,7 +120,7 @@ def trial_moments(trial: Trial, room: TrialEnv | None = None) -> Iterator[Moment
     agent = make_agent(setup.agent, setup.robot_model(room))
     robot, prior = deepcopy((setup.robot_model(room), setup.prior_in(room)))
     localizer = make(trial.localizer, robot, **dict(trial.params))
-    yield from moments(env, agent, localizer, prior, trial.filter_rng(), seed=trial.world_seed)
+    yield from moments(env, agent, localizer, prior, setup.filter_rng(trial), seed=trial.world_seed)
 
 
 def scenario_of(trial: Trial) -> Scenario:
@@ -160,6 +164,8 @@ def groups_of(trial: Trial, room: TrialEnv) -> tuple[Group, ...]:
     """
     setup = scenario_of(trial)
     lost = isinstance(setup.prior, Uniform)
+    if isinstance(setup, ReplayScenario):
+        return ()  # its collector has them: see ``attempt.collectors_of``
     about = {
         "lost": lost,
         "ambiguity": lost and is_symmetric(room.floor_plan),

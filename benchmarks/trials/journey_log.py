@@ -47,7 +47,7 @@ class JourneyLog:
             masses = self._masses(poses, weights, moment.truth)
             self._fixes.append((moment.step, *best, rated, *masses))
 
-    def scored(self) -> dict[str, Any]:
+    def kept(self) -> dict[str, Any]:
         """Return the part of a record about this run: its scores and curves; {} if none is asked.
 
         An infinite score and an unknown one are null.
@@ -66,7 +66,7 @@ class JourneyLog:
         }
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
-        short = {name: [_short(value) for value in values] for name, values in curves.items()}
+        short = {name: [short(value) for value in values] for name, values in curves.items()}
         return {"journey": {"scores": found, "curves": short}}
 
     def journey(self) -> Journey:
@@ -105,6 +105,6 @@ class JourneyLog:
         return tuple(weight_near(poses, weights, pose, self._metre) for pose in (here, there))
 
 
-def _short(value: float) -> float:
+def short(value: float) -> float:
     """Four digits: a curve of a long run is many numbers."""
     return float(f"{value:.4g}")

@@ -6,7 +6,8 @@ scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the p
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -36,8 +37,8 @@ class Journey:
     fixes: Fixes
     driven: Floats
     truth: Floats
-    collided: Bools
-    clearance: float
+    collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    clearance: float = math.nan
     goal: Floats | None = None
     planned: float = math.nan
     masses: Floats | None = None
@@ -78,6 +79,7 @@ class Score:
         of: the score; NaN is not available.
         failed: the score of a run that failed.
         tested: whether methods are compared by it.
+        digits: behind the point, in tables; None: as the unit has them.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Score:
     of: Callable[[Journey], float]
     failed: float = math.nan
     tested: bool = False
+    digits: int | None = None
 
     @property
     def censored(self) -> bool:
@@ -106,6 +109,17 @@ def _success(near: str, *, tested: bool = False) -> Score:
     words = f"localized to the end ({distance:g} m, {math.degrees(angle):.0f}°)"
     name = f"success_{near}"
     return Score(name, "share", words, lambda run: run.fixes.success(near), 0.0, tested)
+
+
+def _within(near: str) -> Score:
+    distance, angle = NEAR[near]
+    words = f"records within {distance:g} m, {math.degrees(angle):.0f}°"
+    share = partial(_share_within, near=near)
+    return Score(f"within_{near}", "", words, share)
+
+
+def _share_within(run: Journey, near: str) -> float:
+    return float(run.fixes.localized(near).astype(np.float64).mean())
 
 
 def _committed(run: Journey) -> float:
@@ -181,6 +195,35 @@ GROUPS = (
                 _to_recover,
                 math.inf,
                 tested=True,
+            ),
+        ),
+    ),
+    Group(
+        "log",
+        (
+            _within("1m"),
+            _within("05m"),
+            Score(
+                "position_median",
+                "m",
+                "position error, median",
+                lambda run: float(np.median(run.fixes.distance)),
+                tested=True,
+                digits=3,
+            ),
+            Score(
+                "position_p95",
+                "m",
+                "95 %",
+                lambda run: float(np.quantile(run.fixes.distance, 0.95)),
+                digits=3,
+            ),
+            Score(
+                "heading_median",
+                "rad",
+                "heading error, median",
+                lambda run: float(np.median(run.fixes.angle)),
+                digits=4,
             ),
         ),
     ),

@@ -35,7 +35,8 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
     """Return a trial's result as JSON-able values: scores, curves, qualities, counts, plans.
 
-    What not every trial has stands only where it has it: ``plan``, ``journey``.
+    What not every trial has stands only where it has it: ``plan``, ``journey``, ``track``. An error
+    is null where the truth is unknown; the scores are of the states where it is known.
     """
     return {
         "unit": trace.unit,
@@ -44,7 +45,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
         "curves": {
             str(offset): {
                 "first_state": int(kept.states[0]),
-                "error": [_sig(e) for e in state_error(kept.means, trace.truth[kept.states])],
+                "error": _unless_unknown(state_error(kept.means, trace.truth[kept.states])),
             }
             for offset, kept in trace.offsets.items()
         },
@@ -53,7 +54,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
         "steps_done": trace.steps,
         "scans_used": trace.scans_used,
         "events": trace.events,
-    } | (plan_record(trace.plans[1:]) | trace.journey)
+    } | (plan_record(trace.plans[1:]) | trace.whole)
 
 
 def profile(trace: Trace, lag: int) -> dict[int, float]:
@@ -62,13 +63,14 @@ def profile(trace: Trace, lag: int) -> dict[int, float]:
     errors = {}
     for offset, (states, means) in held.items():
         shared = (states >= lag) & (states <= trace.steps - lag) & (states % PROFILE_STRIDE == 0)
+        shared &= trace.known[states]
         if shared.any():
             errors[offset] = mean(state_error(means[shared], trace.truth[states[shared]]))
     return errors
 
 
 def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds) -> Estimates:
-    scored = kept.states >= 1
+    scored = (kept.states >= 1) & trace.known[kept.states]
     states = kept.states[scored]
     return Estimates(
         truth=trace.truth[states],
@@ -85,6 +87,10 @@ def _rated(quality: Floats) -> list[float | None] | None:
     """P(not lost) after the steps t = 1 … T, with all digits: it is about how near it is to 1."""
     given = quality[1:]
     return None if np.isnan(given).all() else [None if np.isnan(q) else q for q in given.tolist()]
+
+
+def _unless_unknown(errors: Floats) -> list[float | None]:
+    return [None if np.isnan(error) else _sig(error) for error in errors]
 
 
 def _sig(value: float) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import Group
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
-from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.scan_kernels import count_usable
@@ -51,14 +51,14 @@ class Trace:
 
     Attributes:
         unit: of lengths.
-        truth: the true poses x_0 … x_T, (T + 1, 3).
+        truth: the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference.
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
         plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
-        journey: scores and curves of the whole run, see ``JourneyLog.scored``; {} if none is asked.
+        whole: what collectors of the whole run keep, as parts of the record; {} if none is asked.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -71,7 +71,7 @@ class Trace:
     quality: Floats
     plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
-    journey: dict[str, Any] = field(default_factory=dict)
+    whole: dict[str, Any] = field(default_factory=dict)
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
@@ -79,17 +79,48 @@ class Trace:
         """Steps carried out, T."""
         return len(self.truth) - 1
 
+    @property
+    def known(self) -> Bools:
+        """Whether the true pose of a state is known, (T + 1,)."""
+        known: Bools = np.isfinite(self.truth[:, 0])
+        return known
+
+
+class Collector(Protocol):
+    """Sees a run step by step, and keeps parts of its record."""
+
+    def see(self, moment: Moment) -> None:
+        """Take in a step."""
+        ...
+
+    def kept(self) -> dict[str, Any]:
+        """Return parts of the record, JSON-able and a function of the run alone."""
+        ...
+
 
 def trace_of(
-    episode: Iterable[Moment], offsets: Iterable[int], task: Task, groups: Sequence[Group] = ()
+    episode: Iterable[Moment],
+    offsets: Iterable[int],
+    task: Task,
+    groups: Sequence[Group] = (),
+    collectors: Sequence[Collector] = (),
 ) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and its scores of groups."""
+    """Run an episode to its end; keep its trace at these offsets, and its scores of groups.
+
+    Args:
+        episode: its steps.
+        offsets: at which beliefs are kept.
+        task: the world.
+        groups: of scores of the whole run.
+        collectors: further ones, that keep parts of the record.
+    """
     asked = tuple(offsets)
-    lap, journey = _Lap(task), JourneyLog(task, groups)
+    lap = _Lap(task)
+    whole: list[Collector] = [JourneyLog(task, groups), *collectors]
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for collector in (lap, scored, sampled, journey):  # journeys trust the form of a belief
+        for collector in (lap, scored, sampled, *whole):  # the last trust the form of a belief
             collector.see(moment)
     return Trace(
         unit=task.floor_plan.unit,
@@ -100,7 +131,7 @@ def trace_of(
         quality=np.array(lap.quality),
         plans=lap.plans,
         events=_events(lap.belief),
-        journey=journey.scored(),
+        whole={name: part for one in whole for name, part in one.kept().items()},
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 
