@@ -106,11 +106,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.calibration import calibrated
-    from benchmarks.replay.command import run_replay
+    from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.running import check, gated, runs_of
-    from benchmarks.replay.setting import Told, reading_of, setting_of
-    from deqmcl_gym.envs.recorded import log_of
+    from benchmarks.replay.options import Told, reading_of, setting_of
+    from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
@@ -129,14 +128,15 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     with doing("reading the log and the map"), log_warnings() as said:
         reading = {} if nav2 is None else dict(nav2.reading)
         reading |= reading_of(options.read)
-        log = log_of(options.log, options.reference, reading)
-        setting = setting_of(log, options.map, told)
+        setting = setting_of(
+            options.log, options.map, told, reference=options.reference, reading=reading
+        )
     if not told.power:
         with doing("fitting the power of the scan model to the first part of the log"):
             setting = calibrated(setting)
     with answered_within(options.timeout):
         localizers = localizers_named(options.localizers)
-        runs = runs_of(
+        sweep = sweep_of(
             setting,
             localizers,
             particles=options.particles,
@@ -145,7 +145,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             shared={} if nav2 is None else {"amcl": nav2.params},
             own=params_named(options.param, localizers),
         )
-        check(runs)
-    said += gated(runs, told.every)
-    notes = said if nav2 is None else [*said, *nav2.notes]
-    return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)
+        check(sweep)
+        said += gated(sweep, told.every)
+        notes = said if nav2 is None else [*said, *nav2.notes]
+        command = ["deqmcl", *given]
+        return run_replay(setting, sweep, options.out, Options(where=where), command, notes)

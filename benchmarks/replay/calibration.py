@@ -16,7 +16,6 @@ from benchmarks.replay.options import NAME, Setting
 from benchmarks.tables.text import percent
 from benchmarks.trials.attempt import collectors_of
 from benchmarks.trials.episode import scenario_of, trial_moments
-from benchmarks.trials.fixes import metre
 from benchmarks.trials.spec import Trial, frozen
 from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
@@ -134,4 +133,6 @@ def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
     assert isinstance(kept, TrackLog)
     for moment in islice(trial_moments(trial, room), count):
         kept.see(moment)
-    return kept.scores()[f"coverage_{LEVEL}"], float(np.quantile(kept.track.errors.translation, 0.95))
+    return kept.scores()[f"coverage_{LEVEL}"], float(
+        np.quantile(kept.track.errors.translation, 0.95)
+    )

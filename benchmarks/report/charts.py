@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from textwrap import wrap
 
+import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from benchmarks.report.style import INK, Look
@@ -65,7 +66,7 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
 def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
     """Error over the lap, a chart per method, on one scale."""
     drawn = {row.method: lap_errors(panel.records[row.method]) for row in panel.present}
-    tops = (float(errors.high.max()) for errors in drawn.values() if errors is not None)
+    tops = (float(np.nanmax(errors.high)) for errors in drawn.values() if errors is not None)
     top = max(tops, default=1.0)
     titles = {method: wrap(label, _LETTERS) for method, label in panel.labels.items()}
     above = 0.1 + 0.18 * max(map(len, titles.values()))

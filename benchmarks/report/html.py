@@ -28,6 +28,8 @@ def html(story: Story) -> str:
         sections=story.sections,
         panels=story.panels,
         curves=story.curves,
+        notes=story.notes,
+        warnings=story.warnings,
         tables=tables,
         error_tables=error_tables,
         verdicts=verdicts,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.report import error_tables, tables
+from benchmarks.report import error_tables, tables, tracks
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -16,6 +16,7 @@ from benchmarks.report.style import Look
 from benchmarks.report.svg import Picture
 from benchmarks.report.tables import Table
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.verdict import verdict
 from benchmarks.trials.journeys import GROUPS, Group
 
 Looks = Mapping[str, Look]  # by label
@@ -72,7 +73,23 @@ def _of_journeys(group: Group) -> Part:
     return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
 
 
+TRACKS: Sequence[Part] = (
+    Part(tables=tracks.track_tables),
+    Part(
+        heading="On the map",
+        note=lambda panel: tracks.ON_THE_MAP,
+        pictures=tracks.track_charts,
+    ),
+    Part(
+        heading="Over the distance driven",
+        note=lambda panel: tracks.OVER_THE_WAY,
+        pictures=tracks.error_charts,
+        small=True,
+    ),
+    Part(heading="APE and RPE", tables=tracks.evo_tables),
+)
 PARTS: Sequence[Part] = (
+    *TRACKS,
     *map(_of_journeys, GROUPS),
     Part(
         pictures=lambda panel, looks: [
@@ -106,6 +123,7 @@ PARTS: Sequence[Part] = (
 
 
 def blocks(panel: Panel, looks: Looks, *, pictured: bool) -> list[Block]:
-    """Return what all parts show of a panel, with or without pictures."""
-    shown = (part.of(panel, looks, pictured=pictured) for part in PARTS)
+    """Return what all parts show of a panel, with or without pictures; few if no error is known."""
+    parts = TRACKS if verdict(panel) is None else PARTS
+    shown = (part.of(panel, looks, pictured=pictured) for part in parts)
     return [block for block in shown if block is not None]

@@ -39,11 +39,21 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """What a report tells: the results, panel by panel, and what was swept."""
+    """What a report tells: the results, panel by panel, and what was swept.
+
+    Attributes:
+        results: of the sweep.
+        sections: panel by panel.
+        curves: what was swept.
+        notes: what else is to be known.
+        warnings: what may be wrong.
+    """
 
     results: Results
     sections: list[Section]
     curves: list[Picture]
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
     @property
     def panels(self) -> list[Panel]:
@@ -57,7 +67,9 @@ class Story:
         return [*self.curves, *(picture for pictures in shown for picture in pictures)]
 
 
-def story_of(results: Results, animator: Animator) -> Story:
+def story_of(
+    results: Results, animator: Animator, notes: Sequence[str] = (), warnings: Sequence[str] = ()
+) -> Story:
     """Draw everything; the animations are the animator's."""
     panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
@@ -68,7 +80,13 @@ def story_of(results: Results, animator: Animator) -> Story:
             Section(panel=panel, blocks=blocks(panel, look, pictured=panel.number <= PICTURED))
             for panel in panels
         ]
-        story = Story(results=results, sections=sections, curves=charts_over(panels, look))
+        story = Story(
+            results=results,
+            sections=sections,
+            curves=charts_over(panels, look),
+            notes=notes,
+            warnings=warnings,
+        )
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source
         for place, drawing in enumerate(waiting):

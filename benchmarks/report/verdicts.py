@@ -53,7 +53,7 @@ def spoken(panel: Panel) -> str:
     """The verdict on a panel; where the plan alone is best, on its filters, too."""
     found = verdict(panel)
     if found is None:
-        return "No trial is finished."
+        return "No error is known." if panel.records else "No trial is finished."
     said = capital(_sentence(panel, found))
     filters = verdict(panel, filters=True)
     if found.best and found.best.method.localizer == BLIND and filters is not None:

@@ -148,9 +148,7 @@ class ReplayScenario(LogScenario):
     ) -> Self:
         """Return this scenario with some values changed; ``judged`` is one of the world."""
         others = {name: value for name, value in world.items() if name != "judged"}
-        return replace(
-            super().changed(others, assumed), judged=world.get("judged", self.judged)
-        )
+        return replace(super().changed(others, assumed), judged=world.get("judged", self.judged))
 
     def _check(self, log: Log) -> None:
         """Take any log: without a reference, scans are compared with the map."""

@@ -33,7 +33,6 @@ from deqmcl_gym.validation import InputError
 from localizers import Belief, Localizer, Prior, make
 from localizers.naming.isolation import is_ctrl_c
 
-
 UNKNOWN = np.full(3, np.nan)
 
 

@@ -120,7 +120,9 @@ def trace_of(
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for collector in (lap, scored, sampled, *whole):  # the last trust the form of a belief
+        for seeing in (lap, scored, sampled):
+            seeing.see(moment)
+        for collector in whole:  # they trust the form of a belief
             collector.see(moment)
     return Trace(
         unit=task.floor_plan.unit,

@@ -174,7 +174,7 @@ class TrackLog:
 
     def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
-        self._best: list[Floats] = []
+        self._best: list[tuple[float, float, float]] = []
         self._rows: list[tuple[float, float, float]] = []  # rank, NEES, quality
 
     def see(self, moment: Moment) -> None:

@@ -1,0 +1,341 @@
+"""What a report shows of runs on a whole log: tables, trajectories on the map, errors over the way."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from benchmarks.report.journeys import score_cells, score_header
+from benchmarks.report.style import INK, Look
+from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.report.tables import Table
+from benchmarks.report.verdicts import rounded
+from benchmarks.setup.log_scenario import LogScenario
+from benchmarks.setup.names import plug_ins_of, scenario
+from benchmarks.tables.comparison import Comparison, outcomes_of
+from benchmarks.tables.pairing import differences
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.power import worlds_to_see
+from benchmarks.tables.stats import sample_sd
+from benchmarks.tables.text import percent
+from benchmarks.tables.tracks import Row, Run, rows_of
+from benchmarks.tables.verdict import tests_in
+from benchmarks.trials.fixes import FOUND, NEAR
+from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.metrics import LEVELS
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Indices
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.drawing import PALE, Drawing, View
+
+Looks = Mapping[str, Look]
+
+ON_THE_MAP = (
+    "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
+    "neighbours, the one place that it favours. The cross is where the robot was when it was last "
+    "lost: from there on the estimate is never again within 1 m and 30°."
+)
+OVER_THE_WAY = "Line: median over runs; band: least to largest; dotted: 1 m."
+_COMPARED = ("success_1m", "position_median")
+
+_SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
+_GREY = 140  # of walls, in the light and in the dark
+_UNKNOWN = 50 / (255 - PALE[0])  # opacity per darkness: 50 of 255 for unknown cells, walls whole
+_POINTS = 300  # of a curve
+_LOST = "lost from here on"
+_LEAST = 0.01  # m: where the axis of errors begins
+
+
+def recording_of(panel: Panel) -> tuple[Log, Map] | None:
+    """Return the log and the map of a panel whose runs have tracks; None of others.
+
+    None also where they are not there any more: a folder is read on other machines, too, and runs
+    nobody's code.
+    """
+    name = panel.setting.scenario
+    records = [record for own in panel.records.values() for record in own]
+    if not all("track" in record for record in records):
+        return None
+    try:
+        found = None if plug_ins_of(name) else scenario(name).changed(dict(panel.setting.world))
+        if not isinstance(found, LogScenario):
+            return None
+        log, floor_plan = found.recording()
+    except InputError:
+        return None
+    same = all(len(record["track"]["best"][0]) == len(log) for record in records)
+    return (log, floor_plan) if same else None
+
+
+def panel_rows(panel: Panel, log: Log) -> list[Row]:
+    """Return the runs of each method of a panel."""
+    records = {panel.labels[method]: own for method, own in panel.records.items()}
+    failed = {panel.labels[method]: len(own) for method, own in panel.failed.items()}
+    return rows_of(records, failed, log)
+
+
+def track_tables(panel: Panel) -> list[Table]:
+    """The scores by records, and what the beliefs are worth."""
+    found = recording_of(panel)
+    return [] if found is None else tables_of(panel_rows(panel, found[0]))
+
+
+def evo_tables(panel: Panel) -> list[Table]:
+    """APE and RPE of each localizer's median run, as evo computes them."""
+    found = recording_of(panel)
+    if found is None or not found[0].referenced.size:
+        return []
+    lines = []
+    for row in panel_rows(panel, found[0]):
+        track = row.middle.track
+        for name, errors in (("APE", track.errors), ("RPE", track.relative)):
+            if errors.translation.size:
+                moved, turned = errors.translation, errors.rotation
+                numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
+                lines.append(
+                    [f"{row.label} {name}", str(row.middle.seed)]
+                    + [f"{value:.3f} m" for value in numbers]
+                    + [f"{math.degrees(turned.mean()):.2f}°"]
+                )
+    header = ["median run", "seed", "rmse", "mean", "median", "max", "rotation, mean"]
+    caption = (
+        "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
+        "them from the trajectories in tracks/."
+    )
+    return [Table(caption, header, lines)]
+
+
+def tables_of(rows: Sequence[Row]) -> list[Table]:
+    """Return the scores of localizers as readable tables; without a reference only the agreement.
+
+    Args:
+        rows: of the localizers.
+    """
+    if not any(run.track.known.size for row in rows for run in row.runs):
+        header = ["localizer", "runs", "beams within 0.1 m", "within 0.3 m", "ms per step"]
+        caption = "How well the scans fit the map at the pose that each localizer estimates."
+        names = "agreement_01 agreement_03 ms_per_step"
+        return [
+            Table(
+                caption, header, [[row.label, str(row.seeds), *_words(row, names)] for row in rows]
+            )
+        ]
+    header = ["localizer", "runs", "within 1 m, 30°", "0.5 m, 10°", "localized to the end", "lost"]
+    header += ["position, median", "95 %", "heading, median", "metres to localize", "ms per step"]
+    names = "within_1m within_05m success_1m lost position_median position_p95 heading_median"
+    names += " metres_to_localize ms_per_step"
+    caption = (
+        "Best cluster against the reference: share of records within a distance and an angle, runs "
+        "localized to the end (at every record of the last 25 %), errors over all records of all "
+        "runs. Lost: off by more than 1 m on average over the last 20 records. ms per step: the "
+        "localizer's own time for a record, mean over runs."
+    )
+    lines = [[row.label, str(row.seeds), *_words(row, names)] for row in rows]
+    return [Table(caption, header, lines), _belief_table(rows)]
+
+
+def differences_table(panel: Panel) -> Table | None:
+    """How methods differ from the baseline, and what it takes to show it; None of one method."""
+    scores = [JOURNEY_SCORES[name] for name in _COMPARED]
+    rows = [row for row in panel.present if not row.is_baseline]
+    if not rows or not all(score.name in row.journey for row in panel.present for score in scores):
+        return None
+    header = ["localizer", "pairs"]
+    for score in scores:
+        header += [*score_header(score)[1:], "runs needed"]
+    header[2], header[5] = "localized to the end, points", "position error, median, m"
+    lines = []
+    for row in rows:
+        cells = [[*score_cells(row, score)[1:], _needed(panel, row, score)] for score in scores]
+        lines.append([panel.labels[row.method], str(row.paired_worlds), *cells[0], *cells[1]])
+    base = panel.labels[panel.present[0].baseline]
+    return Table(
+        f"Difference to {base}, over runs of the same seed, with 95 % bootstrap intervals. p: sign "
+        f"test and signed-rank test, corrected by Holm's method for {tests_in(panel)} tests. Runs "
+        "needed: would show a difference of this size with 80 % power. All tell what other seeds "
+        "would give on this log, not what other logs would.",
+        header,
+        lines,
+    )
+
+
+def track_charts(panel: Panel, looks: Looks) -> list[Picture]:
+    """The median run of each localizer on the map, and its worst one if that is another."""
+    found = recording_of(panel)
+    if found is None:
+        return []
+    charts = []
+    for number, row in enumerate(panel_rows(panel, found[0]), 1):
+        name, look = f"trajectory-{panel.number}-{number}", looks[row.label]
+        shown = {"Median run": (row.middle, name), "Worst run": (row.worst, f"{name}-worst")}
+        if row.worst is row.middle:
+            shown = {"Median and worst run" if row.seeds > 1 else "The run": (row.middle, name)}
+        charts += [
+            _trajectory(row.label, run, which, found[1], look, own)
+            for which, (run, own) in shown.items()
+        ]
+    return charts
+
+
+def error_charts(panel: Panel, looks: Looks) -> list[Picture]:
+    """Error over the distance driven, a chart per localizer, on one scale."""
+    found = recording_of(panel)
+    if found is None or not found[0].referenced.size:
+        return []
+    rows = panel_rows(panel, found[0])
+    tops = [run.track.errors.translation.max() for row in rows for run in row.runs]
+    top = 1.3 * max(*tops, 1.0)
+    return [
+        _error_chart(row, looks[row.label], top, f"error-{panel.number}-{number}")
+        for number, row in enumerate(rows, 1)
+    ]
+
+
+def told(run: Run) -> str:
+    """Say how a run ended: where it was lost, or how far off it was at most."""
+    track, scores = run.track, run.scores
+    if not track.known.size:
+        return f"{scores['agreement_03']:.0%} of the beams within 0.3 m of the map."
+    within = f"{scores[f'within_{FOUND}']:.0%} of its records are within 1 m and 30°"
+    largest = f"the largest error is {track.errors.translation.max():.2f} m"
+    if track.lost is None:
+        return f"localized to the end; {within}, {largest}."
+    record, way = track.lost
+    if record == track.known[0]:
+        return f"never within 1 m and 30° of the reference; {largest}."
+    elapsed = track.log.times[record] - track.log.times[0]
+    return (
+        f"lost after {way:.1f} m, {elapsed:,.1f} s: never again within 1 m and 30°; {within}, "
+        f"{largest}."
+    )
+
+
+def _needed(panel: Panel, row: Comparison, score: Score) -> str:
+    """How many runs would show a difference; – where it is shown, or there is none."""
+    runs = outcomes_of(panel.records, panel.failed)
+    apart = differences(runs[row.method].runs(score), runs[row.baseline].runs(score))
+    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
+    if row.journey[score.name].significant or not mean > 0 or math.isnan(sd):
+        return "–"
+    needed = worlds_to_see(mean, sd, tests_in(panel))
+    return "–" if needed <= apart.size else f"about {rounded(needed)}"
+
+
+def _belief_table(rows: Sequence[Row]) -> Table:
+    """What the beliefs of each localizer are worth, and how well its scans fit the map."""
+    header = ["localizer", *(f"inside {level} %" for level in LEVELS), "NEES (3)"]
+    names = [f"coverage_{level}" for level in LEVELS] + ["nees", "agreement_01", "agreement_03"]
+    header += ["beams within 0.1 m", "0.3 m"]
+    tracks = [run.track for row in rows for run in row.runs]
+    between = any(track.at_stamps.size < track.known.size for track in tracks)
+    if between:
+        header += ["position, median, at stamps", "heading"]
+        names += ["position_median_stamps", "heading_median_stamps"]
+    return Table(
+        "Share of records whose reference lies in the credible region of so many per cent, and "
+        "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
+        "is too sure; n/a: it has no spread. Beams: with a return, within so much of the map's "
+        "range at the best cluster." + (" At stamps: at the reference's own times." * between),
+        header,
+        [[row.label, *_words(row, " ".join(names))] for row in rows],
+    )
+
+
+def _words(row: Row, names: str) -> list[str]:
+    scores, counted = row.scores, {"lost": len(row.runs)}  # of a failed run it is not known
+    return [
+        _word(name, scores.get(name, math.nan), counted.get(name, row.seeds))
+        for name in names.split()
+    ]
+
+
+def _word(name: str, value: float, runs: int) -> str:
+    if math.isnan(value):
+        return "n/a"
+    if name == "metres_to_localize":
+        return f"{value:.1f} m" if math.isfinite(value) else "never"
+    if name.startswith(("success", "lost")):
+        return f"{round(value * runs)} of {runs}"
+    if name.startswith("heading"):
+        return f"{math.degrees(value):.2f}°"
+    if name.startswith(("agreement", "within", "coverage")):
+        return percent(value)
+    if name == "nees":
+        value = value if value < 100 else float(f"{value:.3g}")
+        return f"{value:,.{1 if value < 100 else 0}f}"
+    return f"{value:.2f}" if name.startswith("ms") else f"{value:.3f} m"
+
+
+def _trajectory(
+    label: str, run: Run, which: str, floor_plan: Map, look: Look, name: str
+) -> Picture:
+    """One run of a localizer on the map, the reference, and where it was lost for good."""
+    track = run.track
+    x0, y0, x1, y1 = floor_plan.bounds
+    width = 4.8
+    height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
+    lost = track.lost
+    figure, axes = canvas(width, height, legend_of=(label, "reference", *([_LOST] if lost else [])))
+    _draw(floor_plan, axes)
+    if track.log.reference is not None and track.known.size:
+        x, y, _ = track.log.reference[track.known].T
+        axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
+    x, y, _ = track.best.T
+    axes.plot(x, y, color=look.color, linewidth=1.0, label=label)
+    if track.log.reference is not None and lost is not None:
+        x, y, _ = track.log.reference[lost[0]]
+        axes.plot(x, y, "X", color=INK, markersize=9, markeredgewidth=0, label=_LOST)
+    unit = floor_plan.unit
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
+    axes.grid(visible=False)
+    return picture(
+        figure,
+        name=name,
+        title=f"{label}: {which.lower()}",
+        caption=f"Seed {run.seed}: {told(run)}",
+        alt=f"{which} of {label} on the map",
+    )
+
+
+def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
+    first = row.runs[0].track
+    way = first.way[first.known]
+    at = _chosen(len(way))
+    errors = np.array([run.track.errors.translation[at] for run in row.runs])
+    figure, axes = canvas(3.2, 2.3, top=0.28)
+    low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
+    axes.fill_between(way[at], low, high, color=look.color, alpha=0.25, lw=0)
+    axes.plot(way[at], middle, color=look.color, linewidth=1.0)
+    axes.axhline(NEAR[FOUND][0], color=INK, linewidth=0.8, linestyle=":")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=(_LEAST, top), xlim=(0, None), xlabel="driven, m", ylabel="position error, m")
+    axes.set_title(row.label, loc="left")
+    return picture(
+        figure,
+        name=name,
+        title=f"Error over distance: {row.label}",
+        caption="",
+        alt=f"Position error of {row.label} over the distance driven",
+    )
+
+
+def _chosen(n: int) -> Indices:
+    return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
+
+
+def _draw(floor_plan: Map, axes: Axes) -> None:
+    """Draw a map's walls, and its unknown or solid areas paler; free space is transparent."""
+    view = View(floor_plan, _SCALE)
+    darkness = 255.0 - Drawing(view).image[:, :, 0]
+    image = np.full((*darkness.shape, 4), _GREY, np.uint8)
+    image[:, :, 3] = np.minimum(np.rint(_UNKNOWN * darkness), 255)
+    (width, height), margin = view.size, view.margin
+    x0, _, _, y1 = floor_plan.bounds
+    columns, rows = np.array((-margin, width - margin)), np.array((margin - height, margin))
+    left, right = x0 + columns / view.per_length
+    low, high = y1 + rows / view.per_length
+    # not thinned again: walls would be lost
+    axes.imshow(image, extent=(left, right, low, high), interpolation="none")
