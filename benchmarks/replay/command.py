@@ -1,4 +1,4 @@
-"""``deqmcl replay``: a sweep over the runs of localizers on one log, its tables, tracks and page."""
+"""``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
 import math
 import re
@@ -16,7 +16,7 @@ from benchmarks.replay.options import EVERY, NAME, Setting
 from benchmarks.report import load, no_report
 from benchmarks.report.animations import Kept
 from benchmarks.report.tables import Table
-from benchmarks.report.tracks import differences_table, tables_of
+from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.verdicts import conclusion
 from benchmarks.sweeps.collecting import failed_sentence
 from benchmarks.sweeps.design import Sweep
@@ -33,6 +33,10 @@ FEW = 0.5  # share of beams within the larger distance below which log and map d
 _LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
+_WORLDS = (
+    "A world of this page is a run over the log with random numbers of its own: intervals and "
+    "tests tell what other seeds would give on this log, not what other logs would."
+)
 
 
 def sweep_of(
@@ -121,8 +125,8 @@ def run_replay(
         said += warn([_misfit(setting, rows)])
         with doing(f"writing the report in {out}"):
             files = write_part(out, "replay", _contents(setting, rows, results, said))
-    texts = [conclusion(results), setting.overview, *map(_plain, _tables(rows, results))]
-    texts += setting.facts
+    texts = [conclusion(results), *accuracy(rows), setting.overview]
+    texts += [*map(_plain, _tables(rows, results)), *setting.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
@@ -207,7 +211,7 @@ def _contents(
         from benchmarks.report.html import html
         from benchmarks.report.story import story_of
 
-        notes = [setting.overview, *setting.facts]
+        notes = [*accuracy(rows), setting.overview, _WORLDS, *setting.facts]
         story = story_of(results, Kept(Path()), notes=notes, warnings=warnings)
         contents["report.html"] = utf8(html(story))
     return contents

@@ -294,11 +294,12 @@ def _reference(whole: Log, played: Log) -> str:
     off = interpolation_errors(whole) if between else None
     if off is None:
         return said
+    size = metre(whole.unit)
     position, heading = (np.quantile(one, (0.5, 0.95)) for one in off)
     return (
         f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
-        f"{position[0] / metre(whole.unit):.3f} m and {math.degrees(heading[0]):.1f}° (median), "
-        f"{position[1] / metre(whole.unit):.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
+        f"{position[0] / size:.3f} m and {math.degrees(heading[0]):.1f}° (median), "
+        f"{position[1] / size:.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
         "of that size may be the reference's."
     )
 

@@ -1,4 +1,4 @@
-"""What a report shows of runs on a whole log: tables, trajectories on the map, errors over the way."""
+"""What a report shows of runs on a whole log: scores, trajectories on the map, errors."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.power import worlds_to_see
 from benchmarks.tables.stats import sample_sd
 from benchmarks.tables.text import percent
-from benchmarks.tables.tracks import Row, Run, rows_of
+from benchmarks.tables.tracks import Row, Run, rows_of, worse
 from benchmarks.tables.verdict import tests_in
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
@@ -130,10 +130,22 @@ def tables_of(rows: Sequence[Row]) -> list[Table]:
         "Best cluster against the reference: share of records within a distance and an angle, runs "
         "localized to the end (at every record of the last 25 %), errors over all records of all "
         "runs. Lost: off by more than 1 m on average over the last 20 records. ms per step: the "
-        "localizer's own time for a record, mean over runs."
+        "localizer's own time for a record, median over runs."
     )
     lines = [[row.label, str(row.seeds), *_words(row, names)] for row in rows]
     return [Table(caption, header, lines), _belief_table(rows)]
+
+
+def accuracy(rows: Sequence[Row]) -> list[str]:
+    """Say how exact the localizers are, the best first, and what the worst run of all was."""
+    known = [row for row in rows if any(run.track.known.size for run in row.runs)]
+    if not known:
+        return []
+    ranked = sorted(known, key=lambda row: row.scores["position_median"])
+    told_of = ", ".join(f"{row.label} {row.scores['position_median']:.3f} m" for row in ranked)
+    worst = min(known, key=lambda row: worse(row.worst))
+    said = f"Worst run: {worst.label}, seed {worst.worst.seed}: {told(worst.worst)}"
+    return [f"Position error, median over all records: {told_of}. {said}"]
 
 
 def differences_table(panel: Panel) -> Table | None:
@@ -252,20 +264,18 @@ def _words(row: Row, names: str) -> list[str]:
 
 
 def _word(name: str, value: float, runs: int) -> str:
-    if math.isnan(value):
-        return "n/a"
-    if name == "metres_to_localize":
-        return f"{value:.1f} m" if math.isfinite(value) else "never"
-    if name.startswith(("success", "lost")):
-        return f"{round(value * runs)} of {runs}"
-    if name.startswith("heading"):
-        return f"{math.degrees(value):.2f}°"
-    if name.startswith(("agreement", "within", "coverage")):
-        return percent(value)
-    if name == "nees":
+    if not math.isfinite(value):
+        return "n/a" if math.isnan(value) else "never"
+    kind = name.partition("_")[0]
+    if kind == "nees":
         value = value if value < 100 else float(f"{value:.3g}")
         return f"{value:,.{1 if value < 100 else 0}f}"
-    return f"{value:.2f}" if name.startswith("ms") else f"{value:.3f} m"
+    if kind in ("agreement", "within", "coverage"):
+        return percent(value)
+    if kind in ("success", "lost"):
+        return f"{round(value * runs)} of {runs}"
+    forms = {"heading": f"{math.degrees(value):.2f}°", "metres": f"{value:.1f} m"}
+    return forms.get(kind, f"{value:.2f}" if kind == "ms" else f"{value:.3f} m")
 
 
 def _trajectory(

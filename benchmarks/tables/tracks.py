@@ -16,6 +16,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import median, value_in
 from benchmarks.tables.pairing import Record
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.fixes import FOUND, NEAR
@@ -50,17 +51,10 @@ class Run:
     @cached_property
     def scores(self) -> dict[str, float]:
         """Its numbers by column; NaN is not available."""
-        own = self.record["track"]["scores"]
-        timed = self.record["seconds"] is not None
-        found = {name: math.nan if (v := own.get(name)) is None else v for name in _TRIALS}
-        found |= {
-            name: value_in(self.record, JOURNEY_SCORES[name])
-            for name in _TRIALS
-            if name in JOURNEY_SCORES
-        }
-        if timed:
-            found["ms_per_step"] = 1000 * self.record["seconds"] / self.record["steps_done"]
-        return found
+        own = self.record["track"]["scores"] | {"ms_per_step": milliseconds_per_step([self.record])}
+        found = {name: math.nan if value is None else value for name, value in own.items()}
+        journey = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
+        return found | {score.name: value_in(self.record, score) for score in journey}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +83,7 @@ class Row:
         Errors are those of all records of all runs; ``_stamps``: of those at the reference's own
         times. Success is a share of all runs, lost a share of those that ended. Metres to localize
         are the median over all runs, where failed runs and those that never localize count as
-        infinite. All else is the mean over runs that ended.
+        infinite; ms per step the median over those that ended. All else is the mean over these.
         """
         if not self.runs:
             return {}
@@ -111,6 +105,7 @@ class Row:
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
             "metres_to_localize": median(metres),
+            "ms_per_step": milliseconds_per_step([run.record for run in self.runs]),
         }
 
     @property
@@ -126,13 +121,6 @@ class Row:
 
         Without a reference, the run of the least agreement.
         """
-
-        def worse(run: Run) -> tuple[float, ...]:
-            scores = run.scores
-            if not run.track.known.size:
-                return (scores["agreement_03"],)
-            return scores[f"within_{FOUND}"], -scores["position_p95"]
-
         return min(self.runs, key=worse)
 
     def _pooled(self, chosen: Callable[[Run], Any]) -> tuple[Floats, Floats]:
@@ -142,6 +130,14 @@ class Row:
         )
         position, heading = map(np.concatenate, parts)
         return position, heading
+
+
+def worse(run: Run) -> tuple[float, ...]:
+    """What runs are ordered by, the worst first: see ``Row.worst``."""
+    scores = run.scores
+    if not run.track.known.size:
+        return (scores["agreement_03"],)
+    return scores[f"within_{FOUND}"], -scores["position_p95"]
 
 
 def rows_of(

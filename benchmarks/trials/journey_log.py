@@ -66,8 +66,8 @@ class JourneyLog:
         }
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
-        short = {name: [short(value) for value in values] for name, values in curves.items()}
-        return {"journey": {"scores": found, "curves": short}}
+        kept = {name: [short(value) for value in values] for name, values in curves.items()}
+        return {"journey": {"scores": found, "curves": kept}}
 
     def journey(self) -> Journey:
         """Return the run so far."""

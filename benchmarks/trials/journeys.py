@@ -77,7 +77,7 @@ class Score:
         unit: "share" (of runs; 0 or 1 of one), "m", "steps" or "" (a number).
         words: what it is, as the heading of a column.
         of: the score; NaN is not available.
-        failed: the score of a run that failed.
+        failed: the score of a run that failed; NaN: it is unknown.
         tested: whether methods are compared by it.
         digits: behind the point, in tables; None: as the unit has them.
     """

@@ -288,7 +288,7 @@ def test_a_belief_may_be_lists_in_whole_runs_too():
     forth = np.array([1.0, 0.0])
     moments = [Moment(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
     found = trace_of(moments, (0,), TASK, groups_named(["lost", "ambiguity"]))
-    assert found.journey["journey"]["scores"]["metres_to_localize"] == 0
+    assert found.whole["journey"]["scores"]["metres_to_localize"] == 0
 
 
 def test_a_lag_beyond_any_lap_takes_no_longer():

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.replay.errors import absolute, relative_errors
+from benchmarks.trials.tracks import absolute, relative_errors
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.validation import InputError
 
