@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.replay.nav2 import Amcl
-from benchmarks.setup.log_scenario import ReplayScenario, check_inside
-from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
 from benchmarks.setup.names import scenario
 from benchmarks.setup.priors import Uniform
 from benchmarks.trials.fixes import metre

@@ -11,7 +11,7 @@ from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.verdicts import rounded
-from benchmarks.setup.log_scenario import LogScenario
+from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
 from benchmarks.tables.comparison import Comparison, outcomes_of
 from benchmarks.tables.pairing import differences

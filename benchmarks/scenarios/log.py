@@ -1,6 +1,6 @@
 """A recorded log of a real robot: each world is a segment of it."""
 
-from benchmarks.setup.log_scenario import LogScenario
+from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.thresholds import Thresholds
 from localizers import GaussianUniform

@@ -3,7 +3,7 @@
 from dataclasses import fields
 
 from benchmarks.scenarios.log import SCENARIO as LOG
-from benchmarks.setup.log_scenario import ReplayScenario
+from benchmarks.setup.logs import ReplayScenario
 
 _SAME = {own.name: getattr(LOG, own.name) for own in fields(LOG)} | {
     "words": "the whole of a recorded log, as deqmcl replay runs it: each world is another run",

@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.setup.log_scenario import ReplayScenario
+from benchmarks.setup.logs import ReplayScenario
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.trials.episode import groups_of, scenario_of, task_of, trial_moments
 from benchmarks.trials.plugins import key_of

@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.setup.agent import Agent
-from benchmarks.setup.log_scenario import ReplayScenario
+from benchmarks.setup.logs import ReplayScenario
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Uniform
 from benchmarks.setup.scenario import Scenario

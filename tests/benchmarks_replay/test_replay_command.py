@@ -12,7 +12,7 @@ from hall import recorded_in_a_hall
 from benchmarks.cli import main
 from benchmarks.replay.options import Told, setting_of
 from benchmarks.report.tracks import differences_table, tables_of, told
-from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
