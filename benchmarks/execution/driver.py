@@ -1,29 +1,25 @@
-"""Keep an engine busy with trials, and take what comes back: the only place that knows both.
-
-A trial is one of a sweep, or whatever else has a function that runs it to its ``Outcome``.
-"""
+"""Keep an engine busy with trials, and take what comes back: the only place that knows both."""
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from typing import TypeVar
 
 from benchmarks.execution.engines import Engine
 from benchmarks.execution.processes import TimedOutError
 from benchmarks.trials.attempt import Outcome, attempt
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import in_words
 
 TRIES = 3  # of a trial whose worker dies
 
-T = TypeVar("T")
-_InFlight = dict[Future[Outcome], tuple[str, T, float]]  # key, trial, when it was submitted
+_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
 
 
 def outcomes(
-    jobs: Iterable[tuple[str, T]], engine: Engine, run: Callable[..., Outcome] = attempt
+    jobs: Iterable[tuple[str, Trial]], engine: Engine
 ) -> Generator[tuple[str, Outcome], None, None]:
-    """Run (key, trial) pairs by ``run(trial, key)``; yield (key, outcome) as they finish.
+    """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
     No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
     that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
@@ -34,7 +30,7 @@ def outcomes(
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
-    in_flight: _InFlight[T] = {}
+    in_flight: _InFlight = {}
     hung: list[Future[Outcome]] = []
     while waiting or in_flight:
         if len(hung) == engine.slots:
@@ -44,7 +40,7 @@ def outcomes(
             )
         while waiting and len(in_flight) + len(hung) < engine.slots:
             key, trial = waiting.popleft()
-            future = engine.executor.submit(run, trial, key)
+            future = engine.executor.submit(attempt, trial, key)
             in_flight[future] = key, trial, time.monotonic()
             if future.done():
                 break  # an engine that runs it here: take it at once
@@ -62,7 +58,7 @@ def outcomes(
                 yield key, outcome
 
 
-def _landed(in_flight: _InFlight[T], engine: Engine) -> set[Future[Outcome]]:
+def _landed(in_flight: _InFlight, engine: Engine) -> set[Future[Outcome]]:
     """Wait for futures that are done, or have been in flight for too long."""
     if engine.timeout is None:
         return wait(in_flight, return_when=FIRST_COMPLETED).done

@@ -7,7 +7,7 @@ one with which the belief's 95 % region covers the reference about as often as i
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -30,58 +30,16 @@ _NEAR = 1.0  # m: a filter farther off follows nothing
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """A power, and what it was fitted on.
-
-    Attributes:
-        power: of the likelihood of a scan.
-        covered: share of the reference's poses within the 95 % region, on the part fitted on.
-        untempered: the same with power 1.
-        records: how many of the first with a reference were fitted on.
-    """
-
-    power: float
-    covered: float
-    untempered: float
-    records: int
-
-    @property
-    def words(self) -> str:
-        """What was done, in a sentence or two."""
-        return (
-            f"The likelihood of a scan is raised to the power {self.power:.3g}: with it, the 95 % "
-            f"region of mcl covers {percent(self.covered)} of the reference's poses in the first "
-            f"{self.records:,} records ({percent(self.untempered)} with power 1). Coverage and "
-            "NEES in the tables are those of the records after them."
-        )
-
-
 def calibrated(setting: Setting) -> Setting:
-    """Return what is played with the power that is fitted to its first part, if one can be."""
-    fit = fitted_power(setting)
-    if fit is None:
-        return setting
-    return replace(
-        setting,
-        world={**setting.world, "judged": int(setting.log.referenced[0]) + fit.records},
-        assumed={**setting.assumed, "scan.power": fit.power},
-        calibration=fit.words,
-    )
+    """Return what is played with the power that is fitted to its first part, if one can be.
 
-
-def fitted_power(setting: Setting) -> Fit | None:
-    """Return the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``.
-
-    Only powers with which the filter follows the robot count. None without a reference at enough of
-    the first records, or where the filter follows it with no power.
-
-    Args:
-        setting: what is played; its power is replaced.
+    It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
+    those with which it follows the robot. None can be fitted without a reference at enough of the
+    first records, or where the filter follows it with no power.
     """
     count = _part(setting.log)
     if count is None:
-        return None
+        return setting
     here = {name: own for name, own in setting.assumed.items() if not name.startswith("prior.")}
     begun = replace(setting, assumed=here, world={**setting.world, "start": _first(setting)})
     tried: list[tuple[float, float]] = []
@@ -93,9 +51,17 @@ def fitted_power(setting: Setting) -> Fit | None:
         if covered >= LEVEL / 100:
             break
     if not tried:
-        return None
+        return setting
     covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
-    return Fit(power=power, covered=covered, untempered=tried[0][0], records=count)
+    return replace(
+        setting,
+        world={**setting.world, "judged": int(setting.log.referenced[0]) + count},
+        assumed={**setting.assumed, "scan.power": power},
+        calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
+        f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
+        f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
+        "are those of the records after them.",
+    )
 
 
 def _part(log: Log) -> int | None:

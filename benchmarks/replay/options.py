@@ -4,13 +4,12 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.replay.nav2 import Amcl
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
 from benchmarks.setup.names import scenario
 from benchmarks.setup.priors import Uniform
@@ -18,11 +17,9 @@ from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, number, one_of, pose
-from localizers import GaussianUniform, OmniMotion
-from localizers.api import METRE_SIGMA
-from localizers.models.beams import BEAM_MODELS, BeamDensity
-from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, kind_of, unknown_motion
+from deqmcl_gym.validation import InputError, number, pose
+from localizers import OmniMotion
+from localizers.models.nav2_motion import MotionModel, kind_of
 
 NAME = "replay"  # of the scenario
 EVERY = "0.2m,5deg"
@@ -36,51 +33,6 @@ _UNKNOWN = {
     "transparent": "transparent, they stop the robot but no beam",
     "free": "free, they stop neither beams nor the robot",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Told:
-    """What a user says about a replay; None: not given.
-
-    Attributes:
-        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
-        every, max_beams: see ``LogEnv``; None is ``EVERY``, and 60.
-        motion: "kind=differential,alpha1=…"; None estimates it from the reference if there is one.
-        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
-        radius: of the robot, m; None is 0.16 m.
-        otherwise: the start of a log without a reference, if none is said.
-        unknown: what the map's unknown cells count as: "obstacle", "transparent" or "free".
-    """
-
-    start: str | None = None
-    every: str | tuple[float, float] | None = None
-    max_beams: int | None = None
-    motion: str | None = None
-    scan: str | None = None
-    radius: float | None = None
-    otherwise: str | None = None
-    unknown: str = "obstacle"
-
-    @property
-    def power(self) -> bool:
-        """Whether the power of the scan model is given."""
-        return any(name == "power" for name, _ in _pairs("--scan", self.scan or ""))
-
-    def or_nav2(self, nav2: Amcl | None) -> "Told":
-        """Return this with what is not said from Nav2's parameters."""
-        if nav2 is None:
-            return self
-        words = {"kind": kind_of(nav2.motion), **vars(nav2.motion)}
-        motion = ",".join(f"{name}={value}" for name, value in words.items())
-        scan = f"sigma={nav2.sigma!r}"
-        return replace(
-            self,
-            every=nav2.every if self.every is None else self.every,
-            max_beams=nav2.max_beams if self.max_beams is None else self.max_beams,
-            motion=motion if self.motion is None else self.motion,
-            scan=scan if self.scan is None else f"{scan},{self.scan}",
-            otherwise=None if nav2.start is None else ",".join(map(repr, nav2.start)),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +63,11 @@ class Setting:
         return self.scenario.recording()[0]
 
     @property
+    def motion(self) -> MotionModel:
+        """What the localizers assume of the odometry."""
+        return self.scenario.motion_of(self.log)
+
+    @property
     def overview(self) -> str:
         """What is played."""
         log = self.log
@@ -124,12 +81,10 @@ class Setting:
     def facts(self) -> list[str]:
         """What the localizers assume."""
         setup, log = self.scenario, self.log
-        motion, radius = setup.motion, setup.room().radius
+        motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
         told = [
-            f"Motion model: {kind_of(motion)}, "
-            + ", ".join(f"{name} {value:.3g}" for name, value in vars(motion).items())
-            + f" ({self.noise}).",
-            f"Scan model: {setup.scan}. Radius of the robot: {radius:g} {log.unit}.",
+            f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
+            f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
             self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             self._start,
@@ -144,7 +99,7 @@ class Setting:
         """The warning that the odometry moves the robot sideways; None if it hardly does."""
         log = self.log
         aside, driven = float(np.abs(log.residuals).sum()), float(log.driven[-1])
-        if isinstance(self.scenario.motion, OmniMotion) or aside <= _SIDEWAYS * driven:
+        if isinstance(self.motion, OmniMotion) or aside <= _SIDEWAYS * driven:
             return None
         return (
             f"{aside:.1f} of {driven:.1f} {log.unit} of odometry are sideways: for a robot that "
@@ -164,19 +119,32 @@ class Setting:
 def setting_of(
     log: str | Path,
     floor_plan: str | Path,
-    told: Told,
     *,
     reference: str | Path | None = None,
     reading: Mapping[str, Any] | None = None,
+    start: str | None = None,
+    otherwise: str | None = None,
+    every: str | tuple[float, float] = EVERY,
+    max_beams: int = 60,
+    motion: str = "",
+    scan: str = "",
+    radius: float | None = None,
+    unknown: str = "obstacle",
 ) -> Setting:
     """Return what is to be replayed.
 
     Args:
         log: path of the log.
         floor_plan: path of the map's yaml.
-        told: what a user says of it.
         reference: path of a TUM file.
         reading: further arguments of ``logs.read``.
+        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        otherwise: the start of a log without a reference, if none is said.
+        every, max_beams, unknown: see ``LogEnv``.
+        motion: "kind=differential,alpha1=…"; what is not given is estimated from the reference, if
+            there is one.
+        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        radius: of the robot, m; None is 0.16 m.
 
     Raises:
         InputError: something of it is refused.
@@ -186,16 +154,15 @@ def setting_of(
         "map": os.path.abspath(floor_plan),
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
         **{f"reading.{name}": value for name, value in (reading or {}).items()},
-        "unknown": told.unknown,
-        "every": EVERY if told.every is None else told.every,
-        "max_beams": 60 if told.max_beams is None else told.max_beams,
+        "unknown": unknown,
+        "every": every,
+        "max_beams": max_beams,
     }
     whole = _replayed(world).whole
-    if told.radius is not None:
-        world["radius"] = number("--radius", told.radius, low=0) * metre(whole.unit)
-    start = told.start
+    if radius is not None:
+        world["radius"] = number("--radius", radius, low=0) * metre(whole.unit)
     if start is None:
-        start = "reference" if whole.reference is not None else told.otherwise
+        start = "reference" if whole.reference is not None else otherwise
     if start is None:
         raise InputError(
             f"{log} has no reference: give --reference, --start x,y,θ or --start global."
@@ -206,15 +173,20 @@ def setting_of(
         world["start"] = int(whole.referenced[0])
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
-    noise, origin = _motion(played, told.motion)
-    scan = _scan(told.scan, metre(played.unit))
-    kind = next(name for name, model in BEAM_MODELS.items() if type(scan) is model)
-    assumed = {
-        "motion.kind": kind_of(noise),
-        **{f"motion.{name}": value for name, value in vars(noise).items()},
-        "scan.kind": kind,
-        **{f"scan.{name}": value for name, value in vars(scan).items()},
-    }
+    assumed = _assumed("motion", motion) | _assumed("scan", scan)
+    noise = _replayed(world, assumed).motion
+    names = {f"motion.{name}" for name in vars(noise)}
+    told = [name.partition(".")[2] for name in assumed if name in names]
+    origin = "assumed, as there is no reference"
+    if played.reference is not None:
+        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
+    if names - {"motion.still"} <= assumed.keys():
+        origin = "given"
+    elif told:
+        origin = f"{', '.join(told)} given; the rest {origin}"
+        if played.reference is not None:
+            estimated = vars(motion_noise(played, kind_of(noise)))
+            assumed = {f"motion.{name}": value for name, value in estimated.items()} | assumed
     if start == "global":
         assumed["prior.kind"] = "uniform"
     elif start != "reference":
@@ -327,48 +299,16 @@ def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
     return off.translation, off.rotation
 
 
-def _motion(log: Log, given: str | None) -> tuple[MotionModel, str]:
-    """Return the motion's noise, and where it is from."""
-    words = dict(_pairs("--motion", given or ""))
-    kind = one_of("motion model", words.pop("kind", "differential"), MOTION_MODELS)
-    noise, origin = unknown_motion(kind, log.unit), "assumed, as there is no reference"
-    names = [field.name for field in fields(noise)]
-    keys = _keys("--motion", words, names)
-    if set(names) - {"still"} <= keys.keys():
-        return replace(noise, **keys), "given"
-    if log.reference is not None:
-        noise = motion_noise(log, kind)
-        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
-    return replace(noise, **keys), f"{', '.join(keys)} given; the rest {origin}" if keys else origin
-
-
-def _scan(given: str | None, metre: float) -> BeamDensity:
-    words = dict(_pairs("--scan", given or ""))
-    kind = BEAM_MODELS[one_of("beam model", words.pop("kind", "gaussian-uniform"), BEAM_MODELS)]
-    keys = _keys("--scan", words, [field.name for field in fields(kind)])
-    lengths: Mapping[str, float] = {"sigma": METRE_SIGMA * metre}
-    if kind is not GaussianUniform and "decay" in {field.name for field in fields(kind)}:
-        lengths = {**lengths, "decay": 0.5 / metre}
-    return kind(**{**lengths, **keys})
-
-
-def _keys(what: str, given: Mapping[str, str], names: list[str]) -> dict[str, Any]:
-    """Return words as numbers by name."""
+def _assumed(part: str, given: str) -> dict[str, Any]:
+    """Return "kind=…,name=number,…" as assumptions by dotted name."""
     found: dict[str, Any] = {}
-    for name, word in given.items():
-        one_of(f"name in {what}", name, names)
-        values = _numbers(word)
-        if values is None or len(values) != 1:
-            raise InputError(f"{what} has {name}={word}, but {name} must be a number.")
-        found[name] = values[0]
+    for word in filter(None, map(str.strip, given.split(","))):
+        name, equals, value = map(str.strip, word.partition("="))
+        numbers = None if name == "kind" else _numbers(value)
+        if not equals or (name != "kind" and numbers is None):
+            raise InputError(f"--{part} has {word}, but must be name=number, comma-separated.")
+        found[f"{part}.{name}"] = value if numbers is None else numbers[0]
     return found
-
-
-def _pairs(what: str, given: str) -> list[tuple[str, str]]:
-    pairs = [tuple(map(str.strip, part.split("=", 1))) for part in given.split(",") if part.strip()]
-    if any(len(pair) != 2 for pair in pairs):
-        raise InputError(f"{what} is {given!r}, but must be name=number, comma-separated.")
-    return pairs  # type: ignore[return-value]
 
 
 def _numbers(text: str) -> list[float] | None:

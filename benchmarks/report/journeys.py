@@ -39,8 +39,7 @@ WORDS = {  # by group: heading, what its columns mean
     ),
     "log": (
         "Against the reference",
-        "Of the best cluster, at the records that have a reference; mean over runs of each run's "
-        "share, median and quantile.",
+        "Of the best cluster, at the records that have a reference: mean over runs of the median.",
     ),
     "driving": (
         "Arrived",
@@ -54,13 +53,13 @@ _TESTS = (
     "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
     "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
 )
-LOCALIZED = (
-    "Localized against metres driven",
-    "localized for good, % of runs",
-    "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the end.",
-)
 _CURVES = {
-    "metres_to_localize": LOCALIZED,
+    "metres_to_localize": (
+        "Localized against metres driven",
+        "localized for good, % of runs",
+        "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
+        "end.",
+    ),
     "metres_to_recover": (
         "Recovered against metres driven",
         "recovered, % of runs",

@@ -39,15 +39,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """What a report tells: the results, panel by panel, and what was swept.
-
-    Attributes:
-        results: of the sweep.
-        sections: panel by panel.
-        curves: what was swept.
-        notes: what else is to be known.
-        warnings: what may be wrong.
-    """
+    """What a report tells: the results, panel by panel, what was swept, and what else there is."""
 
     results: Results
     sections: list[Section]

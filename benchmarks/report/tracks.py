@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.report.journeys import score_cells, score_header
+from benchmarks.report.journeys import score_cells
 from benchmarks.report.style import INK, Look
 from benchmarks.report.svg import Picture, canvas, picture
 from benchmarks.report.tables import Table
@@ -24,7 +24,6 @@ from benchmarks.tables.verdict import tests_in
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.metrics import LEVELS
-from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Indices
 from deqmcl_gym.validation import InputError
@@ -38,7 +37,23 @@ ON_THE_MAP = (
     "lost: from there on the estimate is never again within 1 m and 30°."
 )
 OVER_THE_WAY = "Line: median over runs; band: least to largest; dotted: 1 m."
-_COMPARED = ("success_1m", "position_median")
+_RESULTS = {
+    "within_1m": "within 1 m, 30°",
+    "within_05m": "0.5 m, 10°",
+    "success_1m": "localized to the end",
+    "lost": "lost",
+    "position_median": "position, median",
+    "position_p95": "95 %",
+    "heading_median": "heading, median",
+    "metres_to_localize": "metres to localize",
+}
+_TIMED = {"ms_per_step": "ms per step"}
+_BELIEFS = {f"coverage_{level}": f"inside {level} %" for level in LEVELS} | {"nees": "NEES (3)"}
+_FITTING = {"agreement_01": "beams within 0.1 m", "agreement_03": "0.3 m"}
+_STAMPS = {
+    "position_median_stamps": "position, median, at stamps",
+    "heading_median_stamps": "heading",
+}
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
 _GREY = 140  # of walls, in the light and in the dark
@@ -48,92 +63,77 @@ _LOST = "lost from here on"
 _LEAST = 0.01  # m: where the axis of errors begins
 
 
-def recording_of(panel: Panel) -> tuple[Log, Map] | None:
-    """Return the log and the map of a panel whose runs have tracks; None of others.
+def shown(panel: Panel) -> tuple[list[Row], Map | None]:
+    """Return the runs of each method of a panel, and the map; none if it has no tracks.
 
-    None also where they are not there any more: a folder is read on other machines, too, and runs
-    nobody's code.
+    None also where log and map are not there any more, or need somebody's code: a folder is read on
+    other machines, too.
     """
-    name = panel.setting.scenario
-    records = [record for own in panel.records.values() for record in own]
-    if not all("track" in record for record in records):
-        return None
+    name, records = panel.setting.scenario, panel.records
+    if not all("track" in record for own in records.values() for record in own):
+        return [], None
     try:
         found = None if plug_ins_of(name) else scenario(name).changed(dict(panel.setting.world))
         if not isinstance(found, LogScenario):
-            return None
+            return [], None
         log, floor_plan = found.recording()
     except InputError:
-        return None
-    same = all(len(record["track"]["best"][0]) == len(log) for record in records)
-    return (log, floor_plan) if same else None
-
-
-def panel_rows(panel: Panel, log: Log) -> list[Row]:
-    """Return the runs of each method of a panel."""
-    records = {panel.labels[method]: own for method, own in panel.records.items()}
+        return [], None
     failed = {panel.labels[method]: len(own) for method, own in panel.failed.items()}
-    return rows_of(records, failed, log)
+    rows = rows_of({panel.labels[method]: own for method, own in records.items()}, failed, log)
+    same = all(len(run.track.best) == len(log) for row in rows for run in row.runs)
+    return (rows, floor_plan) if same else ([], None)
 
 
 def track_tables(panel: Panel) -> list[Table]:
     """The scores by records, and what the beliefs are worth."""
-    found = recording_of(panel)
-    return [] if found is None else tables_of(panel_rows(panel, found[0]))
-
-
-def evo_tables(panel: Panel) -> list[Table]:
-    """APE and RPE of each localizer's median run, as evo computes them."""
-    found = recording_of(panel)
-    if found is None or not found[0].referenced.size:
-        return []
-    lines = []
-    for row in panel_rows(panel, found[0]):
-        track = row.middle.track
-        for name, errors in (("APE", track.errors), ("RPE", track.relative)):
-            if errors.translation.size:
-                moved, turned = errors.translation, errors.rotation
-                numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
-                lines.append(
-                    [f"{row.label} {name}", str(row.middle.seed)]
-                    + [f"{value:.3f} m" for value in numbers]
-                    + [f"{math.degrees(turned.mean()):.2f}°"]
-                )
-    header = ["median run", "seed", "rmse", "mean", "median", "max", "rotation, mean"]
-    caption = (
-        "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
-        "them from the trajectories in tracks/."
-    )
-    return [Table(caption, header, lines)]
+    return tables_of(shown(panel)[0])
 
 
 def tables_of(rows: Sequence[Row]) -> list[Table]:
-    """Return the scores of localizers as readable tables; without a reference only the agreement.
-
-    Args:
-        rows: of the localizers.
-    """
-    if not any(run.track.known.size for row in rows for run in row.runs):
-        header = ["localizer", "runs", "beams within 0.1 m", "within 0.3 m", "ms per step"]
+    """Return the scores as readable tables; without a reference only the agreement."""
+    tracks = [run.track for row in rows for run in row.runs]
+    if not rows:
+        return []
+    if not any(track.known.size for track in tracks):
         caption = "How well the scans fit the map at the pose that each localizer estimates."
-        names = "agreement_01 agreement_03 ms_per_step"
-        return [
-            Table(
-                caption, header, [[row.label, str(row.seeds), *_words(row, names)] for row in rows]
-            )
-        ]
-    header = ["localizer", "runs", "within 1 m, 30°", "0.5 m, 10°", "localized to the end", "lost"]
-    header += ["position, median", "95 %", "heading, median", "metres to localize", "ms per step"]
-    names = "within_1m within_05m success_1m lost position_median position_p95 heading_median"
-    names += " metres_to_localize ms_per_step"
+        return [_table(rows, caption, _FITTING | _TIMED)]
+    between = any(track.at_stamps.size < track.known.size for track in tracks)
     caption = (
         "Best cluster against the reference: share of records within a distance and an angle, runs "
         "localized to the end (at every record of the last 25 %), errors over all records of all "
         "runs. Lost: off by more than 1 m on average over the last 20 records. ms per step: the "
         "localizer's own time for a record, median over runs."
     )
-    lines = [[row.label, str(row.seeds), *_words(row, names)] for row in rows]
-    return [Table(caption, header, lines), _belief_table(rows)]
+    of_beliefs = (
+        "Share of records whose reference lies in the credible region of so many per cent, and "
+        "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
+        "is too sure; n/a: it has no spread. Beams: with a return, within so much of the map's "
+        "range at the best cluster." + " At stamps: at the reference's own times." * between
+    )
+    beliefs = _BELIEFS | _FITTING | (_STAMPS if between else {})
+    return [_table(rows, caption, _RESULTS | _TIMED), _table(rows, of_beliefs, beliefs)]
+
+
+def evo_tables(panel: Panel) -> list[Table]:
+    """APE and RPE of each localizer's median run, as evo computes them."""
+    lines = []
+    for row in shown(panel)[0]:
+        for name, errors in (
+            ("APE", (run := row.middle).track.errors),
+            ("RPE", run.track.relative),
+        ):
+            if (moved := errors.translation).size:
+                numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
+                turned = f"{math.degrees(errors.rotation.mean()):.2f}°"
+                metres = (f"{value:.3f} m" for value in numbers)
+                lines.append([f"{row.label} {name}", str(run.seed), *metres, turned])
+    header = ["median run", "seed", "rmse", "mean", "median", "max", "rotation, mean"]
+    caption = (
+        "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
+        "them from the trajectories in tracks/."
+    )
+    return [Table(caption, header, lines)] if lines else []
 
 
 def accuracy(rows: Sequence[Row]) -> list[str]:
@@ -142,32 +142,28 @@ def accuracy(rows: Sequence[Row]) -> list[str]:
     if not known:
         return []
     ranked = sorted(known, key=lambda row: row.scores["position_median"])
-    told_of = ", ".join(f"{row.label} {row.scores['position_median']:.3f} m" for row in ranked)
+    errors = ", ".join(f"{row.label} {row.scores['position_median']:.3f} m" for row in ranked)
     worst = min(known, key=lambda row: worse(row.worst))
     said = f"Worst run: {worst.label}, seed {worst.worst.seed}: {told(worst.worst)}"
-    return [f"Position error, median over all records: {told_of}. {said}"]
+    return [f"Position error, median over all records: {errors}. {said}"]
 
 
 def differences_table(panel: Panel) -> Table | None:
     """How methods differ from the baseline, and what it takes to show it; None of one method."""
-    scores = [JOURNEY_SCORES[name] for name in _COMPARED]
+    scores = [JOURNEY_SCORES[name] for name in ("success_1m", "position_median")]
     rows = [row for row in panel.present if not row.is_baseline]
     if not rows or not all(score.name in row.journey for row in panel.present for score in scores):
         return None
-    header = ["localizer", "pairs"]
-    for score in scores:
-        header += [*score_header(score)[1:], "runs needed"]
-    header[2], header[5] = "localized to the end, points", "position error, median, m"
+    header = ["localizer", "pairs", "localized to the end, points", "p, Holm", "runs needed"]
+    header += ["position error, median, m", "p, Holm", "runs needed"]
     lines = []
     for row in rows:
         cells = [[*score_cells(row, score)[1:], _needed(panel, row, score)] for score in scores]
         lines.append([panel.labels[row.method], str(row.paired_worlds), *cells[0], *cells[1]])
-    base = panel.labels[panel.present[0].baseline]
     return Table(
-        f"Difference to {base}, over runs of the same seed, with 95 % bootstrap intervals. p: sign "
-        f"test and signed-rank test, corrected by Holm's method for {tests_in(panel)} tests. Runs "
-        "needed: would show a difference of this size with 80 % power. All tell what other seeds "
-        "would give on this log, not what other logs would.",
+        f"Difference to {panel.labels[rows[0].baseline]}, over runs of the same seed, with 95 % "
+        f"bootstrap intervals. p is corrected by Holm's method for {tests_in(panel)} tests. Runs "
+        "needed: would show a difference of this size with 80 % power.",
         header,
         lines,
     )
@@ -175,32 +171,25 @@ def differences_table(panel: Panel) -> Table | None:
 
 def track_charts(panel: Panel, looks: Looks) -> list[Picture]:
     """The median run of each localizer on the map, and its worst one if that is another."""
-    found = recording_of(panel)
-    if found is None:
-        return []
     charts = []
-    for number, row in enumerate(panel_rows(panel, found[0]), 1):
-        name, look = f"trajectory-{panel.number}-{number}", looks[row.label]
-        shown = {"Median run": (row.middle, name), "Worst run": (row.worst, f"{name}-worst")}
+    rows, floor_plan = shown(panel)
+    for number, row in enumerate(rows, 1):
+        name = f"trajectory-{panel.number}-{number}"
+        runs = {"Median run": (row.middle, name), "Worst run": (row.worst, f"{name}-worst")}
         if row.worst is row.middle:
-            shown = {"Median and worst run" if row.seeds > 1 else "The run": (row.middle, name)}
-        charts += [
-            _trajectory(row.label, run, which, found[1], look, own)
-            for which, (run, own) in shown.items()
-        ]
+            runs = {"Median and worst run" if row.seeds > 1 else "The run": (row.middle, name)}
+        for which, (run, own) in runs.items():
+            assert floor_plan is not None
+            charts.append(_trajectory(row.label, run, which, floor_plan, looks[row.label], own))
     return charts
 
 
 def error_charts(panel: Panel, looks: Looks) -> list[Picture]:
     """Error over the distance driven, a chart per localizer, on one scale."""
-    found = recording_of(panel)
-    if found is None or not found[0].referenced.size:
-        return []
-    rows = panel_rows(panel, found[0])
+    rows = [row for row in shown(panel)[0] if row.runs[0].track.known.size]
     tops = [run.track.errors.translation.max() for row in rows for run in row.runs]
-    top = 1.3 * max(*tops, 1.0)
     return [
-        _error_chart(row, looks[row.label], top, f"error-{panel.number}-{number}")
+        _error_chart(row, looks[row.label], 1.3 * max(*tops, 1.0), f"error-{panel.number}-{number}")
         for number, row in enumerate(rows, 1)
     ]
 
@@ -235,32 +224,16 @@ def _needed(panel: Panel, row: Comparison, score: Score) -> str:
     return "–" if needed <= apart.size else f"about {rounded(needed)}"
 
 
-def _belief_table(rows: Sequence[Row]) -> Table:
-    """What the beliefs of each localizer are worth, and how well its scans fit the map."""
-    header = ["localizer", *(f"inside {level} %" for level in LEVELS), "NEES (3)"]
-    names = [f"coverage_{level}" for level in LEVELS] + ["nees", "agreement_01", "agreement_03"]
-    header += ["beams within 0.1 m", "0.3 m"]
-    tracks = [run.track for row in rows for run in row.runs]
-    between = any(track.at_stamps.size < track.known.size for track in tracks)
-    if between:
-        header += ["position, median, at stamps", "heading"]
-        names += ["position_median_stamps", "heading_median_stamps"]
-    return Table(
-        "Share of records whose reference lies in the credible region of so many per cent, and "
-        "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
-        "is too sure; n/a: it has no spread. Beams: with a return, within so much of the map's "
-        "range at the best cluster." + (" At stamps: at the reference's own times." * between),
-        header,
-        [[row.label, *_words(row, " ".join(names))] for row in rows],
-    )
-
-
-def _words(row: Row, names: str) -> list[str]:
-    scores, counted = row.scores, {"lost": len(row.runs)}  # of a failed run it is not known
-    return [
-        _word(name, scores.get(name, math.nan), counted.get(name, row.seeds))
-        for name in names.split()
-    ]
+def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Table:
+    lines = []
+    for row in rows:
+        runs = {"lost": len(row.runs)}  # of a failed run it is not known
+        cells = [
+            _word(name, row.scores.get(name, math.nan), runs.get(name, row.seeds))
+            for name in columns
+        ]
+        lines.append([row.label, str(row.seeds), *cells])
+    return Table(caption, ["localizer", "runs", *columns.values()], lines)
 
 
 def _word(name: str, value: float, runs: int) -> str:

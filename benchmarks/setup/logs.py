@@ -44,6 +44,7 @@ class LogScenario(Scenario):
     """
 
     estimated: bool = True
+    _names = _ARGUMENTS  # of its env
 
     @property
     def unit(self) -> str:
@@ -81,8 +82,9 @@ class LogScenario(Scenario):
         return replace(robot, motion=self.motion_of(self.recording()[0]))
 
     def motion_of(self, log: Log) -> MotionModel:
-        """Return the motion that the filters assume."""
-        return _noise(log, kind_of(self.motion)) if self.estimated else self.motion
+        """Return the motion that the filters assume: without a reference none can be estimated."""
+        known = self.estimated and log.reference is not None
+        return _noise(log, kind_of(self.motion)) if known else self.motion
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
@@ -98,7 +100,8 @@ class LogScenario(Scenario):
         Raises:
             InputError: no log or map is named, or one of them cannot be read.
         """
-        played = {name: value for name, value in self._named().items() if name not in _EPISODES}
+        others = (*_EPISODES, "judged")
+        played = {name: value for name, value in self._named().items() if name not in others}
         return _played(_key(played), self._digests)
 
     @property
@@ -112,7 +115,7 @@ class LogScenario(Scenario):
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
 
     def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {**self.env, **grouped(values, _ARGUMENTS, "part of a log's world")}
+        return {**self.env, **grouped(values, self._names, "part of a log's world")}
 
     def _named(self) -> Mapping[str, Any]:
         """Return the arguments of the env, the log and the map among them."""
@@ -133,27 +136,21 @@ class LogScenario(Scenario):
 class ReplayScenario(LogScenario):
     """A whole log, with a reference or without: its worlds are runs of the localizers on it.
 
-    Attributes:
-        judged: first record by which beliefs are judged; what is before it was fitted on.
+    Its env has another name, ``judged``: the first record by which beliefs are judged, as what is
+    before it was fitted on.
     """
 
-    judged: int = 0
+    _names = (*_ARGUMENTS, "judged")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        integer("judged", self.judged)
+    @property
+    def judged(self) -> int:
+        """First record by which beliefs are judged."""
+        return integer("judged", self.env.get("judged", 0))
 
     def filter_rng(self, trial: Any) -> np.random.Generator:
         """Return the stream of a run: the same for every localizer."""
         key = (trial.trial, trial.filter_seed) if trial.filter_seed else (trial.trial,)
         return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=key))
-
-    def changed(
-        self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
-    ) -> Self:
-        """Return this scenario with some values changed; ``judged`` is one of the world."""
-        others = {name: value for name, value in world.items() if name != "judged"}
-        return replace(super().changed(others, assumed), judged=world.get("judged", self.judged))
 
     def _check(self, log: Log) -> None:
         """Take any log: without a reference, scans are compared with the map."""

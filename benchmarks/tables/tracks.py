@@ -4,7 +4,7 @@ Lengths are in m, angles in rad. Errors are those of best clusters.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
@@ -21,7 +21,7 @@ from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES
-from benchmarks.trials.tracks import Track, middle
+from benchmarks.trials.tracks import PoseErrors, Track, middle
 from deqmcl_gym.logs import Log
 from deqmcl_gym.numerics.types import Floats
 
@@ -89,8 +89,10 @@ class Row:
             return {}
         each = [run.scores for run in self.runs]
         found = {name: float(np.mean([scores[name] for scores in each])) for name in _TRIALS}
-        position, heading = self._pooled(lambda run: slice(None))
-        near, turned = self._pooled(lambda run: run.track.at_stamps)
+        errors = [run.track.errors for run in self.runs]
+        position, heading = _pooled([(own, slice(None)) for own in errors])
+        stamps = [run.track.at_stamps for run in self.runs]
+        near, turned = _pooled(list(zip(errors, stamps, strict=True)))
         shares = {f"success_{name}": found[f"success_{name}"] for name in NEAR}
         shares = {name: share * len(each) / self.seeds for name, share in shares.items()}
         low, high = wilson(shares[f"success_{FOUND}"], self.seeds)
@@ -122,14 +124,6 @@ class Row:
         Without a reference, the run of the least agreement.
         """
         return min(self.runs, key=worse)
-
-    def _pooled(self, chosen: Callable[[Run], Any]) -> tuple[Floats, Floats]:
-        errors = [(run.track.errors, chosen(run)) for run in self.runs]
-        parts = (
-            [getattr(own, part)[at] for own, at in errors] for part in ("translation", "rotation")
-        )
-        position, heading = map(np.concatenate, parts)
-        return position, heading
 
 
 def worse(run: Run) -> tuple[float, ...]:
@@ -183,6 +177,14 @@ def trials_csv(rows: Iterable[Row]) -> str:
         for run in row.runs
     )
     return csv_text(["localizer", "seed", *_TRIALS], lines)
+
+
+def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
+    """Return the chosen errors in position and heading of all runs."""
+    return (
+        np.concatenate([own.translation[chosen] for own, chosen in errors]),
+        np.concatenate([own.rotation[chosen] for own, chosen in errors]),
+    )
 
 
 def _compared(row: Comparison | None, score: str, end: str) -> Any:

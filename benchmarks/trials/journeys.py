@@ -7,7 +7,6 @@ scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the p
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -111,17 +110,6 @@ def _success(near: str, *, tested: bool = False) -> Score:
     return Score(name, "share", words, lambda run: run.fixes.success(near), 0.0, tested)
 
 
-def _within(near: str) -> Score:
-    distance, angle = NEAR[near]
-    words = f"records within {distance:g} m, {math.degrees(angle):.0f}°"
-    share = partial(_share_within, near=near)
-    return Score(f"within_{near}", "", words, share)
-
-
-def _share_within(run: Journey, near: str) -> float:
-    return float(run.fixes.localized(near).astype(np.float64).mean())
-
-
 def _committed(run: Journey) -> float:
     late = run.fixes.rated & run.fixes.last
     return float(run.fixes.false[late].any()) if late.any() else math.nan
@@ -201,8 +189,6 @@ GROUPS = (
     Group(
         "log",
         (
-            _within("1m"),
-            _within("05m"),
             Score(
                 "position_median",
                 "m",
@@ -210,20 +196,6 @@ GROUPS = (
                 lambda run: float(np.median(run.fixes.distance)),
                 tested=True,
                 digits=3,
-            ),
-            Score(
-                "position_p95",
-                "m",
-                "95 %",
-                lambda run: float(np.quantile(run.fixes.distance, 0.95)),
-                digits=3,
-            ),
-            Score(
-                "heading_median",
-                "rad",
-                "heading error, median",
-                lambda run: float(np.median(run.fixes.angle)),
-                digits=4,
             ),
         ),
     ),

@@ -107,12 +107,7 @@ def trace_of(
 ) -> Trace:
     """Run an episode to its end; keep its trace at these offsets, and its scores of groups.
 
-    Args:
-        episode: its steps.
-        offsets: at which beliefs are kept.
-        task: the world.
-        groups: of scores of the whole run.
-        collectors: further ones, that keep parts of the record.
+    ``collectors`` keep further parts of its record.
     """
     asked = tuple(offsets)
     lap = _Lap(task)

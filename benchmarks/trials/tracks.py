@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.clouds import calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import Fixes, metre
+from benchmarks.trials.fixes import NEAR, Fixes, metre
 from benchmarks.trials.journey_log import short
 from benchmarks.trials.journeys import Journey, groups_named, scores_of
 from benchmarks.trials.metrics import LEVELS, mean
@@ -24,7 +24,7 @@ from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices
-from deqmcl_gym.validation import InputError, array, integer
+from deqmcl_gym.validation import InputError, array
 from localizers import best_cluster, quality_of
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
@@ -59,22 +59,10 @@ def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
     return _errors(relative(true, given))
 
 
-def relative_errors(estimate: Floats, reference: Floats, delta: int = 1) -> PoseErrors:
-    """RPE: how far the motion over ``delta`` poses is from that of the reference.
-
-    Pairs are consecutive, as evo's default: 0 to delta, delta to 2 delta, …
-
-    Raises:
-        InputError: fewer than delta + 1 poses.
-    """
+def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
+    """RPE: how far the motion from pose to pose is from that of the reference."""
     given, true = _pairs(estimate, reference)
-    step = integer("delta", delta, low=1)
-    if len(given) <= step:
-        raise InputError(
-            f"the relative error over {step} poses needs {step + 1} poses or more, but there are "
-            f"{len(given)}: choose a smaller delta."
-        )
-    driven, meant = (relative(poses[:-step:step], poses[step::step]) for poses in (given, true))
+    driven, meant = (relative(poses[:-1], poses[1:]) for poses in (given, true))
     return _errors(relative(meant, driven))
 
 
@@ -205,7 +193,14 @@ class TrackLog:
         last = errors.translation[-self._thresholds.lost_steps :]
         limit = self._thresholds.lost / metre(self._log.unit)
         played = self._log.segment(0, len(track.best))
+        fixes = track.fixes()
         return {
+            **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
+            "position_median": middle(errors.translation),
+            "position_p95": float(np.quantile(errors.translation, 0.95))
+            if track.known.size
+            else math.nan,
+            "heading_median": middle(errors.rotation),
             "position_median_stamps": middle(errors.translation[own]),
             "heading_median_stamps": middle(errors.rotation[own]),
             "lost": float(last.mean() > limit) if last.size else math.nan,

@@ -10,7 +10,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.replay.options import Told, setting_of
+from benchmarks.replay.options import setting_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.thresholds import Thresholds
@@ -270,10 +270,10 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     (name, value), chosen = part.split("="), f"kind={kind}"
     origin = "of the log's odometry against its reference"
     settings = [
-        setting_of("lap.csv", "hall.yaml", Told(motion=",".join(words)), reference="lap.tum")
+        setting_of("lap.csv", "hall.yaml", motion=",".join(words), reference="lap.tum")
         for words in ((chosen,), (chosen, part), (chosen, part, rest))
     ]
-    estimated, partly, whole = (setting.scenario.motion for setting in settings)
+    estimated, partly, whole = (setting.motion for setting in settings)
     assert estimated == motion_noise(settings[0].log, kind)
     assert partly == replace(estimated, **{name: float(value)})
     words = dict(one.split("=") for one in f"{part},{rest}".split(","))
@@ -282,8 +282,8 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
     assert said[2] == "given"
-    unknown = setting_of("lap.csv", "hall.yaml", Told(motion=chosen, start="1.2,1,0"))
-    assert unknown.scenario.motion == unknown_motion(kind, "m")
+    unknown = setting_of("lap.csv", "hall.yaml", motion=chosen, start="1.2,1,0")
+    assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
 
 
@@ -364,13 +364,13 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
         (("--motion", "kind=omny"), "did you mean 'omni'?"),
-        (("--motion", "drive=1"), "unknown name in --motion 'drive': allowed values: alpha1"),
-        (("--motion", "kind=odometry,dive=1"), "did you mean 'drive'?"),
-        (("--motion", "kind=omni,still=1"), "'still'"),
-        (("--motion", "alpha1=much"), "must be a number"),
+        (("--motion", "drive=1"), "'motion.drive': allowed values: motion.alpha1"),
+        (("--motion", "kind=odometry,dive=1"), "did you mean 'motion.drive'?"),
+        (("--motion", "kind=omni,still=1"), "'motion.still'"),
+        (("--motion", "alpha1=much"), "must be name=number"),
         (("--motion", "alpha1=-1"), "alpha1 is -1"),
         (("--scan", "power=0"), "scan.power"),
-        (("--scan", "kind=sonar"), "beam model"),
+        (("--scan", "kind=sonar"), "kind of scan"),
         (("--max-beams", "0"), "max_beams"),
         (("--particles", "0"), "--particles"),
         (("--seeds", "0"), "--seeds"),
@@ -456,8 +456,8 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
-        setting_of(name, "hall.yaml", Told(motion=motion), reference="lap.tum").sideways
-        for name, motion in (("strafing.csv", None), ("strafing.csv", "kind=omni"), ("lap.csv", ""))
+        setting_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
+        for name, motion in (("strafing.csv", ""), ("strafing.csv", "kind=omni"), ("lap.csv", ""))
     ]
     assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
     assert said[1:] == [None, None]
