@@ -364,7 +364,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
         (("--motion", "kind=omny"), "did you mean 'omni'?"),
-        (("--motion", "drive=1"), "'motion.drive': allowed values: motion.alpha1"),
+        (("--motion", "drive=1"), "unknown assumption 'motion.drive'"),
         (("--motion", "kind=odometry,dive=1"), "did you mean 'motion.drive'?"),
         (("--motion", "kind=omni,still=1"), "'motion.still'"),
         (("--motion", "alpha1=much"), "must be name=number"),
