@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.report import error_tables, tables, tracks
+from benchmarks.report import error_tables, tables, track_charts, tracks
 from benchmarks.report.charts import (
     calibration_chart,
     offset_chart,
@@ -77,13 +77,13 @@ TRACKS: Sequence[Part] = (
     Part(tables=tracks.track_tables),
     Part(
         heading="On the map",
-        note=lambda panel: tracks.ON_THE_MAP,
-        pictures=tracks.track_charts,
+        note=lambda panel: track_charts.ON_THE_MAP,
+        pictures=track_charts.track_charts,
     ),
     Part(
         heading="Over the distance driven",
-        note=lambda panel: tracks.OVER_THE_WAY,
-        pictures=tracks.error_charts,
+        note=lambda panel: track_charts.OVER_THE_WAY,
+        pictures=track_charts.error_charts,
         small=True,
     ),
     Part(heading="APE and RPE", tables=tracks.evo_tables),
