@@ -12,7 +12,9 @@ import numpy as np
 from deqmcl_gym.numerics.compiling import compiled
 
 Single = Any  # a float32
-_ZERO, _ONE, _TINY = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TINY = np.float32(1e-12)
 
 
 @compiled

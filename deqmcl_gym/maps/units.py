@@ -36,12 +36,12 @@ def pixel(unit: str) -> float:
 def scaled(part: T, factor: float) -> T:
     """Return a frozen dataclass with its lengths, nested ones too, multiplied by ``factor``."""
     changes: dict[str, Any] = {}
-    for field in dataclasses.fields(part):  # type: ignore[arg-type]
-        value = getattr(part, field.name)
+    for own in dataclasses.fields(part):  # type: ignore[arg-type]
+        value = getattr(part, own.name)
         if dataclasses.is_dataclass(value):
-            changes[field.name] = scaled(value, factor)
+            changes[own.name] = scaled(value, factor)
         elif value is not None and (power := field.metadata.get("length")):
-            changes[field.name] = _times(value, power, factor)
+            changes[own.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]
 
 
