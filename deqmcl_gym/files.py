@@ -1,8 +1,25 @@
-"""A file written whole or not at all."""
+"""Files: untrusted ones read, own ones written.
 
+Reading never blocks, sizes are limited, contents are checked. A file is written whole or not at
+all.
+"""
+
+import errno
+import gzip
+import io
+import json
 import os
+import re
+import shlex
+import stat
 import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NoReturn
+
+from deqmcl_gym.validation import InputError
 
 PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves
 
@@ -23,3 +40,243 @@ def write_bytes(path: Path, content: bytes) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)  # for a full disk, Python names no file
         raise
+
+
+MOST_BYTES = 2**26  # far above any file of ours
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+class UnreadableError(ValueError):
+    """Why a file cannot be used: the rest of a sentence that begins with its name."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[io.BufferedReader]:
+    """Open a regular file, without waiting for a pipe.
+
+    Raises:
+        FileNotFoundError: it does not exist.
+        UnreadableError: it is not a regular file, or cannot be read.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise UnreadableError(f"cannot be read ({error.strerror})") from None
+    except ValueError:  # a name with a null character
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from None
+    kind = stat.S_IFMT(os.fstat(handle).st_mode)
+    if kind != stat.S_IFREG:
+        os.close(handle)
+        raise UnreadableError(f"is {_KINDS.get(kind, 'no file')}")
+    with os.fdopen(handle, "rb") as file:
+        yield file
+
+
+def content_of(path: Path) -> bytes:
+    """Return the bytes of a regular file of at most ``MOST_BYTES``.
+
+    Raises:
+        FileNotFoundError: it does not exist.
+        UnreadableError: it is not a regular file, is too large, or cannot be read.
+    """
+    with opened(path) as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise UnreadableError(f"is larger than {MOST_BYTES:,} bytes, the most that is read")
+    return content
+
+
+def json_of(content: bytes) -> dict[str, Any]:
+    """Return the JSON object in a file's content.
+
+    Raises:
+        UnreadableError: the content is anything else.
+    """
+    try:
+        value = json.loads(content.decode(), parse_constant=_refuse_constant)
+    except UnreadableError:
+        raise
+    except UnicodeDecodeError:
+        raise UnreadableError("cannot be read (it is not UTF-8)") from None
+    except ValueError:
+        raise UnreadableError("is truncated, or not JSON") from None
+    except RecursionError:
+        raise UnreadableError("is nested too deeply") from None
+    if not isinstance(value, dict):
+        raise UnreadableError("is not a JSON object")
+    return value
+
+
+def misfit(value: Any, shape: Any, at: str = "") -> str | None:
+    """Describe where a JSON value differs from a shape; None if it fits.
+
+    Args:
+        value: read from JSON.
+        shape: a type; a tuple of alternative shapes; [shape] for a list of such items; {str: shape}
+            for a table with any keys; {"key": shape, …} for one with at least these keys.
+        at: path of the value, for the description.
+    """
+    if isinstance(shape, tuple):
+        return None if any(misfit(value, one) is None for one in shape) else _unlike(value, at)
+    if isinstance(shape, type):
+        right = isinstance(value, int | float if shape is float else shape)
+        return None if right and isinstance(value, bool) == (shape is bool) else _unlike(value, at)
+    inner: list[tuple[Any, Any]]
+    if isinstance(shape, list) and isinstance(value, list):
+        inner = [(index, shape[0]) for index in range(len(value))]
+    elif isinstance(shape, dict) and isinstance(value, dict):
+        keys = dict.fromkeys(value, shape[str]) if str in shape else shape
+        if lacking := [key for key in keys if key not in value]:
+            return f"has no {at}{'.' * bool(at)}{lacking[0]}"
+        inner = list(keys.items())
+    else:
+        return _unlike(value, at)
+    found = (misfit(value[key], one, f"{at}{'.' * bool(at)}{key}") for key, one in inner)
+    return next(filter(None, found), None)
+
+
+def _unlike(value: Any, at: str) -> str:
+    words = repr(value)
+    shown = words if len(words) <= 60 else f"{words[:57]}…"
+    return f"has {shown} at {at}" if at else f"is {shown}"
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise UnreadableError(f"contains {name}, which is not a number")
+
+
+def save(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all; compressed if its name ends in .gz.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    packed = path.suffix.lower() == ".gz"
+    try:
+        write_bytes(path, gzip.compress(content, mtime=0) if packed else content)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}): give another path."
+        ) from None
+
+
+_GZIP = b"\x1f\x8b"
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file, decompressed if it is gzip.
+
+    Bytes that are not UTF-8 become U+FFFD, so that they damage their line only.
+
+    Raises:
+        InputError: the file is missing, cannot be read, is damaged gzip, or is binary.
+    """
+    with opened_log(path) as file:
+        packed = file.read()
+    if packed[:2] == _GZIP:
+        try:
+            packed = gzip.decompress(packed)
+        except (EOFError, zlib.error, OSError) as error:
+            raise InputError(
+                f"{path} is a truncated or damaged gzip file ({error}): fetch it again."
+            ) from None
+    if packed[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return packed.decode("utf-16", errors="replace")
+    if b"\0" in packed[:4096]:
+        raise InputError(
+            f"{path} is a binary file, but must be text: check the ending of its name."
+        )
+    return packed.decode("utf-8-sig", errors="replace")
+
+
+@contextmanager
+def opened_log(path: Path) -> Iterator[io.BufferedReader]:
+    """Open a file.
+
+    Raises:
+        InputError: it is missing, not a regular file, or cannot be read.
+    """
+    try:
+        with opened(path) as file:
+            yield file
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: give the path of a file.") from None
+    except UnreadableError as error:
+        raise InputError(f"{path} {error}: give another file.") from None
+
+
+def numbers_of(words: list[str]) -> list[float]:
+    """Return words as numbers, NaN and inf among them.
+
+    Raises:
+        ValueError: one is not a number. "1_000", which Python takes, is refused too.
+    """
+    if any("_" in word for word in words):
+        raise ValueError("an underscore")
+    return [float(word) for word in words]
+
+
+_TEMPORARY = re.compile(f"{re.escape(PREFIX)}[a-z0-9_]{{8}}{re.escape(SUFFIX)}")
+
+
+def writable_folder(path: Path) -> Path:
+    """Make a folder if it is missing.
+
+    Raises:
+        InputError: it is a file, or cannot be written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(
+            f"the output folder {path} is a file, or is inside one: give a folder."
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"the output folder {path} cannot be written to ({error.strerror}): give another one."
+        ) from None
+    return path
+
+
+def is_temporary(path: Path) -> bool:
+    """Whether a file is what an interrupted write of ours has left."""
+    return _TEMPORARY.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
+
+
+def utf8(text: str) -> bytes:
+    r"""Encode a text; a byte of a file name that is no UTF-8 as ``\udc…``."""
+    return text.encode(errors="backslashreplace")
+
+
+def command_line(words: Sequence[str]) -> str:
+    r"""Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\xe9'``."""
+    return " ".join(
+        shlex.quote(word) if word.isprintable() else f"$'{_escaped(word)}'" for word in words
+    )
+
+
+def _escaped(word: str) -> str:
+    quoted = word.replace("\\", "\\\\").replace("'", "\\'")
+    return "".join(c if c.isprintable() else _bytes_of(c) for c in quoted)
+
+
+def _bytes_of(character: str) -> str:
+    of_file_name = "\udc80" <= character <= "\udcff"
+    content = character.encode(errors="surrogateescape" if of_file_name else "replace")
+    return "".join(f"\\x{byte:02x}" for byte in content)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    write_bytes(path, text.encode())

@@ -6,8 +6,7 @@ world. Plug-ins need no base class: see ``Localizer``. ``resolve`` documents how
 """
 
 from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of
-from localizers.beliefs import PointsBelief, PoseBelief
-from localizers.clusters import Cluster, best_cluster
+from localizers.beliefs import Cluster, PointsBelief, PoseBelief, best_cluster
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion

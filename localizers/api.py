@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.maps.units import LENGTH, pixel
+from deqmcl_gym.maps.map import LENGTH, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, array, number
 from localizers.inference.parts import Motion
-from localizers.models import scan_kernels
+from localizers.models import scan as scan_kernels
 from localizers.models.beams import BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion, increments
 from localizers.models.nav2_motion import unknown_motion

@@ -1,11 +1,62 @@
-"""Ready-made beliefs for plug-ins."""
+"""Ready-made beliefs for plug-ins, and a belief's best cluster: its most likely single place."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, array, digits
-from localizers.api import Points
+from localizers.api import Points, mean_pose
+
+CELL = 50.0  # px: 1 m
+SECTORS = 12  # of 30°
+_COUNTED = 2**20  # cells whose weights are counted in one table
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Neighbouring points of a belief.
+
+    Attributes:
+        mean: their mean pose (x, y, θ rad).
+        share: their share of the belief's weight.
+    """
+
+    mean: tuple[float, float, float]
+    share: float
+
+
+def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
+    """Return the points in the heaviest cell, 1 m × 1 m × 30°, and in the 26 around it.
+
+    The mean of two distant places is neither, so every method is scored by this rule as well. Of
+    equally heavy cells the first in the order of x, y, heading is taken.
+
+    Args:
+        poses: (n, 3).
+        weights: (n,), with sum 1.
+        unit: of the map, "px" or "m"; 1 m is 50 px.
+    """
+    at = np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
+    metre = CELL * pixel(unit)
+    column, row = np.floor(at[0] / metre), np.floor(at[1] / metre)  # whole, as float64
+    turned = (arrays.wrapped(at[2]) + np.pi) * (SECTORS / (2 * np.pi))
+    sector = np.floor(turned).astype(np.int64) % SECTORS
+    column -= column.min()
+    row -= row.min()
+    if (column.max() + 1) * (row.max() + 1) * SECTORS <= _COUNTED:
+        number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
+    else:  # too far apart for a table, as points of a plug-in may be
+        cells = np.stack([column, row, sector])
+        number = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
+    heaviest = (number == np.bincount(number, weights).argmax()).argmax()
+    apart = (sector - sector[heaviest] + 1) % SECTORS
+    near = (abs(column - column[heaviest]) <= 1) & (abs(row - row[heaviest]) <= 1) & (apart <= 2)
+    share = float(weights[near].sum())
+    return Cluster(mean_pose(at[:, near].T, weights[near] / share), share)
 
 
 class PointsBelief:

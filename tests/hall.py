@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import GridMap
 

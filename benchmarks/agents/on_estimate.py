@@ -5,11 +5,9 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.types import Reals
-from deqmcl_gym.world.config import Driver
-from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.config import WORLDS, Driver
+from deqmcl_gym.world.course import Course, Pose
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.path import Pose
-from deqmcl_gym.world.presets import WORLDS
 from localizers import Belief, RobotModel, mean_pose
 
 _HORIZON = 40  # actions planned

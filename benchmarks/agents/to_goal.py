@@ -5,14 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.course import Course, Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.journey import Journeys
-from deqmcl_gym.world.path import Point, Pose
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster
 
 _HORIZON = 100  # actions planned

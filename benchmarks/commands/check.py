@@ -50,9 +50,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command, printing each law as it is tried; return the last lines."""
     del given
     from deqmcl_gym.maps import GridMap
-    from localizers.checks.drive import robot_on
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
+    from localizers.checks.subject import robot_on
     from localizers.naming.registry import complete
 
     name = complete(options.name)
@@ -83,8 +83,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 def _refuse_if_cells_are_needed(name: str, law: "Law", why: str, timeout: float) -> None:
     """Refuse a localizer that runs on a map of cells, but not in a room of polygons."""
     from deqmcl_gym.validation import InputError
-    from localizers.checks.drive import robot_on_cells
     from localizers.checks.run import examined
+    from localizers.checks.subject import robot_on_cells
 
     if law.name not in _BEFORE_ANY:
         return

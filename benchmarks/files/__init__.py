@@ -1,15 +1,18 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
 from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
-from benchmarks.files.writing import (
+from deqmcl_gym.files import (
+    UnreadableError,
     command_line,
+    content_of,
     is_temporary,
+    json_of,
+    misfit,
     utf8,
     writable_folder,
+    write_bytes,
     write_text,
 )
-from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, misfit
 
 __all__ = [
     "UnreadableError",

@@ -13,9 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.files.lock import is_lock, writing
-from benchmarks.files.writing import is_temporary, writable_folder, write_text
-from deqmcl_gym.files import write_bytes
-from deqmcl_gym.reading import UnreadableError, content_of, json_of, misfit, opened
+from deqmcl_gym.files import (
+    UnreadableError,
+    content_of,
+    is_temporary,
+    json_of,
+    misfit,
+    opened,
+    writable_folder,
+    write_bytes,
+    write_text,
+)
 from deqmcl_gym.validation import InputError
 
 NAME = "written.json"

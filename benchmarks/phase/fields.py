@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
-from deqmcl_gym.world.path import Path
+from deqmcl_gym.world.course import Path
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
 from localizers import Belief

@@ -12,8 +12,7 @@ import numpy as np
 from benchmarks.setup.scenario import NOTHING, Scenario, grouped
 from benchmarks.setup.trial_env import TrialEnv
 from benchmarks.setup.world_files import file_digest, files_of
-from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.recorded import log_of
+from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import Map

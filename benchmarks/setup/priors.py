@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from benchmarks.setup.trial_env import TrialEnv
-from deqmcl_gym.maps.units import LENGTH, POSE
+from deqmcl_gym.maps.map import LENGTH, POSE
 from deqmcl_gym.validation import number, pose
 from localizers import GaussianPrior, Prior, UniformPrior
 

@@ -12,10 +12,9 @@ from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps.units import pixel, scaled
+from deqmcl_gym.maps.map import pixel, scaled
 from deqmcl_gym.validation import InputError, integer, one_of
-from deqmcl_gym.world.config import World
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, World
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion

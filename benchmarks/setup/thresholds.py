@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from deqmcl_gym.maps.units import LENGTH
+from deqmcl_gym.maps.map import LENGTH
 from deqmcl_gym.validation import integer, number
 
 

@@ -14,7 +14,7 @@ from benchmarks.speed.numpy_baseline import CasterMaker, segments, slabs
 from benchmarks.speed.timing import Job
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.world.paper_room import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 
 POSES = 20_000
 POSES_ONE_BY_ONE = 100  # for those who are asked for a pose at a time

@@ -9,7 +9,7 @@ from benchmarks.speed.figure import Figure, Published, Side
 from benchmarks.speed.lap import BEAMS, PLANNED, fan, free_poses, recorded_lap
 from benchmarks.speed.numpy_baseline import CasterMaker, mcl, segments, slabs
 from benchmarks.speed.timing import Job
-from deqmcl_gym.world.paper_room import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
 from localizers.models.scan import LidarScan
 

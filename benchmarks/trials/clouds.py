@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.trials import kernels
 from deqmcl_gym.maps import Map
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats, Ints, Reals
 from deqmcl_gym.validation import InputError, digits

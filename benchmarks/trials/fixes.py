@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deqmcl_gym.logs.motion import lengths_of
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 
 NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad

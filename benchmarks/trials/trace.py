@@ -16,7 +16,7 @@ from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.models.scan_kernels import count_usable
+from localizers.models.scan import count_usable
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present

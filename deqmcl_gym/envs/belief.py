@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from deqmcl_gym.envs.wrappers import room_of
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import LARGEST, InputError, shown

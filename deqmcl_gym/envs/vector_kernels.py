@@ -12,8 +12,7 @@ from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.path_kernels import follow
-from deqmcl_gym.world.task_kernels import judged
+from deqmcl_gym.world.path_kernels import follow, judged
 
 
 def sides(walls: Floats) -> Floats:
@@ -58,7 +57,7 @@ class Rules(NamedTuple):
         reach: a length that no drive can have without contact.
         edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
         length: of the path.
-        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.task_kernels``.
+        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.path_kernels``.
         most: number of steps of the plan.
         limit: largest number of steps of an episode.
     """
@@ -80,7 +79,7 @@ class Moved(NamedTuple):
     """The results of a step.
 
     Attributes:
-        rewards: see ``deqmcl_gym.world.task_kernels``, (n,).
+        rewards: see ``deqmcl_gym.world.path_kernels``, (n,).
         collided: whether a wall stopped the robot, (n,).
         terminated: whether the task is done, (n,).
         truncated: whether the plan is used up and the task not done, or the episode has reached its

@@ -5,9 +5,8 @@
 """
 
 from deqmcl_gym.logs.found import LogWarning
-from deqmcl_gym.logs.log import Log, Record
+from deqmcl_gym.logs.log import Log, Record, Scanner
 from deqmcl_gym.logs.reading import check_writable, read, write
-from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.trajectory import Trajectory, read_tum, referenced
 
 __all__ = [

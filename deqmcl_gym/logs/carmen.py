@@ -18,12 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.logs.files import save
+from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
-from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import composed, relative
-from deqmcl_gym.logs.scanner import Scanner
-from deqmcl_gym.logs.text import numbers_of, text_of
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, one_of

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.log import Log, said_of_skipped
-from deqmcl_gym.logs.scanner import Scanner
+from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import LARGEST, InputError
 

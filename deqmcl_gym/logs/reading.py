@@ -9,9 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 from deqmcl_gym.logs import carmen, ros, tables
-from deqmcl_gym.logs.log import Log
+from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.ros_writing import write_bag
-from deqmcl_gym.logs.scanner import Scanner
 from deqmcl_gym.logs.trajectory import Trajectory, referenced
 from deqmcl_gym.validation import InputError, array, number, shown
 

@@ -15,13 +15,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.logs.log import Log, Pose
-from deqmcl_gym.logs.ros import (
-    ODOMETRY,
-    REFERENCE_TOPIC,
-    SCAN,
-    UNIT_TOPIC,
-    require_rosbags,
-)
+from deqmcl_gym.logs.ros import ODOMETRY, REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
 from deqmcl_gym.validation import InputError
 
 _TRANSFORMS, _POSE, _WORDS = (

@@ -16,11 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.files import save
+from deqmcl_gym.files import numbers_of, opened_log, save, text_of
 from deqmcl_gym.logs.found import UNREADABLE, Found
-from deqmcl_gym.logs.log import Log
-from deqmcl_gym.logs.scanner import Scanner
-from deqmcl_gym.logs.text import numbers_of, opened_log, text_of
+from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")

@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.logs.files import save
+from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.found import (
     NOT_FINITE,
     UNREADABLE,
@@ -22,8 +22,7 @@ from deqmcl_gym.logs.found import (
 )
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
-from deqmcl_gym.logs.text import numbers_of, text_of
-from deqmcl_gym.maps.units import PIXELS
+from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, number, shown

@@ -6,8 +6,7 @@ the sensor. Needs only numpy and numba.
 """
 
 from deqmcl_gym.maps.grid_map import GridMap
-from deqmcl_gym.maps.lidar import Lidar
-from deqmcl_gym.maps.map import Box, Caster, Map, RollOuts
+from deqmcl_gym.maps.map import Box, Caster, Lidar, Map, RollOuts
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.maps.polygon_map import PolygonMap, driven
 from deqmcl_gym.maps.polygons import Polygon

@@ -5,6 +5,7 @@ Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
 
 import io
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,10 +13,42 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.files import write_bytes
+from deqmcl_gym.files import UnreadableError, content_of, write_bytes
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.reading import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, number, one_of, pose
+
+_DEEPEST = 20  # a map's file has 2 levels
+
+
+def yaml_of(content: bytes) -> Any:
+    """Return the content of a YAML file.
+
+    Raises:
+        UnreadableError: it is not YAML, or breaks one of these rules.
+    """
+    import yaml
+
+    try:
+        text = content.decode("utf-8-sig")
+        depth = 0
+        for event in yaml.parse(text):
+            if isinstance(event, yaml.AliasEvent):
+                raise UnreadableError("has an alias, which no map needs")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:
+                raise UnreadableError("is nested too deeply")
+        node = yaml.compose(text)
+        if isinstance(node, yaml.MappingNode):
+            for key, count in Counter(key.value for key, _ in node.value).items():
+                if count > 1:
+                    raise UnreadableError(f"has the key {key!r} twice")
+        return yaml.safe_load(text)
+    except UnreadableError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
+        raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
+
 
 T = TypeVar("T")
 Occupancy = NDArray[np.int8]
@@ -108,8 +141,6 @@ def _path(given: Any) -> Path:
 
 def _document(path: Path) -> dict[str, Any]:
     """Read a yaml file; its values are checked."""
-    from deqmcl_gym.maps.map_yaml import yaml_of
-
     try:
         given = yaml_of(content_of(path))
     except FileNotFoundError:

@@ -10,18 +10,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import (
-    contact_kernels,
-    disc_kernels,
-    grid_file,
-    grid_kernels,
-    grid_walls,
-    stride_kernels,
-)
+from deqmcl_gym.maps import contact_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, Point
-from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.map import Box, Point, check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
@@ -200,14 +192,14 @@ class GridMap:
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = float(radius)
-        disc_kernels.roll_out(poses, moves, self._reach, self._frame, size, hits, paths)
+        grid_kernels.roll_out(poses, moves, self._reach, self._frame, size, hits, paths)
         return paths, hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``RollOuts.collisions_along``."""
         check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
-        disc_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
+        grid_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
         return hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
@@ -249,7 +241,7 @@ class GridMap:
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
-        disc_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
+        grid_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
 
     def _check_resolved(self) -> None:

@@ -1,10 +1,24 @@
-"""Map: the interface of a floor plan, of polygons or of cells."""
+"""The ground under both packages: the interface of a map, units of length, the lidar's geometry.
 
-from typing import Protocol, runtime_checkable
+Constant lengths in the code are in pixels of the paper's room, where the robot has a radius of 8,
+and are multiplied by ``pixel(unit)`` where they are used. In metres, a pixel is 2 cm: the same
+robot has a radius of 16 cm.
+"""
 
-from numpy.typing import ArrayLike
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps.drive_kernels import mounted
+from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Point = tuple[float, float]
@@ -135,3 +149,145 @@ class RollOuts(Protocol):
             (n,).
         """
         ...
+
+
+T = TypeVar("T")
+
+PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
+
+# metadata of dataclass fields that are lengths, or numbers per length
+LENGTH: Mapping[str, int] = MappingProxyType({"length": 1})  # also for all numbers in a tuple
+PER_LENGTH: Mapping[str, int] = MappingProxyType({"length": -1})
+SQUARE: Mapping[str, int] = MappingProxyType({"length": 2})
+PER_SQUARE: Mapping[str, int] = MappingProxyType({"length": -2})
+POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
+
+
+def pixel(unit: str) -> float:
+    """Return the length of a pixel of the paper's room in a unit.
+
+    Raises:
+        InputError: the unit is unknown.
+    """
+    return PIXELS[one_of("unit of length", unit, PIXELS)]
+
+
+def scaled(part: T, factor: float) -> T:
+    """Return a frozen dataclass with its lengths, nested ones too, multiplied by ``factor``."""
+    changes: dict[str, Any] = {}
+    for own in dataclasses.fields(part):  # type: ignore[arg-type]
+        value = getattr(part, own.name)
+        if dataclasses.is_dataclass(value):
+            changes[own.name] = scaled(value, factor)
+        elif value is not None and (power := field.metadata.get("length")):
+            changes[own.name] = _times(value, power, factor)
+    return dataclasses.replace(part, **changes)  # type: ignore[type-var]
+
+
+def _times(value: Any, power: Any, factor: float) -> Any:
+    if isinstance(value, tuple):
+        powers = power if isinstance(power, tuple) else (power,) * len(value)
+        return tuple(_times(one, p, factor) for one, p in zip(value, powers, strict=True))
+    for _ in range(abs(power)):
+        value = value * factor if power > 0 else value / factor
+    return value
+
+
+def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
+    """Return ``rows`` as an array (n, ``columns`` or more), else refuse it; NaN may be in it."""
+    given = np.asarray(rows)
+    if given.ndim != 2 or given.shape[1] < columns:
+        raise InputError(
+            f"{what} have shape {given.shape}, but must have shape (n, {columns}): a row for each."
+        )
+    return given
+
+
+def check_pairs(starts: NDArray[Any], ends: NDArray[Any]) -> None:
+    """Refuse unequal numbers of starts (2, n) and ends (2, n)."""
+    if starts.shape[1] != ends.shape[1]:
+        raise InputError(
+            f"there are {starts.shape[1]} starts and {ends.shape[1]} ends: give as many of both."
+        )
+
+
+def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
+    """Refuse moves that are not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
+    steps = len(moves)
+    fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
+    if not fits or steps == 0 or kept not in (1, steps):
+        raise InputError(
+            f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
+            "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
+        )
+
+
+def check_path(poses: NDArray[Any], path: NDArray[Any]) -> None:
+    """Refuse poses that are not (3, n), or a path that is not (k + 1, 2), k ≥ 1."""
+    if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
+        raise InputError(
+            f"poses have shape {poses.shape} and the path {path.shape}, but they must be (3, n) "
+            "and (k + 1, 2) with k ≥ 1."
+        )
+
+
+CENTRE = (0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lidar:
+    """A fan of range beams, centred on the robot's heading. Lengths are in the map's unit.
+
+    The defaults are the paper preset's, in px.
+
+    Attributes:
+        beams: number of beams, 1 or more. One beam looks straight ahead.
+        field_of_view: angle between the outermost beams, in (0, 2π] rad. At 2π the beams are
+            spread evenly, with only one at the back.
+        max_range: largest range reported.
+        sigma: standard deviation of the range noise; added before clipping to [0, max_range].
+        mounting: place on the robot from which the rays start, x ahead and y left of its centre.
+    """
+
+    beams: int = 1
+    field_of_view: float = math.pi / 2
+    max_range: float = field(default=400.0, metadata=LENGTH)
+    sigma: float = field(default=100.0, metadata=LENGTH)
+    mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        integer("lidar.beams", self.beams, low=1, high=100_000)
+        number("lidar.field_of_view", self.field_of_view, low=0, high=2 * math.pi, above=True)
+        number("lidar.max_range", self.max_range, low=0, above=True)
+        number("lidar.sigma", self.sigma, low=0)
+        ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
+        object.__setattr__(self, "mounting", (ahead, aside))
+        keep_plain(self)
+
+    @property
+    def bearings(self) -> Floats:
+        """Angles of the beams against the heading, counterclockwise, (beams,) rad, ascending."""
+        if self.beams == 1:
+            return np.zeros(1)
+        half = self.field_of_view / 2
+        full_circle = self.field_of_view > 2 * math.pi - 1e-9
+        return np.linspace(-half, half, self.beams, endpoint=not full_circle)
+
+    def origins(self, poses: NDArray[Any]) -> NDArray[Any]:
+        """Return the poses that the rays of robots at ``poses`` (3, n) start from, (3, n) float32.
+
+        Rows x, y, θ; the poses themselves if the lidar is in the robot's centre.
+        """
+        if self.mounting == CENTRE:
+            return poses
+        out = np.empty(poses.shape, np.float32)
+        mounted(np.ascontiguousarray(poses, np.float32), *self.mounting, out)
+        return out
+
+    def origin(self, pose: ArrayLike) -> Floats:
+        """Return the pose that the rays of a robot at ``pose`` (x, y, θ) start from, (3,)."""
+        x, y, heading = np.asarray(pose, dtype=np.float64).tolist()
+        ahead, aside = self.mounting
+        cosine, sine = cos64(heading), sin64(heading)
+        at = (x + (ahead * cosine - aside * sine), y + (ahead * sine + aside * cosine), heading)
+        return np.array(at)

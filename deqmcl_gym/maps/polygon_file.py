@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from deqmcl_gym.files import UnreadableError, content_of, json_of
 from deqmcl_gym.maps.polygon_map import PolygonMap
-from deqmcl_gym.reading import UnreadableError, content_of, json_of
 from deqmcl_gym.validation import InputError, one_of
 
 KEYS = ("outer", "obstacles", "unit")

@@ -7,14 +7,21 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import grid_walls, kernels, laid_kernels
+from deqmcl_gym.maps import drive_kernels, grid_walls
 from deqmcl_gym.maps.casting import caster_of
-from deqmcl_gym.maps.clearance import clearance_of
+from deqmcl_gym.maps.drive_kernels import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
-from deqmcl_gym.maps.map import Box, Caster, Point
+from deqmcl_gym.maps.map import (
+    Box,
+    Caster,
+    Point,
+    check_moves,
+    check_pairs,
+    check_path,
+    pixel,
+    table,
+)
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
-from deqmcl_gym.maps.shapes import check_moves, check_pairs, check_path, table
-from deqmcl_gym.maps.units import pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number, shown
 
@@ -113,7 +120,9 @@ class PolygonMap:
         before, after = self._rows("starts", starts, 2), self._rows("ends", ends, 2)
         check_pairs(before, after)
         clear = np.empty(after.shape[1], np.bool_)
-        kernels.feasible(before, after, self._walls32, np.float32(radius), self._clearance, clear)
+        drive_kernels.feasible(
+            before, after, self._walls32, np.float32(radius), self._clearance, clear
+        )
         return ~clear
 
     def rolled_out(
@@ -125,7 +134,7 @@ class PolygonMap:
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         local = _moved(poses, self.datum)
-        kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
+        drive_kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
         return _moved(paths, self.datum, -1), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
@@ -133,7 +142,7 @@ class PolygonMap:
         check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
-        laid_kernels.collisions(
+        drive_kernels.collisions(
             _moved(poses, self.datum), path, self._walls32, size, self._clearance, hits
         )
         return hits
@@ -144,10 +153,10 @@ class PolygonMap:
         free = np.empty(centres.shape[1], np.bool_)
         if radius == 0.0:
             windings = np.empty(centres.shape[1], np.int32)
-            kernels.wind(centres, self._walls32, windings)
+            drive_kernels.wind(centres, self._walls32, windings)
             np.equal(windings, 1, out=free)
         else:
-            kernels.feasible(
+            drive_kernels.feasible(
                 centres, centres, self._walls32, np.float32(radius), self._clearance, free
             )
         return free
@@ -156,7 +165,7 @@ class PolygonMap:
         """See ``Map.distance``."""
         centres = self._rows("points", points, 2)
         square = np.empty(centres.shape[1], np.float32)
-        kernels.sweep(centres, centres, self._walls32, square)
+        drive_kernels.sweep(centres, centres, self._walls32, square)
         return np.sqrt(square)
 
     @cached_property
@@ -226,7 +235,7 @@ def driven(poses: Singles, moves: Singles) -> Singles:
             f"poses have shape {poses.shape} and moves {moves.shape}, but both must be (3, n)."
         )
     out = np.empty_like(poses)
-    kernels.drive(poses, moves, out)
+    drive_kernels.drive(poses, moves, out)
     return out
 
 

@@ -22,8 +22,8 @@ _ROOT = Path(__file__).parents[2]
 _KERNELS = sorted(
     path
     for package in ("deqmcl_gym", "localizers", "benchmarks")
-    for pattern in ("*kernels.py", "elementary.py")
-    for path in (_ROOT / package).rglob(pattern)
+    for path in (_ROOT / package).rglob("*.py")
+    if b"@compiled" in path.read_bytes()
 )
 _SHARED = hashlib.sha256(b"".join(path.read_bytes() for path in _KERNELS)).hexdigest()[:8]
 

@@ -1,20 +1,68 @@
-"""The parts of a world that can be configured, as frozen dataclasses.
+"""The parts of a world that can be configured, as frozen dataclasses, and the named worlds.
 
-Lengths are in the map's unit, angles in rad. The defaults are those of the paper's room, in px.
+Lengths are in the map's unit, angles in rad. The defaults are those of the paper's room, in px: 350
+× 300 with a solid inner rectangle. The paper publishes only the room; see docs/equations.md for the
+other choices. What filters assume about a world is part of a benchmark's scenario.
 """
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.maps.units import LENGTH, PER_LENGTH, POSE, pixel, scaled
-from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose
-from deqmcl_gym.world.floor_plans import floor_plan_of
+from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_file
+from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
+from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
+
+
+def floor_plan_of(given: Any) -> Map:
+    """Return the map that is given; see ``World.changed`` for how it may be.
+
+    Raises:
+        InputError: it is given in no such way, or its file cannot be read.
+    """
+    if isinstance(given, PolygonMap | GridMap):
+        return given
+    if isinstance(given, Office):
+        return given.grid
+    if isinstance(given, str | os.PathLike):
+        return _read({"file": given})
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"floor_plan is {shown(given)}, but must be a map, the path of a map's file, or a "
+            f"mapping of {', '.join(polygon_file.KEYS)}, of file and unknown, or of office and "
+            "form."
+        )
+    if "office" in given:
+        return _office(given)
+    if "file" in given:
+        return _read(given)
+    return polygon_file.of_mapping(given)
+
+
+def _read(given: Mapping[str, Any]) -> Map:
+    """Return the map in a file: a yaml of ROS, or polygons as JSON."""
+    path = given["file"]
+    polygons = str(path).endswith(".json")
+    for key in given:
+        one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
+    if polygons:
+        return polygon_file.read(path)
+    return GridMap.load(path, given.get("unknown", "obstacle"))
+
+
+def _office(given: Mapping[str, Any]) -> Map:
+    for key in given:
+        one_of("key in floor_plan", key, ("office", "form"))
+    office: Office = part("floor_plan.office", Office, given["office"], Office())
+    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
+    return office.grid if form == "grid" else office.polygons
+
 
 SKIN = 1e-3  # px
 
@@ -275,3 +323,30 @@ def _optional(name: str, given: Any, default: Any) -> Any:
         f"{name} is {given!r}, but must be a {type(default).__name__}, a mapping of changes to it, "
         f'or "none" for no {name}.'
     )
+
+
+PAPER_ROOM = PolygonMap(
+    outer=((0, 0), (350, 0), (350, 300), (0, 300)),
+    obstacles=(((100, 100), (250, 100), (250, 200), (100, 200)),),
+)
+
+
+WORLDS = MappingProxyType(
+    {
+        # one noisy beam ahead, little motion noise, exact start
+        "paper": World(floor_plan=PAPER_ROOM),
+        # the same, but the start is drawn from the filter's prior
+        "matched": World(floor_plan=PAPER_ROOM, start=Start(sd_position=10.0, sd_heading=0.1)),
+        # a sharp fan of nine beams
+        "sharp": World(
+            floor_plan=PAPER_ROOM, lidar=Lidar(beams=9, field_of_view=math.pi / 2, sigma=5.0)
+        ),
+        # strong motion noise, and a driver that corrects for it from the true pose
+        "guided": World(
+            floor_plan=PAPER_ROOM,
+            noise=MotionNoise(drive=0.2, turn=0.2, drift=0.02),
+            start=Start(sd_position=5.0, sd_heading=0.05),
+            driver=Driver(),
+        ),
+    }
+)

@@ -1,21 +1,122 @@
-"""The plan of a driver that knows the true pose: new at every step."""
+"""Plans, the next actions in a window of fixed size: fixed, or of a driver that sees the robot."""
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
-from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.path import Path, Pose
-from deqmcl_gym.world.path_kernels import roll_out
-from deqmcl_gym.world.plan import Actions, FixedPlan, Underway
-from deqmcl_gym.world.task_kernels import once_round
+from deqmcl_gym.world.course import MAX_STEPS, Course, Path, Pose
+from deqmcl_gym.world.path_kernels import once_round, roll_out
+
+Actions = Singles
+
+
+class Underway(Protocol):
+    """The state of an episode that a plan depends on."""
+
+    @property
+    def step(self) -> int:
+        """Steps carried out."""
+        ...
+
+    @property
+    def pose(self) -> Pose:
+        """The true pose (x, y, θ)."""
+        ...
+
+    @property
+    def arc(self) -> float:
+        """Arc length at which the robot is on the path."""
+        ...
+
+    @property
+    def way(self) -> float:
+        """Distance along the path since reset; the shorter way round if the robot was carried."""
+        ...
+
+
+class Plan(Protocol):
+    """The interface of plans: the next actions at any step of an episode."""
+
+    @property
+    def horizon(self) -> int:
+        """h, actions shown ahead."""
+        ...
+
+    @property
+    def limit(self) -> int:
+        """The most steps of an episode."""
+        ...
+
+    @property
+    def actions(self) -> Actions:
+        """All actions from the expected start, (T, 2) float32: distance, turn."""
+        ...
+
+    def after(self, underway: Underway) -> tuple[Actions, int]:
+        """Return the next h actions, zero-padded, and their number; 0 ends the episode.
+
+        The array (h, 2) is fresh.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class FixedPlan:
+    """A plan made beforehand, which does not depend on what happens.
+
+    Attributes:
+        actions: (distance, turn), (T, 2) float32; action t is that of step t + 1 after ``begun``.
+        horizon: h, actions shown ahead.
+        begun: step of the episode after which it begins.
+    """
+
+    actions: Actions
+    horizon: int
+    begun: int = 0
+
+    @property
+    def limit(self) -> int:
+        """The last step."""
+        return self.begun + len(self.actions)
+
+    def after(self, underway: Underway) -> tuple[Actions, int]:
+        """Return the next h actions, wherever the robot is; see ``Plan.after``."""
+        step = underway.step - self.begun
+        end = step + self.horizon
+        return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
+
+    def after_each(self, steps: Indices) -> tuple[Actions, Indices]:
+        """Return the results of :meth:`after` for each of ``steps`` (n,): (n, h, 2) and (n,)."""
+        return self._windows[steps], self._counts[steps]
+
+    def replaced(self, step: int, actions: Actions) -> "FixedPlan":
+        """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
+        kept = self.actions[: step - self.begun]
+        return FixedPlan(np.vstack([kept, actions]), self.horizon, self.begun)
+
+    @cached_property
+    def _padded(self) -> Actions:
+        return np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
+
+    @cached_property
+    def _windows(self) -> Actions:
+        """Row t has the actions after step t, (T + 1, h, 2); a view."""
+        windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
+        return windows.transpose(0, 2, 1)
+
+    @cached_property
+    def _counts(self) -> Indices:
+        """Number of actions in row t of the windows, (T + 1,)."""
+        return np.minimum(self.horizon, np.arange(len(self.actions), -1, -1))
+
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
 _NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route

@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from deqmcl_gym.world.course import Pose, wrapped
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.path import Pose, wrapped
+from deqmcl_gym.world.path_kernels import judged
 from deqmcl_gym.world.physics import Contacts, Physics
-from deqmcl_gym.world.sensor import LidarSensor
+from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
 from deqmcl_gym.world.setting import Setting
-from deqmcl_gym.world.streams import Stream, episode_stream
-from deqmcl_gym.world.task_kernels import judged
 
 
 class Episode:

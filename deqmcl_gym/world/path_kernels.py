@@ -1,4 +1,4 @@
-"""The compiled geometry of a path, and of driving along it, in float64.
+"""The compiled geometry of a path, of driving along it, and of the task on it, in float64.
 
 A path is given by its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
 period: its length if it is closed, else ∞.
@@ -126,3 +126,42 @@ def _point_at(arc: float, edges: Floats) -> tuple[float, float]:
         edge -= 1
     share = (arc - edges[edge, 5]) / edges[edge, 4]
     return edges[edge, 0] + share * edges[edge, 2], edges[edge, 1] + share * edges[edge, 3]
+
+
+GOAL_BONUS = 100.0  # px of progress
+COLLISION_PENALTY = 10.0  # px of progress
+
+
+def once_round(length: float, radius: float) -> float:
+    """Return the progress at which a robot, once round, touches the line that it started from.
+
+    At least half the lap, however large the robot is.
+
+    Args:
+        length: of the lap.
+        radius: of the robot.
+    """
+    return length - min(length / 2, radius)
+
+
+@compiled
+def judged(
+    gained: float, progress: float, collided: bool, goal: float, bonus: float, penalty: float
+) -> tuple[float, bool]:
+    """Return the reward of a step, and whether the task is done.
+
+    Progress beyond the goal does not count: the return of an episode is goal + bonus if it reaches
+    the goal without contact, and less otherwise.
+
+    Args:
+        gained: progress of the step.
+        progress: since reset, the step included.
+        collided: whether a wall stopped the robot.
+        goal: progress at which the task is done; inf if it never is.
+        bonus: reward for being done.
+        penalty: for a contact.
+    """
+    reward = gained - penalty * collided
+    if progress < goal:
+        return reward, False
+    return reward - (progress - goal) + bonus, True

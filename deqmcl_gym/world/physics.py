@@ -11,7 +11,7 @@ from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.path import Point
+from deqmcl_gym.world.course import Point
 
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 

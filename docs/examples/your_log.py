@@ -15,7 +15,7 @@ import numpy as np
 
 import localizers
 from deqmcl_gym import GridMap, logs
-from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.wrappers import RecordLog
 
 folder = Path(tempfile.mkdtemp())
 cells = np.zeros((120, 180), np.int8)

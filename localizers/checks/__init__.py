@@ -3,11 +3,10 @@
 The command ``deqmcl check NAME`` prints the same; ``parametrize_with_laws`` makes it pytest tests.
 """
 
-from localizers.checks.laws import LAWS, Law
+from localizers.checks.laws import LAWS, Law, Verdict
 from localizers.checks.pytest_laws import parametrize_with_laws
 from localizers.checks.run import Report, check_localizer
 from localizers.checks.subject import LawBrokenError, LawSkippedError
-from localizers.checks.trying import Verdict
 
 __all__ = [
     "LAWS",

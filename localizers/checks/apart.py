@@ -8,10 +8,9 @@ from typing import Any
 
 from deqmcl_gym.validation import InputError, in_words, number
 from localizers.api import RobotModel
-from localizers.checks.laws import LAWS, Law
+from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
 from localizers.checks.spawned import Spawned
 from localizers.checks.subject import LawBrokenError
-from localizers.checks.trying import Here, Verdict, subject_of
 from localizers.naming.isolation import enter
 
 

@@ -6,8 +6,7 @@ from typing import Any, Protocol
 
 from localizers.api import RobotModel
 from localizers.checks.apart import Apart
-from localizers.checks.laws import LAWS, Law
-from localizers.checks.trying import Here, Verdict, subject_of
+from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
 from localizers.naming.registry import Factory, is_plug_in
 
 

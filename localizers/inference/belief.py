@@ -9,12 +9,12 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from localizers.inference import kernels
+from localizers.inference import weight_kernels
 from localizers.inference.adaptive import Watch
 from localizers.inference.parts import Actions, LogWeights, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
-from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+from localizers.inference.weight_kernels import effective_sample_size, log_sum_exp, normalized
 
 _EVIDENCE_PARTICLES = 256
 
@@ -202,7 +202,7 @@ class ParticleBelief(_Cloud):
         model alone until some particle explains the evidence.
         """
         total = np.empty(self.log_weights.size)
-        if math.isfinite(kernels.shifted(self.log_weights, log_factor, total)):
+        if math.isfinite(weight_kernels.shifted(self.log_weights, log_factor, total)):
             return self._replace(log_weights=total)
         return self._collapsed()
 
@@ -234,7 +234,9 @@ class ParticleBelief(_Cloud):
         as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
-        top, evidence = kernels.absorbed(self.log_weights, log_likelihood, most, power, total)
+        top, evidence = weight_kernels.absorbed(
+            self.log_weights, log_likelihood, most, power, total
+        )
         trust = None if self.trust is None else self.trust.after(ranges, evidence)
         belief = self if math.isfinite(top) else self._collapsed()
         weights = total if math.isfinite(top) else self.log_weights

@@ -1,8 +1,9 @@
-"""p(x_t | x_{t-1}, a_t) from cell to cell of a pose grid: turn, then drive along the new heading.
+"""Markov localization on a grid of (θ, y, x) cells, (H, Y, X): p(x_t | x_{t-1}, a_t) and its loops.
 
-Mass moves by the noise's density, shared out linearly between the cells around where it lands.
-That keeps its mean exactly. It adds up to a quarter of a cell² of variance per axis and step, the
-numerical diffusion of the grid: halve the cell to see how much it is.
+A cell's mass turns, then drives along the new heading. It moves by the noise's density, shared out
+linearly between the cells around where it lands. That keeps its mean exactly. It adds up to a
+quarter of a cell² of variance per axis and step, the numerical diffusion of the grid: halve the
+cell to see how much it is.
 """
 
 import math
@@ -11,11 +12,82 @@ from dataclasses import dataclass
 import numpy as np
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.exponential_kernels import exp64, log64
 from deqmcl_gym.numerics.types import Floats
-from localizers.inference import grid_kernels
+from localizers.models.beams import normal_pdf
+from localizers.models.lookahead_grid import PoseGrid
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
-from localizers.models.normal import normal_pdf
-from localizers.models.pose_grid import PoseGrid
+
+NOTHING = 1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower
+
+
+@compiled
+def turn(mass: Floats, shares: Floats, out: Floats) -> None:
+    """out[h] = Σ_k shares[k] mass[h - k]: circular convolution over the headings."""
+    headings = mass.shape[0]
+    for h in range(headings):
+        goal = out[h].reshape(-1)
+        goal[:] = 0.0
+        for k in range(headings):
+            share = shares[k]
+            if share > 0.0:
+                source = mass[(h - k) % headings].reshape(-1)
+                for i in range(goal.size):
+                    goal[i] += share * source[i]
+
+
+@compiled
+def shift(mass: Floats, stencils: Floats, low_row: int, low_column: int, out: Floats) -> None:
+    """out[h, y + j, x + i] = Σ stencils[h, j, i] mass[h, y, x]; what leaves the grid is lost.
+
+    Args:
+        mass, out: (H, Y, X).
+        stencils: (H, J, I), the first row and column of which move by ``low_row``, ``low_column``.
+    """
+    headings, rows, columns = mass.shape
+    for h in range(headings):
+        out[h] = 0.0
+        for j in range(stencils.shape[1]):
+            down = low_row + j
+            for i in range(stencils.shape[2]):
+                share = stencils[h, j, i]
+                if share > 0.0:
+                    right = low_column + i
+                    first, last = max(0, -right), min(columns, columns - right)
+                    for row in range(max(0, -down), min(rows, rows - down)):
+                        goal = out[h, row + down]
+                        source = mass[h, row]
+                        for column in range(first, last):
+                            goal[column + right] += share * source[column]
+
+
+@compiled
+def reweight(mass: Floats, log_likelihoods: Floats, out: Floats) -> float:
+    """Out ∝ mass exp(log-likelihood) with sum 1; return log Σ mass p / Σ mass.
+
+    -inf (and nothing filled in) if no mass is left. What is below ``NOTHING`` is dropped.
+    """
+    top, before = -np.inf, 0.0
+    for i in range(mass.size):
+        before += mass[i]
+        if mass[i] > 0.0:
+            top = max(top, log_likelihoods[i])
+    if not (before > 0.0 and top > -np.inf):
+        return -np.inf
+    for i in range(mass.size):
+        factor = exp64(min(log_likelihoods[i] - top, 0.0))
+        out[i] = mass[i] * factor if factor > NOTHING and mass[i] > NOTHING else 0.0
+    after = 0.0
+    for i in range(mass.size):
+        after += out[i]
+    if not after > 0.0:
+        return -np.inf
+    for i in range(mass.size):
+        share = out[i] / after
+        out[i] = share if share > NOTHING else 0.0
+    return float(top + log64(after / before))
+
 
 _TAIL = 5.0  # standard deviations that the noise is followed to
 
@@ -32,10 +104,10 @@ class GridMotion:
         action = increments(action)
         sd_distance, sd_turn = self.motion.spread(action)
         turned, driven = np.empty_like(mass), np.empty_like(mass)
-        grid_kernels.turn(mass, self._turns(float(action[2]), sd_turn), turned)
+        turn(mass, self._turns(float(action[2]), sd_turn), turned)
         way = distance_and_bearing(action)
         stencils, low_row, low_column = self._stencils(*way, sd_distance)
-        grid_kernels.shift(turned, stencils, low_row, low_column, driven)
+        shift(turned, stencils, low_row, low_column, driven)
         return driven
 
     def _turns(self, turn: float, sd: float) -> Floats:

@@ -1,15 +1,108 @@
-"""The plan shown at t as an observation of the present, beside the scan."""
+"""What the plan shown at t says of the present, beside the scan.
+
+The plan as an observation, how feasible its future is from a state, and whether the plans shown are
+about this robot at all: a latent variable of each particle, summed out.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Ints
 from deqmcl_gym.validation import number
-from localizers.inference import kernels
+from localizers.inference import weight_kernels
 from localizers.inference.belief import ParticleBelief, PlanReading
-from localizers.inference.parts import Actions, PlanModel
+from localizers.inference.futures import Rollout, log_mean
+from localizers.inference.parts import Actions, LogWeights, PlanModel, States
+
+
+class Lookahead(Protocol):
+    """Takes in what the plan says of the present, at the start and at every step.
+
+    By h_t(x_t) = E[Π g of the planned future | x_t], which weights what is reported; or, as
+    ``PlanEvidence``, by an observation of x_t, which stays.
+    """
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, looking ahead along the plan (h, k)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Myopic:
+    """h = 1: nothing is looked ahead for."""
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, without a reading of an earlier plan."""
+        reading = belief.plan_reading
+        if reading is None or reading.shown is plan:  # the start was chosen by it
+            return belief
+        return belief._replace(plan_reading=None)
+
+
+class Table(Protocol):
+    """h at hand for any state, under a window of actions."""
+
+    def log_h(self, states: States, window: Actions) -> LogWeights:
+        """Log h of states (d, n) under the actions (F, k), (n,)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tabulated:
+    """h_t(x) of the next F planned steps, looked up.
+
+    Attributes:
+        steps: F, how far to look.
+    """
+
+    table: Table
+    steps: int
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, looking ahead; draws nothing."""
+        window = plan[: self.steps]
+        if len(window) == 0:
+            return belief
+        return belief.foreseeing(self.table.log_h(belief.present, window))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pilots:
+    """ĥ_t(x) = mean of Π g over K fresh rollouts of the plan: unbiased for h_t(x).
+
+    Multiplied into the reported weights only. Multiplied into the filter's own at every step it
+    would count the future up to F times. Lin, Chen & Liu 2013 call such rollouts pilots.
+
+    Attributes:
+        steps: F, how far to look.
+        pilots: K.
+    """
+
+    rollout: Rollout
+    steps: int
+    pilots: int
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, looking ahead by a stream of its own: the filter's draws stay."""
+        window = plan[: self.steps]
+        if len(window) == 0:
+            return belief
+        stream = rng.spawn(1)[0]
+        log_g = self.rollout.log_g(belief.present, window, self.pilots, stream)
+        return belief.foreseeing(log_mean(log_g))
+
 
 Known = Callable[[Actions | None, Actions], int]
 
@@ -21,7 +114,7 @@ def nothing_known(last: Actions | None, plan: Actions) -> int:
 
 def steps_known(last: Actions | None, plan: Actions) -> int:
     """Charge each planned step once: a plan that merely continues the last one adds nothing."""
-    return 0 if last is None else kernels.agreeing(last[1:], plan)
+    return 0 if last is None else weight_kernels.agreeing(last[1:], plan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +155,7 @@ class PlanEvidence:
         if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
             return belief._replace(plan_reading=PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
-        tempering, feasible, log_evidence = kernels.tempering(
+        tempering, feasible, log_evidence = weight_kernels.tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
         )
         read = belief.reweighted(_charges(tempering, self.sensor.beta, collisions))
@@ -80,3 +173,64 @@ def _charges(tempering: float, beta: float, collisions: Ints) -> Floats:
         per_count[1:] = -(tempering * beta) * np.arange(1.0, per_count.size)
     charges: Floats = per_count[collisions]
     return charges
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoubtedPlans:
+    """w ← w [v p(π_t | x_t, m) + (1 - v) p(π_t | m)]: the ``Lookahead`` of plans that may be stale.
+
+    V_t = 1 if plans are about this robot; it switches with a small probability at each step, and
+    v = P(V_t = 1 | path, plans before). Then v ← v p(π_t | x_t, m) / [the factor above]. The
+    likelihood of a plan about another robot is the mean of e^{-βC} over free space. V_t is summed
+    out in each particle (Rao-Blackwellised), so this is exact at every number of particles.
+
+    Attributes:
+        sensor: p(π_t | x_t, m) of a plan that is about this robot.
+        anywhere: states spread evenly over free space, (d, M).
+        switching: P(V_t ≠ V_{t-1}), also P(V_0 = 0); 0: plans are never doubted.
+        steps: L, how many planned steps are read; None: all.
+    """
+
+    sensor: PlanModel
+    anywhere: States
+    switching: float
+    steps: int | None = None
+
+    def __post_init__(self) -> None:
+        number("validity", self.switching, low=0, high=0.5)
+
+    def __call__(
+        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief given the plan (h, k); draws no random numbers."""
+        last, seen = belief.plan_reading, plan[: self.steps]
+        if last is not None and last.shown is plan:  # the start was chosen by it
+            return belief
+        before = np.ones(belief.log_weights.size) if belief.valid is None else belief.valid
+        valid: Floats = before * (1.0 - self.switching) + (1.0 - before) * self.switching
+        if len(seen) == 0:
+            return belief._replace(valid=valid, plan_reading=PlanReading(plan, seen))
+        collisions = self.sensor.collisions(belief.present, seen)
+        right = valid * self._likelihoods(collisions)
+        factor = right + (1.0 - valid) * self._likelihoods(self._elsewhere(seen)).mean()
+        prior = belief.weights
+        feasible = float(prior[collisions == 0].sum())
+        told = factor > 0.0
+        some = np.where(told, factor, 1.0)
+        valid = np.where(told, right / some, valid)
+        read = belief.reweighted(np.where(told, arrays.log(some), -np.inf))
+        if feasible == 0.0:
+            read = read._replace(events=read.events.plus(infeasible_plans=1))
+        evidence = float(arrays.log((prior * factor).sum())) if told.any() else -np.inf
+        share = float((read.weights * valid).sum())  # no BLAS: the same bits everywhere
+        reading = PlanReading(plan, seen, 1.0, feasible, evidence, share)
+        return read._replace(valid=valid, plan_reading=reading)
+
+    def _elsewhere(self, seen: Actions) -> Ints:
+        return self.sensor.collisions(self.anywhere, seen)
+
+    def _likelihoods(self, collisions: Ints) -> Floats:
+        """e^{-βC} of each state, (n,); 1 where C is 0, even if β is infinite."""
+        charges = np.zeros(int(collisions.max()) + 1)
+        charges[1:] = -self.sensor.beta * np.arange(1.0, charges.size)
+        return arrays.exp(charges)[collisions]

@@ -1,16 +1,60 @@
-"""When to resample (always, or by effective sample size) and how (systematic, …)."""
+"""When to resample (always, or by effective sample size) and how (systematic, …).
+
+A scan's likelihood may be tempered before, so that a coarse cloud survives a sharp sensor.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import number, one_of
-from localizers.inference import kernels
+from localizers.inference import weight_kernels
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import LogWeights, Weights
-from localizers.inference.weights import effective_sample_size
+from localizers.inference.weight_kernels import effective_sample_size
+
+
+class Tempering(Protocol):
+    """The exponent λ of p(o_t | x_t, m)."""
+
+    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
+        """Return λ in [0, 1], given the weights before the scan, (n,), and its likelihoods."""
+        ...
+
+
+@dataclass(frozen=True)
+class Untempered:
+    """λ = 1: Bayes' rule."""
+
+    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
+        """Return 1."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class KeepsSampleSize:
+    """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
+
+    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
+    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
+    the cloud, so the filter is exact only at ``keep`` = 0.
+
+    Attributes:
+        keep: κ in [0, 1].
+    """
+
+    keep: float
+
+    def __post_init__(self) -> None:
+        number("scan_keep", self.keep, low=0, high=1)
+
+    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
+        """Return λ; 1 if no particle explains the scan."""
+        return weight_kernels.power_that_keeps(log_weights, log_likelihood, self.keep)
+
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
 Selection = Callable[[ParticleBelief], LogWeights]
@@ -22,14 +66,14 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
     """
     chosen = np.empty(weights.size, np.intp)
-    kernels.systematic(weights, rng.random(), chosen)
+    weight_kernels.systematic(weights, rng.random(), chosen)
     return chosen
 
 
 def stratified(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
     pointers = np.empty(weights.size)
-    kernels.strata(rng.random(weights.size), pointers)
+    weight_kernels.strata(rng.random(weights.size), pointers)
     return _pointed_at(weights, pointers)
 
 
@@ -97,5 +141,5 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
 
 def _pointed_at(weights: Floats, pointers: Floats) -> Indices:
     chosen = np.empty(weights.size, np.intp)
-    kernels.pointed_at(weights, pointers, chosen)
+    weight_kernels.pointed_at(weights, pointers, chosen)
     return chosen

@@ -14,10 +14,10 @@ import numpy as np
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
-from localizers.inference import kernels
+from localizers.inference import weight_kernels
 from localizers.inference.parts import Scan, States
-from localizers.inference.weights import log_sum_exp
-from localizers.models.free_space import even_poses
+from localizers.inference.weight_kernels import log_sum_exp
+from localizers.models.prior import even_poses
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND = 0.01  # probability of being found again, per step
@@ -100,4 +100,4 @@ class Trust(NamedTuple):
         q⁻ = q (1 - LOST) + (1 - q) FOUND; then q ∝ q⁻ p(o | belief), 1 - q ∝ (1 - q⁻) p(o | lost).
         """
         ratios = np.array([evidence.log_ratio for evidence in self.scans])
-        return kernels.two_states(self.start, 1.0 - LOST, FOUND, ratios)
+        return weight_kernels.two_states(self.start, 1.0 - LOST, FOUND, ratios)

@@ -10,19 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps.units import pixel, scaled
+from deqmcl_gym.maps.map import pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
-from localizers.inference import adaptive_kernels
+from localizers.inference import adaptive
 from localizers.inference.adaptive import KldSampling
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Motion, States
 from localizers.inference.queue import Queue
 from localizers.inference.trust import Trust
-from localizers.models.free_space import random_poses
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -31,7 +30,7 @@ from localizers.models.nav2_scan import (
     LikelihoodFieldProb,
     metres_in,
 )
-from localizers.models.prior import GaussianPrior
+from localizers.models.prior import GaussianPrior, random_poses
 from localizers.models.scan import LidarScan
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
@@ -234,7 +233,7 @@ class AdaptiveLocalizer:
         pointers = now.rng.random(self._kld.most) * cumulative[-1]
         anywhere = now.rng.random(self._kld.most) < share
         chosen = np.empty(pointers.size, np.intp)
-        adaptive_kernels.drawn(cumulative, pointers, chosen)
+        adaptive.drawn(cumulative, pointers, chosen)
         drawn = belief.present.take(chosen, axis=1)
         if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)

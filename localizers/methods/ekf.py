@@ -10,17 +10,17 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
 from localizers.api import Points, Prior, RobotModel, mean_pose
-from localizers.inference import gaussian_kernels as kernels
+from localizers.inference import gaussian as kernels
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
-from localizers.inference.kernels import log_evidence
-from localizers.inference.localizer import FilterLocalizer
+from localizers.inference.particle_filter import FilterLocalizer
 from localizers.inference.trust import Trust
+from localizers.inference.weight_kernels import log_evidence
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
 from localizers.models.scan import LidarScan, usable_beams
 

@@ -9,14 +9,11 @@ from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import RobotModel
 from localizers.inference.adaptive import Recovery
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.injection import Anywhere, Injection, Nothing
-from localizers.inference.localizer import FilterLocalizer
-from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.particle_filter import FilterLocalizer, ParticleFilter
 from localizers.inference.parts import Resampling
 from localizers.inference.plan_evidence import PlanEvidence
-from localizers.inference.resampling import resampling
-from localizers.inference.start import FromPrior, InformedStart, Start
-from localizers.inference.tempering import KeepsSampleSize, Tempering, Untempered
+from localizers.inference.resampling import KeepsSampleSize, Tempering, Untempered, resampling
+from localizers.inference.start import Anywhere, FromPrior, InformedStart, Injection, Nothing, Start
 from localizers.models.plan_sensor import PlanSensor
 from localizers.models.prior import UniformPrior
 

@@ -10,19 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import Points, Prior, RobotModel
-from localizers.inference import grid_kernels
+from localizers.inference import grid_motion
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
-from localizers.inference.kernels import pointed_at
-from localizers.inference.localizer import FilterLocalizer
+from localizers.inference.particle_filter import FilterLocalizer
 from localizers.inference.trust import Trust
+from localizers.inference.weight_kernels import pointed_at
+from localizers.models.lookahead_grid import PoseGrid
 from localizers.models.motion import odometry
-from localizers.models.pose_grid import PoseGrid
 from localizers.models.scan import LidarScan, ScanTable
 
 LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
@@ -104,7 +104,7 @@ class GridFilter:
         if not mass.any():  # all of it has left the map
             mass, events = belief.mass, events.plus(weight_collapses=1)
         after = np.empty_like(mass)
-        log_evidence = grid_kernels.reweight(
+        log_evidence = grid_motion.reweight(
             mass.reshape(-1), self._table.log_likelihood(ranges), after.reshape(-1)
         )
         if log_evidence == -np.inf:
@@ -166,5 +166,5 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
             )
         mass[at] = 1.0
     shares: Floats = mass / mass.sum()
-    shares[shares < grid_kernels.NOTHING] = 0.0
+    shares[shares < grid_motion.NOTHING] = 0.0
     return shares.reshape(grid.shape)

@@ -8,14 +8,14 @@ as a twist of the filter: Whiteley & Lee 2014; Guarniero, Johansen & Lee 2017.
 
 from dataclasses import replace
 
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.validation import integer, one_of
 from localizers.api import RobotModel
-from localizers.inference.lookahead import Pilots, Tabulated
 from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import Pilots, Tabulated
 from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
+from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import Shared, method
-from localizers.methods.smoother import mcl_map_smoother
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import odometry
 

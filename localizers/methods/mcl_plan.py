@@ -10,13 +10,18 @@ from dataclasses import replace
 
 from deqmcl_gym.validation import InputError, one_of
 from localizers.api import RobotModel
-from localizers.inference.lookahead import Lookahead
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import Known, PlanEvidence, nothing_known, steps_known
-from localizers.inference.plan_validity import DoubtedPlans
+from localizers.inference.plan_evidence import (
+    DoubtedPlans,
+    Known,
+    Lookahead,
+    PlanEvidence,
+    nothing_known,
+    steps_known,
+)
+from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import FOR_THE_LOST, Shared, method
-from localizers.methods.smoother import mcl_map_smoother
-from localizers.models.free_space import even_poses
+from localizers.models.prior import even_poses
 
 _ANYWHERE = 512  # poses that represent free space
 

@@ -8,12 +8,23 @@ from typing import Any, Protocol, final
 
 import numpy as np
 
-from deqmcl_gym.maps.units import LENGTH, PER_LENGTH
+from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, digits, number, one_of, part
 from localizers.models import beam_kernels
-from localizers.models.normal import normal_cdf, normal_pdf
+
+
+def normal_pdf(z: Floats) -> Floats:
+    """N(z; 0, 1)."""
+    density: Floats = arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
+    return density
+
+
+def normal_cdf(z: Floats) -> Floats:
+    """Φ(z), element by element."""
+    return arrays.normal_cdf(z)
+
 
 _STEPS = 400  # the uniform share's mass at an end of the range is that of 1 step: 1 px of 400 px
 _NEAREST = 1e-6  # steps: least expected range, to avoid a division by 0

@@ -9,11 +9,119 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps.units import PER_LENGTH
+from deqmcl_gym.maps import RollOuts
+from deqmcl_gym.maps.drive_kernels import drive as drive_poses
+from deqmcl_gym.maps.map import PER_LENGTH
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import sincos32
+from deqmcl_gym.numerics.exponential_kernels import log32
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
-from localizers.models import motion_kernels as kernels
+
+_HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
+_TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
+
+
+@compiled
+def normal_pairs(
+    uniforms: Floats,
+    first_mean: float,
+    first_sd: float,
+    mean: float,
+    sd: float,
+    first: Singles,
+    second: Singles,
+) -> None:
+    """Fill in pairs of independent normal numbers, each made of one uniform number.
+
+    Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
+    v of its other 29. The largest is 5.9 standard deviations.
+
+    Args:
+        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
+        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
+        first, second: the numbers to fill in, (n,).
+    """
+    n = uniforms.size
+    radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
+    for i in range(n):
+        scaled = uniforms[i] * 16777216.0
+        whole = np.int32(scaled)
+        radius[i] = np.float32(whole)
+        angle[i] = np.float32(scaled - whole)
+    for i in range(n):
+        radius[i] = np.sqrt(_MINUS_TWO * log32((radius[i] + _HALF) * _PER_UNIFORM))
+    for i in range(n):
+        angle[i] = angle[i] * _TURN
+    sincos32(angle, second, first)
+    shift, scale = np.float32(first_mean), np.float32(first_sd)
+    for i in range(n):
+        first[i] = shift + scale * (radius[i] * first[i])
+    shift, scale = np.float32(mean), np.float32(sd)
+    for i in range(n):
+        second[i] = shift + scale * (radius[i] * second[i])
+
+
+@compiled
+def along(forward: float, left: float) -> tuple[float, float, float]:
+    """Return (d, u, v) with (forward, left) = d (u, v), u² + v² = 1 and u ≥ 0: d < 0 is backwards.
+
+    (forward, 1, 0) exactly where left is 0.
+    """
+    if left == 0.0:
+        return forward, 1.0, 0.0
+    distance = np.copysign(np.sqrt(forward * forward + left * left), forward)
+    return distance, forward / distance, left / distance
+
+
+@compiled
+def _noisy_move(
+    uniforms: Floats, increment: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    distance, u, v = along(increment[0], increment[1])
+    angle = increment[2]
+    sd_angle = turn * abs(angle) + drift * abs(distance)
+    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out[0], out[2])
+    if v == 0.0:
+        out[1] = 0.0
+        return
+    ahead, aside = np.float32(u), np.float32(v)
+    for i in range(uniforms.size):
+        out[1, i] = out[0, i] * aside
+        out[0, i] = out[0, i] * ahead
+
+
+@compiled
+def noisy_moves(
+    uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
+) -> None:
+    """Fill in each increment with its noise; the rest as ``OdometryMotion``.
+
+    Args:
+        uniforms: as for ``normal_pairs``, (F, n).
+        actions: increments (forward, left, turn), (F, 3).
+        drive, turn, drift: of the noise.
+        out: (F, 3, n).
+    """
+    for step in range(actions.shape[0]):
+        _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
+
+
+@compiled
+def odometry_moves(
+    poses: Singles,
+    uniforms: Floats,
+    action: Floats,
+    drive: float,
+    turn: float,
+    drift: float,
+    out: Singles,
+) -> None:
+    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one increment."""
+    moves = np.empty((3, uniforms.size), np.float32)
+    _noisy_move(uniforms, action, drive, turn, drift, moves)
+    drive_poses(poses, moves, out)
 
 
 @final
@@ -61,7 +169,7 @@ class OdometryMotion:
         n: int = states.shape[1]
         uniforms = rng.random(n)
         after = np.empty_like(states)
-        kernels.odometry(states, uniforms, command, self.drive, self.turn, self.drift, after)
+        odometry_moves(states, uniforms, command, self.drive, self.turn, self.drift, after)
         return after
 
     def moves(self, actions: Floats, n: int, rng: np.random.Generator) -> Singles:
@@ -74,7 +182,7 @@ class OdometryMotion:
         """
         moves = np.empty((len(actions), 3, n), np.float32)
         uniforms = rng.random((len(actions), n))
-        kernels.noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
+        noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
         return moves
 
 
@@ -101,7 +209,7 @@ def increments(actions: ArrayLike) -> Floats:
 def distance_and_bearing(action: Floats) -> tuple[float, float]:
     """Return d and β of (forward, left) = d (cos β, sin β), |β| ≤ π/2: d < 0 is backwards."""
     forward, left, _ = increments(action).tolist()
-    distance, u, v = kernels.along(forward, left)
+    distance, u, v = along(forward, left)
     return distance, float(arrays.arctan2(v, u)) if v != 0 else 0.0
 
 
@@ -114,3 +222,45 @@ def odometry(motion: object, method: str) -> OdometryMotion:
             "noise, not only draws: give an OdometryMotion or a DifferentialMotion."
         )
     return motion
+
+
+_DRAWS = 2**16  # normal numbers drawn at once: more would not fit the processor's cache
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChargedDrives:
+    """Several steps of p and g in one compiled pass, with the same draws and bits as step by step.
+
+    Attributes:
+        motion: p(x_t | x_{t-1}, a_t).
+        floor_plan, radius, beta: of g, as in ``FreeSpace``.
+    """
+
+    motion: OdometryMotion
+    floor_plan: RollOuts
+    radius: float
+    beta: float
+
+    def __call__(
+        self,
+        states: Singles,
+        actions: Floats,
+        rng: np.random.Generator,
+        *,
+        keep: bool,
+    ) -> tuple[list[Singles], Floats]:
+        """Draw one path of poses from each of ``states``; see ``Walk``."""
+        n = states.shape[1]
+        collisions = np.zeros(n, np.intp)
+        path: list[Singles] = []
+        block = max(1, _DRAWS // (2 * n))
+        for first in range(0, len(actions), block):
+            moves = self.motion.moves(actions[first : first + block], n, rng)
+            kept = len(moves) if keep else 1
+            poses, hits = self.floor_plan.rolled_out(states, moves, self.radius, kept=kept)
+            collisions += hits
+            states = poses[-1]
+            path.extend(poses if keep else ())
+        # Summed one by one, as step by step: c · β would round differently.
+        charges = np.cumsum(np.append(0.0, np.full(len(actions), -self.beta)))
+        return path, charges[collisions]

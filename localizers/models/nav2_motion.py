@@ -13,15 +13,14 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from deqmcl_gym.maps import kernels
-from deqmcl_gym.maps.units import LENGTH, PER_SQUARE, PIXELS, SQUARE, pixel, scaled
+from deqmcl_gym.maps import drive_kernels
+from deqmcl_gym.maps.map import LENGTH, PER_SQUARE, PIXELS, SQUARE, pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, number, one_of
-from localizers.models.motion import OdometryMotion, increments
-from localizers.models.motion_kernels import normal_pairs
+from localizers.models.motion import OdometryMotion, increments, normal_pairs
 
 _SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
 _LEAST = 10  # steps to fit to
@@ -41,7 +40,7 @@ class DifferentialMotion:
     - of ρ: α3 ρ² + α4 (r1² + r2²).
 
     Lengths are in the map's unit. The defaults are Nav2's, for a map in metres; for one in px, take
-    ``deqmcl_gym.maps.units.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
+    ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
 
     Source: differential_motion_model.cpp.
 
@@ -245,7 +244,7 @@ def moved(states: Singles, increment: Floats) -> Singles:
     moves = np.empty((3, states.shape[1]), np.float32)
     moves[:] = increment[:, None]
     after = np.empty_like(states)
-    kernels.drive(states, moves, after)
+    drive_kernels.drive(states, moves, after)
     return after
 
 

@@ -1,4 +1,8 @@
-"""p(π_t | x_t, m): how likely a plan is to be shown at a pose; nobody plans through walls."""
+"""How likely a plan is to be shown at a pose: nobody plans through walls.
+
+g(x', x) = exp(-β C(x', x)) is the paper's p(x_t | m), whether a step is feasible on the map;
+p(π_t | x_t, m) is its product over the steps of a plan.
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -6,11 +10,47 @@ from typing import final
 import numpy as np
 
 from deqmcl_gym.maps import Map, RollOuts
-from deqmcl_gym.maps.laid_kernels import laid
+from deqmcl_gym.maps.drive_kernels import laid
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import number
-from localizers.models.motion import increments
+from localizers.models.motion import ChargedDrives, OdometryMotion, increments
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class FreeSpace:
+    """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
+
+    The map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in {0, 1} per
+    step. Thrun et al. 2005, section 5.5.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of the robot's disc, in the map's unit.
+        beta: β ≥ 0; 0 charges nothing, inf rejects the step outright.
+    """
+
+    floor_plan: Map
+    radius: float
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("beta", self.beta, low=0, finite=False)
+
+    def log_g(self, before: Singles, after: Singles) -> Floats:
+        """-β for each step that collides, else 0, (n,)."""
+        collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        return np.where(collides, -self.beta, 0.0)
+
+    def walk(self, motion: object) -> ChargedDrives | None:
+        """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
+        if not isinstance(motion, OdometryMotion) or not isinstance(self.floor_plan, RollOuts):
+            return None
+        return ChargedDrives(
+            motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
+        )
+
 
 _BLOCK = 2**18  # points laid at one time
 

@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
 
-from deqmcl_gym.reading import UnreadableError, content_of, opened
+from deqmcl_gym.files import UnreadableError, content_of, opened
 
 _DEPTH = 4  # folders below that of a file, in which what it names is looked for
 _WRITERS = {"dump", "mkdir", "save", "savetxt", "savez", "touch", "unlink"}

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from deqmcl_gym.reading import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.digests import file_digest, module_digest
 from localizers.naming.isolation import is_ctrl_c

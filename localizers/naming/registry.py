@@ -10,15 +10,18 @@ from deqmcl_gym.validation import InputError, one_of
 from localizers.api import Localizer, RobotModel
 from localizers.methods.amcl import amcl
 from localizers.methods.dead_reckoning import dead_reckoning
-from localizers.methods.deq_mcl import deq_mcl
+from localizers.methods.deq_mcl import (
+    deq_mcl,
+    deq_mcl_rejuvenated,
+    mcl,
+    mcl_map,
+    mcl_map_smoother,
+    mcl_smoother,
+)
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
 from localizers.methods.lookahead import mcl_h, mcl_pilots
-from localizers.methods.map_motion import mcl_map
-from localizers.methods.mcl import mcl
 from localizers.methods.mcl_plan import mcl_plan
-from localizers.methods.rejuvenated import deq_mcl_rejuvenated
-from localizers.methods.smoother import mcl_map_smoother, mcl_smoother
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
 from localizers.naming.installed import installed, unreadable

@@ -4,7 +4,7 @@ import ast
 from collections.abc import Mapping
 from pathlib import Path
 
-from deqmcl_gym.reading import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError
 
 

@@ -15,7 +15,7 @@ from benchmarks.setup.logs import motion_noise, typical_steps
 from deqmcl_gym.logs import Log, Scanner, Trajectory
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.logs.trajectory import referenced
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion
 from localizers.models.nav2_motion import (

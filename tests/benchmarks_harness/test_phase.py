@@ -9,7 +9,7 @@ import pytest
 from benchmarks.phase.cycles import cycles_of, perfect_cycles
 from benchmarks.phase.fields import PlaceFields
 from benchmarks.phase.precession import precession
-from deqmcl_gym.world.path import Path
+from deqmcl_gym.world.course import Path
 
 # Once around is 6,000 px. Both fields are passed as a whole at every offset of a queue of 20.
 PATH = Path(np.array([(0, 0), (2000, 0), (2000, 1000), (0, 1000)], float))

@@ -12,7 +12,7 @@ from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform
 from localizers.models.nav2_motion import unknown_motion

@@ -14,7 +14,7 @@ from benchmarks.setup.names import scenario
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
 from localizers import PointsBelief, best_cluster, make
 

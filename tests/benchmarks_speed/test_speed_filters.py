@@ -9,10 +9,10 @@ import pytest
 from benchmarks.speed import numpy_baseline
 from benchmarks.speed.lap import bearings_of, free_poses, recorded_lap
 from benchmarks.speed.numpy_baseline import NumpyModels
-from deqmcl_gym.world.paper_room import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic
-from localizers.models import motion_kernels as kernels
+from localizers.models import motion as kernels
 from localizers.models.scan import LidarScan
 
 PARTICLES, RUNS, STEPS = 500, 12, 30

@@ -10,7 +10,7 @@ from benchmarks.speed import numpy_baseline
 from benchmarks.speed.lap import bearings_of, fan, free_poses
 from benchmarks.speed.rays import pymunk_queries
 from benchmarks.speed.scaling import pillared_room
-from deqmcl_gym.world.paper_room import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 
 SINGLE = 2e-6  # rad: θ + b, sine and cosine in float32, |θ + b| ≤ 2π, are off by less
 

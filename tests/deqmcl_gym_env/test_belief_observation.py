@@ -157,8 +157,7 @@ def test_wrong_places_are_refused():
         BeliefObservation(sharp(), "mcl", PRIOR)
     with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
         LocalizationReward(sharp())
-    from deqmcl_gym.envs.recording import RecordLog
-    from deqmcl_gym.envs.wrappers import BeamDropout
+    from deqmcl_gym.envs.wrappers import BeamDropout, RecordLog
 
     for wrap in (RecordLog, partial(BeamDropout, probability=0.1)):
         with pytest.raises(InputError, match='of observation="scan"'):

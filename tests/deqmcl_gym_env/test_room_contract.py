@@ -16,7 +16,7 @@ import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
+from deqmcl_gym.world.config import WORLDS as WORLDS_BY_NAME
 
 # The action Box is in px and rad on purpose; this is the only warning allowed.
 UNITS = r".*we recommend using a symmetric and normalized space.*"

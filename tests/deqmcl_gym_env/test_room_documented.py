@@ -9,13 +9,11 @@ from pathlib import Path
 import pytest
 
 import deqmcl_gym
-from deqmcl_gym.envs.info import RoomInfo
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv, RoomInfo
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
-from deqmcl_gym.world.presets import WORLDS
-from deqmcl_gym.world.streams import Stream
+from deqmcl_gym.world.config import WORLDS, Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.sensor import Stream
 
 PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
 PARTS = {

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from room_cases import STILL
 
-from deqmcl_gym.envs.info import RoomInfo
-from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.room import RoomEnv, RoomInfo
 
 ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}
 

@@ -11,10 +11,9 @@ from room_cases import PAPER, SEVERAL, drive
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap, Start
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, Driver, Lap, Start
 
 M = 0.02  # to the px
 CLOSE = 350 * 1e-5  # of the room's width, px

@@ -11,7 +11,7 @@ from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
-from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import PolygonMap
 
 PLACES = [(5.0, 0.0), (-4.0, 6.0)]  # px; the robot's radius is 8

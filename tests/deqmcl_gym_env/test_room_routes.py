@@ -14,7 +14,7 @@ from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world import route as planner
-from deqmcl_gym.world.path import Path
+from deqmcl_gym.world.course import Path
 
 # of the scenarios lost and driving
 WORLD = {

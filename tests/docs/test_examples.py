@@ -15,7 +15,7 @@ from benchmarks.setup.names import scenario
 from deqmcl_gym.validation import InputError
 from localizers import UniformPrior, make, source_digest
 from localizers.checks import check_localizer
-from localizers.checks.drive import default_robot
+from localizers.checks.subject import default_robot
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"

@@ -24,11 +24,15 @@ from ring_world import (
     likely,
 )
 
-from localizers.inference.lookahead import Pilots, Tabulated
-from localizers.inference.moves import RenewedFuture
+from localizers.inference.futures import RenewedFuture
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import PlanEvidence, nothing_known
-from localizers.inference.plan_validity import DoubtedPlans
+from localizers.inference.plan_evidence import (
+    DoubtedPlans,
+    Pilots,
+    PlanEvidence,
+    Tabulated,
+    nothing_known,
+)
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 from localizers.inference.start import InformedStart
 

@@ -11,7 +11,7 @@ from following import updated
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers.inference import adaptive_kernels
+from localizers.inference import adaptive
 from localizers.inference.adaptive import KldSampling
 from localizers.methods.amcl import OMNI, UpdateGate, WeightAverages
 from localizers.models.nav2_motion import moved
@@ -33,15 +33,15 @@ ROBOTS_OWN = {"laser_model_type": "robot", "robot_model_type": "robot", **ALWAYS
 def test_the_kld_limit_is_a_chi_square_quantile_over_twice_the_error(degrees, chi_square):
     # Fox 2003, eq. (6): n = χ²_{k-1, 1-δ} / 2ε; (7) is the Wilson-Hilferty approximation of it,
     # which is right to 1 %; and it is rounded up.
-    limit = adaptive_kernels.limit(degrees + 1, 1, 10**6, 0.05, NormalDist().inv_cdf(0.99))
+    limit = adaptive.limit(degrees + 1, 1, 10**6, 0.05, NormalDist().inv_cdf(0.99))
     assert limit == pytest.approx(chi_square / 0.1, rel=0.01, abs=1)
 
 
 def test_the_kld_limit_keeps_its_bounds_and_is_the_largest_for_a_single_bin():
-    assert adaptive_kernels.limit(2, 500, 2000, 0.05, 0.99) == 500
-    assert adaptive_kernels.limit(10**6, 500, 2000, 0.05, 0.99) == 2000
+    assert adaptive.limit(2, 500, 2000, 0.05, 0.99) == 500
+    assert adaptive.limit(10**6, 500, 2000, 0.05, 0.99) == 2000
     for bins in (0, 1):
-        assert adaptive_kernels.limit(bins, 500, 2000, 0.05, 0.99) == 2000
+        assert adaptive.limit(bins, 500, 2000, 0.05, 0.99) == 2000
 
 
 def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_above():
@@ -52,7 +52,7 @@ def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_a
         cumulative = np.cumsum(weights)
         pointers = np.concatenate([rng.random(5000) * cumulative[-1], cumulative, [0.0]])
         seen = np.empty(pointers.size, np.intp)
-        adaptive_kernels.drawn(cumulative, pointers, seen)
+        adaptive.drawn(cumulative, pointers, seen)
         expected = np.searchsorted(cumulative, pointers, side="right")
         assert seen.tolist() == np.minimum(expected, n - 1).tolist()
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from localizers.inference import grid_kernels
+from localizers.inference import grid_motion
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import SCHEMES, Always, by_own_weight
-from localizers.inference.weights import log_sum_exp, normalized
+from localizers.inference.weight_kernels import log_sum_exp, normalized
 
 INF = math.inf
 LOG = st.sampled_from([0.0, -INF, -1e308, 1e308, -745.2, -1e-300]) | st.floats(-1.7e308, 1e3)
@@ -75,9 +75,9 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
 def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
     mass = np.resize(shares, max(len(shares), len(logs)))
     mass = mass / max(mass.sum(), 1e-300)
-    mass[mass < grid_kernels.NOTHING] = 0.0
+    mass[mass < grid_motion.NOTHING] = 0.0
     logs, after = np.resize(logs, mass.size), np.empty(mass.size)
-    evidence = grid_kernels.reweight(mass, logs, after)
+    evidence = grid_motion.reweight(mass, logs, after)
     top = logs[mass > 0].max(initial=-INF)
     assert (evidence == -INF) == (top == -INF)
     if top > -INF:

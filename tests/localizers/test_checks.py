@@ -12,15 +12,14 @@ from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTu
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
 from localizers.checks.answers import increments_of_three
-from localizers.checks.drive import default_robot, random_drive, robot_on_cells
+from localizers.checks.laws import Here, subject_of
+from localizers.checks.lifecycle import set_state, state_of_process
 from localizers.checks.run import Examination
-from localizers.checks.subject import first_difference
-from localizers.checks.surroundings import set_state, state_of_process
-from localizers.checks.trying import Here, subject_of
+from localizers.checks.subject import default_robot, first_difference, random_drive, robot_on_cells
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.naming import registry

@@ -10,7 +10,7 @@ import localizers
 from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference import gaussian_kernels as kernels
+from localizers.inference import gaussian as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
 
 COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])

@@ -16,11 +16,10 @@ import localizers
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
-from localizers.inference import kernels
+from localizers.inference import weight_kernels
 from localizers.inference.adaptive import Recovery
-from localizers.inference.injection import Anywhere, is_new
-from localizers.inference.start import FromPrior
-from localizers.inference.tempering import KeepsSampleSize
+from localizers.inference.resampling import KeepsSampleSize
+from localizers.inference.start import Anywhere, FromPrior, is_new
 from localizers.models.plan_sensor import PlanSensor
 
 RNG = np.random.default_rng
@@ -81,7 +80,7 @@ def sample_size(weights: np.ndarray) -> float:
 )
 def test_a_tempered_scan_leaves_as_much_of_the_sample_size_as_promised(logs, keep, weighted):
     before = RNG(0).normal(0, 2, logs.size) if weighted else np.zeros(logs.size)
-    power = kernels.power_that_keeps(before, logs, keep)
+    power = weight_kernels.power_that_keeps(before, logs, keep)
 
     def left(power: float) -> float:
         both = before + power * logs
@@ -97,7 +96,7 @@ def test_a_tempered_scan_leaves_as_much_of_the_sample_size_as_promised(logs, kee
 
 @pytest.mark.parametrize("odd", [-np.inf, np.inf])
 def test_a_scan_that_nobody_or_one_too_well_explains_is_left_to_the_weights(odd):
-    assert kernels.power_that_keeps(np.zeros(3), np.array([odd] * 3), 0.5) == 1.0
+    assert weight_kernels.power_that_keeps(np.zeros(3), np.array([odd] * 3), 0.5) == 1.0
 
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)

@@ -9,12 +9,12 @@ import pytest
 import localizers
 from deqmcl_gym.maps import PolygonMap
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.lookahead import Pilots, Tabulated
+from localizers.inference.futures import Rollout
+from localizers.inference.plan_evidence import Pilots, Tabulated
 from localizers.inference.queue import Queue
-from localizers.inference.rollout import Rollout
 from localizers.models import lookahead_grid, lookahead_kernels
-from localizers.models.feasibility import FreeSpace
 from localizers.models.lookahead_grid import LEAST, LookaheadGrid
+from localizers.models.plan_sensor import FreeSpace
 
 RNG = np.random.default_rng
 STILL = localizers.OdometryMotion(drive=0, turn=0, drift=0)

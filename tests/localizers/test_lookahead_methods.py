@@ -5,10 +5,15 @@ import pytest
 from following import follow, same
 
 import localizers
-from localizers.inference.moves import RenewedFuture, Sometimes, WhenResampled
-from localizers.inference.rollout import Rollout, Unconstrained
-from localizers.inference.weights import log_sum_exp
-from localizers.models.feasibility import FreeSpace
+from localizers.inference.futures import (
+    RenewedFuture,
+    Rollout,
+    Sometimes,
+    Unconstrained,
+    WhenResampled,
+)
+from localizers.inference.weight_kernels import log_sum_exp
+from localizers.models.plan_sensor import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 LOOKING = [

@@ -17,7 +17,7 @@ from following import follow
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 
 M = 0.02  # to the px
 STEPS, EARLY = 48, 10

@@ -19,7 +19,7 @@ import pytest
 
 from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion
-from localizers.models import motion_kernels as kernels
+from localizers.models import motion as kernels
 
 N = 100_000
 START = (120.0, -40.0, 0.7)

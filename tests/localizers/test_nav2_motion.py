@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 

@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.laid_kernels import laid
-from localizers.inference import kernels
+from deqmcl_gym.maps.drive_kernels import laid
+from localizers.inference import weight_kernels
 from localizers.models.plan_sensor import PlanSensor, path_of
 
 INF = math.inf
@@ -102,7 +102,7 @@ def sample_size(weights: np.ndarray) -> float:
 )
 def test_tempered_a_plan_leaves_as_much_of_the_sample_size_as_promised(logs, count, beta, keep):
     weights = np.exp(logs) / np.exp(logs).sum()
-    power, feasible, log_evidence = kernels.tempering(weights, count, beta, keep)
+    power, feasible, log_evidence = weight_kernels.tempering(weights, count, beta, keep)
 
     def after(power: float) -> np.ndarray:
         charged = np.where((count > 0) & (power > 0), power * beta * np.fmax(count, 1), 0.0)

@@ -8,7 +8,7 @@ import pytest
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, RobotModel, UniformPrior, make
-from localizers.checks.drive import default_robot
+from localizers.checks.subject import default_robot
 
 HALL = PolygonMap(outer=[(0, 0), (9, 0), (9, 6), (0, 6)], unit="m")
 PRIOR = GaussianPrior(mean=(50.0, 40.0, 3.0), sd_position=15.0, sd_heading=0.2)

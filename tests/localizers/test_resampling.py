@@ -5,15 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from localizers.inference import kernels
-from localizers.inference.resampling import (
-    SCHEMES,
-    Always,
-    WhenDegenerate,
-    stratified,
-    systematic,
-)
-from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+from localizers.inference import weight_kernels
+from localizers.inference.resampling import SCHEMES, Always, WhenDegenerate, stratified, systematic
+from localizers.inference.weight_kernels import effective_sample_size, log_sum_exp, normalized
 
 
 def counts(chosen: np.ndarray) -> np.ndarray:
@@ -47,10 +41,10 @@ def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_part
 @pytest.mark.parametrize("n", range(10))
 def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
     values = -1.0 - np.arange(n)
-    assert kernels.largest(values) == max(values, default=-math.inf)
+    assert weight_kernels.largest(values) == max(values, default=-math.inf)
     for place in range(n):
-        assert kernels.largest(np.roll(values, place)) == -1.0
-    assert kernels.largest(np.full(n, -math.inf)) == -math.inf
+        assert weight_kernels.largest(np.roll(values, place)) == -1.0
+    assert weight_kernels.largest(np.full(n, -math.inf)) == -math.inf
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -132,6 +126,6 @@ def test_systematic_resampling_takes_what_equidistant_pointers_point_at(n):
         weights[rng.integers(n)] = rng.random() + 1e-3
         offset = rng.random()
         searched, written = np.empty(n, np.intp), np.empty(n, np.intp)
-        kernels.pointed_at(weights, (np.arange(n) + offset) / n, searched)
-        kernels.systematic(weights, offset, written)
+        weight_kernels.pointed_at(weights, (np.arange(n) + offset) / n, searched)
+        weight_kernels.systematic(weights, offset, written)
         assert written.tolist() == searched.tolist()

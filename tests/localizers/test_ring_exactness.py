@@ -41,7 +41,7 @@ from ring_world import (
     transition,
 )
 
-from localizers.inference.moves import Sometimes
+from localizers.inference.futures import Sometimes
 from localizers.inference.plan_evidence import steps_known
 
 METHODS = {

@@ -17,12 +17,10 @@ from ring_filters import (
 )
 from ring_world import AS_PLANNED, AUTHORS, DRIVES, RingPlans, RingWalls
 
-from localizers.inference.moves import RenewedFuture, WhenResampled
+from localizers.inference.futures import Redraw, RenewedFuture, Rollout, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import PlanEvidence, steps_known
-from localizers.inference.replanning import Redraw
 from localizers.inference.resampling import WhenDegenerate
-from localizers.inference.rollout import Rollout
 
 REPLICATES = 500  # fewer than where the right ones pass
 

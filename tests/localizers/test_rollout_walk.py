@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from localizers import OdometryMotion
+from localizers.inference.futures import Rollout, StepByStep
 from localizers.inference.queue import Queue
-from localizers.inference.rollout import Rollout, StepByStep
-from localizers.models import drives
-from localizers.models.feasibility import FreeSpace
+from localizers.models import motion
+from localizers.models.plan_sensor import FreeSpace
 
 RNG = np.random.default_rng
 MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
@@ -23,7 +23,7 @@ def cloud(n: int) -> np.ndarray:
 @pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
 @pytest.mark.parametrize("n", [1, 63, 1500])
 def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(room, beta, n, monkeypatch):
-    monkeypatch.setattr(drives, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time
+    monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time
     walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
     rngs = RNG(2), RNG(2)
     path, log_g = walls.walk(MOTION)(cloud(n), PLAN, rngs[0], keep=True)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from deqmcl_gym.maps.units import scaled
+from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.beams import beam_model

@@ -9,9 +9,9 @@ from following import follow, small
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference.kernels import log_evidence
 from localizers.inference.trust import FOUND, LOST, MEMORY, Anywhere, Trust
-from localizers.models.free_space import even_poses
+from localizers.inference.weight_kernels import log_evidence
+from localizers.models.prior import even_poses
 
 OWN = {
     "grid": {"cell": 10.0, "headings": 36},

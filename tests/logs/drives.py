@@ -8,7 +8,7 @@ import numpy as np
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
-from deqmcl_gym.envs.recording import RecordLog
+from deqmcl_gym.envs.wrappers import RecordLog
 
 NAN = float("nan")
 ENDINGS = (".log", ".log.gz", ".csv", ".csv.gz", ".npz", ".bag", ".mcap", "")

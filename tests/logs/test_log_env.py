@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.envs.recording import RecordLog
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.validation import InputError

@@ -8,7 +8,7 @@ from drives import real
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deqmcl_gym.envs.recorded import spacing
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
 from deqmcl_gym.validation import InputError
 

@@ -13,8 +13,8 @@ from deqmcl_gym.maps.casting import (
     all_at_once,
     caster_of,
     cell_by_cell,
+    cells_of,
 )
-from deqmcl_gym.maps.cells import cells_of
 
 
 def test_a_rectangle_counts_as_one_however_many_walls_it_has():

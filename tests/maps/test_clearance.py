@@ -5,7 +5,7 @@ import pytest
 import reference
 from sample_plans import PLANS, anywhere, corners
 
-from deqmcl_gym.maps import kernels
+from deqmcl_gym.maps import drive_kernels
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
@@ -20,8 +20,8 @@ def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
     before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
     square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
     walls = plan.walls.astype(np.float32)
-    kernels.sweep(before, after, walls, square)
-    kernels.wind(after, walls, windings)
+    drive_kernels.sweep(before, after, walls, square)
+    drive_kernels.wind(after, walls, windings)
     expected = (square <= np.float32(radius) * np.float32(radius)) | (windings != 1)
     assert np.array_equal(plan.collides(starts, ends, radius), expected)
 

@@ -7,7 +7,7 @@ import pytest
 from deqmcl_gym import GridMap, Office, PolygonMap
 from deqmcl_gym.maps import polygon_file
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS
 
 OFFICE = Office(seed=3, wings=1)
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import GridMap, PolygonMap, RollOuts, driven
-from deqmcl_gym.maps.laid_kernels import laid
+from deqmcl_gym.maps.drive_kernels import laid
 
 OFFICE = office()
 

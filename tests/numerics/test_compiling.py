@@ -150,4 +150,4 @@ def test_kernels_call_only_their_own_file_and_those_whose_edits_every_cache_noti
                         file = Path(value.py_func.__code__.co_filename)
                         own = value.py_func.__module__ == module.name
                         assert own or file in compiling._KERNELS, (module.name, file)
-    assert {"localizers.inference.kernels", "deqmcl_gym.world.sensor"} <= seen
+    assert {"localizers.inference.weight_kernels", "deqmcl_gym.world.sensor"} <= seen

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.maps.units import pixel
+from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.validation import InputError
 from localizers import Belief, PointsBelief, Prior, RobotModel
 

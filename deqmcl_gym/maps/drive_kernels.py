@@ -1,10 +1,14 @@
-"""The compiled geometry of driving: motion, swept discs, point location; flat float32 arrays.
+"""The compiled geometry of driving: motion, swept discs, paths, clearance; flat float32 arrays.
 
 Loops run over blocks of ``LANES`` items with the wall outside and the lanes inside, without
 branches, so that the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's
 (see ``deqmcl_gym.numerics``): every processor gives the same bits.
+
+In this order: discs along single moves, one path laid from many poses, and a grid of distances to
+walls that decides most steps without looking at them.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -268,3 +272,152 @@ def roll_out(
             if len(out) > 1 or step == len(moves) - 1:
                 out[step if len(out) > 1 else 0, :, start:end] = after
             before, after = after, before
+
+
+@compiled
+def put(rows: Singles, point: Singles, out: Singles) -> None:
+    """Fill in (x, y) + R(θ) p, (2+, n), for rows x, y, cos θ, sin θ, (4, n)."""
+    px, py = point[0], point[1]
+    x, y, cosines, sines = rows[0], rows[1], rows[2], rows[3]
+    for i in range(x.size):
+        out[0, i] = x[i] + (cosines[i] * px - sines[i] * py)
+    for i in range(x.size):
+        out[1, i] = y[i] + (sines[i] * px + cosines[i] * py)
+
+
+@compiled
+def directed(poses: Singles, out: Singles) -> None:
+    """Fill in rows x, y, cos θ, sin θ, (4, n), of poses (3, n)."""
+    out[:2] = poses[:2]
+    sincos32(poses[2], out[3], out[2])
+
+
+@compiled
+def laid(poses: Singles, path: Singles, out: Singles) -> None:
+    """Fill in the points of a path that begins at each pose.
+
+    Args:
+        poses: rows x, y, θ, (3, n).
+        path: points in the frame of the pose, (k, 2).
+        out: rows x, y of each point, (k, 2, n).
+    """
+    rows = np.empty((4, poses.shape[1]), np.float32)
+    directed(poses, rows)
+    for k in range(len(path)):
+        put(rows, path[k], out[k])
+
+
+@compiled
+def _look_closely(
+    paths: Singles, owners: Ints, walls: Singles, radius: np.float32, hits: Ints
+) -> None:
+    """Count colliding steps, rows x, y, x', y', (4, k), for their ``owners``, (k,)."""
+    starts, ends = paths[:2].copy(), paths[2:].copy()
+    square, windings = np.empty(owners.size, np.float32), np.empty(owners.size, np.int32)
+    sweep(starts, ends, walls, square)
+    wind(ends, walls, windings)
+    for k in range(owners.size):
+        hits[owners[k]] += not ((square[k] > radius * radius) & (windings[k] == 1))
+
+
+@compiled
+def collisions(
+    poses: Singles,
+    path: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
+    out: Ints,
+) -> None:
+    """Fill in the number of steps that collide on a path laid from each pose; see ``feasible``.
+
+    Steps for which the bounds do not decide are compared with the walls, many at a time.
+
+    Args:
+        poses: rows x, y, θ, (3, n).
+        path: points in the frame of the pose, (k + 1, 2), k ≥ 1.
+        walls, radius, clearance: as ``feasible``.
+        out: (n,).
+    """
+    n, grid = poses.shape[1], Clearance(*clearance)
+    squares = np.empty(BLOCK, np.int32)
+    open_steps, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
+    unsure, chosen = 0, np.empty(BLOCK, np.int32)
+    out[:] = 0
+    for start in range(0, n, BLOCK):
+        size = min(BLOCK, n - start)
+        rows, hits = np.empty((4, size), np.float32), out[start : start + size]
+        directed(poses[:, start : start + size].copy(), rows)
+        here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
+        before, after = np.empty(size, np.float32), np.empty(size, np.float32)
+        put(rows, path[0], here)
+        look_up(here, grid, squares[:size], before)
+        for step in range(len(path) - 1):
+            put(rows, path[step + 1], there)
+            look_up(there, grid, squares[:size], after)
+            dx, dy = path[step + 1, 0] - path[step, 0], path[step + 1, 1] - path[step, 1]
+            needed = np.sqrt(dx * dx + dy * dy) + (radius + radius)
+            for i in range(size):
+                hits[i] += after[i] < _ZERO
+            count = 0
+            for i in range(size):
+                chosen[count] = i
+                count += not ((before[i] + after[i] > needed) | (after[i] < _ZERO))
+            for k in range(count):
+                i = chosen[k]
+                open_steps[0, unsure + k], open_steps[1, unsure + k] = here[0, i], here[1, i]
+                open_steps[2, unsure + k], open_steps[3, unsure + k] = there[0, i], there[1, i]
+                owners[unsure + k] = start + i
+            unsure += count
+            if unsure >= BLOCK:
+                _look_closely(open_steps[:, :unsure], owners[:unsure], walls, radius, out)
+                unsure = 0
+            here, there, before, after = there, here, after, before
+    _look_closely(open_steps[:, :unsure], owners[:unsure], walls, radius, out)
+
+
+_SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
+# Share of the map's size that is subtracted from every bound. float32 resolves coordinates to 6e-8
+# of it, and a distance to a wall takes only a few operations on them.
+_MARGIN = 1e-4
+
+
+def clearance_of(walls: Singles) -> Clearance:
+    """Return the clearance of a map with walls (x₀, y₀, x₁, y₁), (S, 4).
+
+    A ring of squares of its grid is outside the map.
+    """
+    x, y = walls[:, [0, 2]].astype(np.float64), walls[:, [1, 3]].astype(np.float64)
+    width, height = float(np.ptp(x)), float(np.ptp(y))
+    side = math.sqrt(width * height / _SQUARES)
+    margin = _MARGIN * max(float(np.abs(x).max()), float(np.abs(y).max()), width, height)
+    # Points beyond the grid count as in the ring: the ring keeps clear of the walls.
+    corner = float(x.min()) - side - 2 * margin, float(y.min()) - side - 2 * margin
+    columns, rows = (math.ceil((length + 4 * margin) / side) + 2 for length in (width, height))
+    centre_x = corner[0] + (np.arange(columns) + 0.5) * side
+    centre_y = corner[1] + (np.arange(rows) + 0.5) * side
+    centres = np.array([g.ravel() for g in np.meshgrid(centre_x, centre_y)]).astype(np.float32)
+    square, windings = np.empty(centres.shape[1], np.float32), np.empty(centres.shape[1], np.int32)
+    sweep(centres, centres, walls, square)
+    wind(centres, walls, windings)
+    bound = np.maximum(np.sqrt(square) - (side / math.sqrt(2) + margin), 0.0)
+    signed = np.where(windings == 1, bound, -bound).astype(np.float32)
+    return Clearance(
+        corner=np.array(corner, np.float32),
+        per_side=np.float32(1 / side),
+        bounds=signed.reshape(rows, columns),
+    )
+
+
+def to_nearest(marked: Bools) -> Singles:
+    """Distance of each cell's centre to that of the nearest marked cell, in cells; inf if none is.
+
+    Exact up to float32.
+    """
+    import cv2  # only here: neither maps nor localizers need it to be loaded
+
+    if not marked.any():
+        return np.full(marked.shape, np.inf, np.float32)
+    elsewhere = np.ascontiguousarray(~marked, np.uint8)
+    found = cv2.distanceTransform(elsewhere, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(found, np.float32)

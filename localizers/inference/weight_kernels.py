@@ -1,10 +1,11 @@
-"""The compiled inner loops of particle filters: weights and resampling."""
+"""The compiled inner loops of particle filters: log-weights and resampling."""
 
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.exponential_kernels import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Indices, Ints
+from localizers.inference.parts import LogWeights, Weights
 
 
 @compiled
@@ -264,3 +265,25 @@ def agreeing(first: Floats, second: Floats) -> int:
             if first[row, column] != second[row, column]:
                 return row
     return min(len(first), len(second))
+
+
+def log_sum_exp(log_weights: LogWeights) -> float:
+    """Log Σ exp(log w), -inf if all weights are zero."""
+    return normalize(log_weights, np.empty_like(log_weights))
+
+
+def normalized(log_weights: LogWeights) -> Weights:
+    """Weights with sum 1, (n,)."""
+    return normalized_with_log_sum(log_weights)[0]
+
+
+def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
+    """Weights with sum 1, (n,), and log Σ exp(log w), -inf if all weights are zero."""
+    weights = np.empty(log_weights.size)
+    log_sum = normalize(log_weights, weights)
+    return weights, log_sum
+
+
+def effective_sample_size(weights: Weights) -> float:
+    """1 / Σ w², from 1 to n, for weights with sum 1 (Kong, Liu & Wong 1994)."""
+    return 1.0 / square_sum(weights)

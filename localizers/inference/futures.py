@@ -1,0 +1,248 @@
+"""Queued futures: drawn from given states by planned actions, charged for collisions, renewed.
+
+They are drawn again when the actions that they were drawn with have changed, and moved, with fresh
+noise, if they were drawn many steps ago.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Indices
+from localizers.inference import weight_kernels
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States, Walk
+
+
+@dataclass(frozen=True)
+class Unconstrained:
+    """g = 1: the map does not restrict where the robot can go."""
+
+    def log_g(self, before: States, after: States) -> LogWeights:
+        """Zero for each step, (n,)."""
+        return np.zeros(after.shape[1])
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
+
+    A feasibility that can process all steps of a motion in one pass has a method ``walk(motion)``,
+    which returns a ``Walk``, or None for a motion it does not support.
+    """
+
+    motion: Motion
+    feasibility: Feasibility
+
+    def futures(
+        self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
+    ) -> tuple[list[States], Floats]:
+        """Draw ``copies`` = K futures from each state of ``anchor``, (d, n).
+
+        Returns:
+            The states of each step, (d, K, n), and log Π g of each future, (K, n).
+        """
+        d, n = anchor.shape
+        paths, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=True)
+        return [states.reshape(d, copies, n) for states in paths], log_g.reshape(copies, n)
+
+    def log_g(
+        self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
+    ) -> Floats:
+        """Log Π g of the same futures, (K, n), without their states."""
+        _, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=False)
+        return log_g.reshape(copies, anchor.shape[1])
+
+    def queued_log_g(self, belief: ParticleBelief, shared: int = 0) -> LogWeights:
+        """Log Π g of each particle's own future from ``shared`` steps ahead on, (n,)."""
+        return self.log_g_of(belief.queue.since(shared))
+
+    def log_g_of(self, path: Sequence[States]) -> LogWeights:
+        """Log Π g of a path of states, (d, n) each, (n,)."""
+        total = np.zeros(path[0].shape[1])
+        for before, after in pairwise(path):
+            total += self.feasibility.log_g(before, after)
+        return total
+
+    @cached_property
+    def _walk(self) -> Walk:
+        offer = getattr(self.feasibility, "walk", None)
+        walk: Walk | None = offer(self.motion) if offer is not None else None
+        return StepByStep(self.motion, self.feasibility) if walk is None else walk
+
+
+@dataclass(frozen=True)
+class StepByStep:
+    """The ``Walk`` of any motion and any feasibility."""
+
+    motion: Motion
+    feasibility: Feasibility
+
+    def __call__(
+        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
+    ) -> tuple[list[States], LogWeights]:
+        """Draw and charge one step after the other."""
+        log_g = np.zeros(states.shape[1])
+        path = []
+        for action in actions:
+            before, states = states, self.motion.sample(states, action, rng)
+            log_g += self.feasibility.log_g(before, states)
+            if keep:
+                path.append(states)
+        return path, log_g
+
+
+def log_mean(log_values: Floats) -> LogWeights:
+    """Log of the mean of exp over axis 0, (n,); -inf where all are."""
+    top = log_values.max(axis=0)
+    base = np.where(np.isfinite(top), top, 0.0)
+    total: LogWeights = base + arrays.log(arrays.exp(log_values - base).sum(axis=0))
+    return total - math.log(len(log_values))
+
+
+@dataclass(frozen=True)
+class Redraw:
+    """log w += log ĥ_new - log ĥ_old: replace the future drawn with an old plan.
+
+    The weights already hold the g of the old future, most of it absorbed by past resampling, so it
+    can be neither divided out nor left in. Per particle, from the last state x the plans share:
+    ĥ_old is the mean of Π g over the particle's own old future and M - 1 fresh ones, ĥ_new the
+    mean over M fresh futures under the new plan, of which one is kept with probability ∝ Π g.
+    Properly weighted for every M ≥ 1 (random weights by pilots: Lin, Chen & Liu 2013).
+
+    Attributes:
+        pilots: M.
+    """
+
+    rollout: Rollout
+    pilots: int = 16
+
+    def __call__(
+        self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return a belief whose future is drawn with ``actions``, (steps, k).
+
+        A future that merely ends earlier than ``actions`` is left alone; it is extended later.
+        """
+        held = belief.queue.ahead
+        shared = weight_kernels.agreeing(belief.drawn, actions) if held else 0
+        if shared == held:
+            return belief
+        anchor = belief.queue.at(shared)
+        assert anchor is not None, "the shared steps are held"
+        old = self._pilot_log_g(anchor, belief.drawn[shared:], self.pilots - 1, rng)
+        old = np.vstack([old, self.rollout.queued_log_g(belief, shared)])
+        paths, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
+        log_old = log_mean(old)
+        # Where β = inf and every old future collides, the weight is zero already, or the charge
+        # was dropped by a weight collapse: either way there is nothing to undo.
+        log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
+        kept = _choose(new, rng)
+        redrawn = belief.cut(shared)
+        for ahead, states in enumerate(paths, start=shared + 1):
+            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], actions[:ahead])
+        redrawn = redrawn.reweighted(log_factor)
+        return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
+
+    def _pilot_log_g(
+        self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
+    ) -> Floats:
+        if pilots == 0:
+            return np.empty((0, anchor.shape[1]))
+        return self.rollout.log_g(anchor, actions, pilots, rng)
+
+
+def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
+    """One row per column, drawn with probability ∝ exp(log_weights); the first if all are -inf."""
+    top = log_weights.max(axis=0)
+    cumulative = np.cumsum(arrays.exp(log_weights - np.where(np.isfinite(top), top, 0.0)), axis=0)
+    pointers = rng.random(log_weights.shape[1]) * cumulative[-1]
+    chosen: Indices = (cumulative <= pointers).sum(axis=0)
+    return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)
+
+
+class Move(Protocol):
+    """A Markov kernel on each particle's queue that leaves the filter's target invariant."""
+
+    def __call__(
+        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stay:
+    """No move: the queue stays as it was drawn, as published."""
+
+    def __call__(
+        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief."""
+        return belief
+
+
+@dataclass(frozen=True)
+class RenewedFuture:
+    """Resample-move on the future block (Gilks & Berzuini 2001), for every particle.
+
+    Propose x'_s ~ p(· | x'_{s-1}, u_s), s = t + 1 … t + F_t, from the particle's own present;
+    accept with probability min(1, Π g(x'_{s-1}, x'_s) / Π g(x_{s-1}, x_s)); weights unchanged. The
+    proposal is the motion model itself, so only g is left in the ratio, and γ_t is invariant.
+    """
+
+    rollout: Rollout
+
+    def __call__(
+        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief with its future moved."""
+        if belief.queue.ahead == 0:
+            return belief
+        proposed, log_new = self.rollout.futures(belief.present, belief.drawn, 1, rng)
+        queued = belief.queue.since(0)
+        log_old = self.rollout.log_g_of(queued)
+        accepted = arrays.log(rng.random(log_old.size)) + log_old < log_new[0]
+        return belief.followed(
+            [
+                np.where(accepted, new[:, 0], old)
+                for new, old in zip(proposed, queued[1:], strict=True)
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class WhenResampled:
+    """Another move, only at the steps that resample.
+
+    Whether a step resamples depends on the weights, and these on the future that is moved, so γ_t
+    is approached as n grows but is not exact at every n. ``Sometimes`` is as cheap and exact.
+    """
+
+    move: Move
+
+    def __call__(
+        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, moved if its queues were resampled."""
+        return belief if ancestors is None else self.move(belief, ancestors, rng)
+
+
+@dataclass(frozen=True)
+class Sometimes:
+    """Another move, at each step with a fixed probability: still invariant."""
+
+    move: Move
+    probability: float
+
+    def __call__(
+        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
+    ) -> ParticleBelief:
+        """Return the belief, moved or not."""
+        return self.move(belief, ancestors, rng) if rng.random() < self.probability else belief
