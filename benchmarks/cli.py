@@ -11,7 +11,6 @@ from typing import NoReturn
 
 from benchmarks import console
 from benchmarks.commands import COMMANDS
-from benchmarks.stopping import Terminated, stoppable
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _RESUMED = "paper", "sweep"  # what they have finished, they need not run again
@@ -48,8 +47,8 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code.
 
-    0: done. 2: bad input. 3: failed. 130, 143: stopped by SIGINT or SIGTERM. 141: whoever read the
-    output stopped reading, as after ``| head``.
+    0: done. 1: results differ from those before. 2: bad input. 3: failed. 130, 143: stopped by
+    SIGINT or SIGTERM. 141: whoever read the output stopped reading, as after ``| head``.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -71,13 +70,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     options = _parse(given)
     try:
-        with stoppable(leaving=leaving):
+        with console.stoppable(leaving=leaving):
             _refuse_no_folder()
             print(options.run(options, given))
     except KeyboardInterrupt as how:
         kept = "; finished trials are kept" if options.command in _RESUMED else ""
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
-        return TERMINATED if isinstance(how, Terminated) else INTERRUPTED
+        return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
         print(
             f"deqmcl: a plug-in called exit({end.code!r}).",
@@ -120,8 +119,10 @@ def _explain(error: Exception) -> int:
         print(f"deqmcl: {words}.", file=sys.stderr)
         return FAILED
     words = " ".join(str(error).split()) if isinstance(error, RuntimeError) else ""
-    print(f"deqmcl: {words or in_words(error)} (--debug shows where)", file=sys.stderr)
-    return FAILED
+    code: int = getattr(error, "exit_code", FAILED)
+    where = " (--debug shows where)" if code == FAILED else ""
+    print(f"deqmcl: {words or in_words(error)}{where}", file=sys.stderr)
+    return code
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -137,7 +138,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         own = subparsers.add_parser(
             command.NAME, allow_abbrev=False, help=command.HELP, description=command.DESCRIPTION
         )
-        command.arguments(own)
+        if command.NAME in arguments:
+            command.arguments(own)
         own.add_argument(
             "--debug", action="store_true", help="show a traceback when something fails"
         )

@@ -1,15 +1,30 @@
-"""The terminal that a command runs in: its standard streams, and its words while it works."""
+"""The terminal that a command runs in: its streams, its words while it works, its Ctrl-C."""
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, TextIO, cast
+from typing import Any, NoReturn, TextIO, cast
 
 PATIENCE = 1.0  # s before a user is told what takes so long
+_SOON = 0.05  # s
+
+
+@contextmanager
+def beside(tell: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Run ``tell(done)`` in a thread until it returns, which it does once ``done`` is set."""
+    done = threading.Event()
+    teller = threading.Thread(target=tell, args=(done,), daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
 
 
 @contextmanager
@@ -19,14 +34,23 @@ def doing(what: str) -> Iterator[None]:
     A terminal gets a line that counts the seconds and disappears at the end, a file or a pipe one
     line.
     """
-    done = threading.Event()
-    teller = threading.Thread(target=_tell, args=(what, done), daemon=True)
-    teller.start()
-    try:
+
+    def tell(done: threading.Event) -> None:
+        began = time.monotonic()
+        if done.wait(PATIENCE):
+            return
+        if not sys.stderr.isatty():
+            print(f"deqmcl: {what} …", file=sys.stderr, flush=True)
+            return
+        waiting = True
+        while waiting:
+            line = f"{what} … {time.monotonic() - began:.0f} s"
+            print(f"\r{line}", end="", file=sys.stderr, flush=True)
+            waiting = not done.wait(1.0)
+        print(f"\r{' ' * len(line)}\r", end="", file=sys.stderr, flush=True)
+
+    with beside(tell):
         yield
-    finally:
-        done.set()
-        teller.join()
 
 
 def warn(sentences: Iterable[str | None]) -> list[str]:
@@ -112,16 +136,54 @@ class Stream:
                 raise
 
 
-def _tell(what: str, done: threading.Event) -> None:
-    began = time.monotonic()
-    if done.wait(PATIENCE):
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came: end as for Ctrl-C."""
+
+
+@contextmanager
+def stoppable(*, leaving: bool) -> Iterator[None]:
+    """Let the first Ctrl-C or SIGTERM unwind the stack, so that what was started is also ended.
+
+    Later ones are ignored meanwhile; if ``leaving``, until the process is gone. Python drops what
+    is raised in a callback of C, as llvmlite has some, or in a ``__del__``: then it is raised anew.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
         return
-    if not sys.stderr.isatty():
-        print(f"deqmcl: {what} …", file=sys.stderr, flush=True)
-        return
-    waiting = True
-    while waiting:
-        line = f"{what} … {time.monotonic() - began:.0f} s"
-        print(f"\r{line}", end="", file=sys.stderr, flush=True)
-        waiting = not done.wait(1.0)
-    print(f"\r{' ' * len(line)}\r", end="", file=sys.stderr, flush=True)
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    if before[signal.SIGINT] is not signal.default_int_handler:  # as for nohup
+        del before[signal.SIGINT]
+    ended, again, hook = False, None, sys.unraisablehook
+
+    def end(number: int, _: object) -> NoReturn:
+        nonlocal ended
+        ended = True
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)
+        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+    def dropped(unraisable: "sys.UnraisableHookArgs") -> None:
+        nonlocal ended, again
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            hook(unraisable)
+            return
+        ended = False
+        for each in before:
+            signal.signal(each, end)
+        number = signal.SIGTERM if unraisable.exc_type is Terminated else signal.SIGINT
+        again = threading.Timer(_SOON, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
+
+    for number in before:
+        signal.signal(number, end)
+    sys.unraisablehook = dropped
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        if again is not None:
+            again.cancel()  # it has come, or all is done
+        if not (ended and leaving):
+            for number, handler in before.items():
+                signal.signal(number, handler)

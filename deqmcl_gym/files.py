@@ -17,7 +17,9 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
+
+import msgspec
 
 from deqmcl_gym.validation import InputError
 
@@ -44,6 +46,10 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 MOST_BYTES = 2**26  # far above any file of ours
 
+T = TypeVar("T")
+
+_UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
+_LACKING = re.compile(r"Object missing required field `(.*)`")
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -116,38 +122,24 @@ def json_of(content: bytes) -> dict[str, Any]:
     return value
 
 
-def misfit(value: Any, shape: Any, at: str = "") -> str | None:
-    """Describe where a JSON value differs from a shape; None if it fits.
+def typed(value: Any, kind: type[T]) -> T:
+    """Return a JSON value as a type whose fields describe its shape; more fields may be there.
 
-    Args:
-        value: read from JSON.
-        shape: a type; a tuple of alternative shapes; [shape] for a list of such items; {str: shape}
-            for a table with any keys; {"key": shape, …} for one with at least these keys.
-        at: path of the value, for the description.
+    Raises:
+        UnreadableError: the value is unlike the type; the message names the field.
     """
-    if isinstance(shape, tuple):
-        return None if any(misfit(value, one) is None for one in shape) else _unlike(value, at)
-    if isinstance(shape, type):
-        right = isinstance(value, int | float if shape is float else shape)
-        return None if right and isinstance(value, bool) == (shape is bool) else _unlike(value, at)
-    inner: list[tuple[Any, Any]]
-    if isinstance(shape, list) and isinstance(value, list):
-        inner = [(index, shape[0]) for index in range(len(value))]
-    elif isinstance(shape, dict) and isinstance(value, dict):
-        keys = dict.fromkeys(value, shape[str]) if str in shape else shape
-        if lacking := [key for key in keys if key not in value]:
-            return f"has no {at}{'.' * bool(at)}{lacking[0]}"
-        inner = list(keys.items())
-    else:
-        return _unlike(value, at)
-    found = (misfit(value[key], one, f"{at}{'.' * bool(at)}{key}") for key, one in inner)
-    return next(filter(None, found), None)
-
-
-def _unlike(value: Any, at: str) -> str:
-    words = repr(value)
-    shown = words if len(words) <= 60 else f"{words[:57]}…"
-    return f"has {shown} at {at}" if at else f"is {shown}"
+    try:
+        return msgspec.convert(value, kind, str_keys=True)
+    except msgspec.ValidationError as error:
+        what, _, place = str(error).partition(" - at ")
+        at = place.replace("`", "").replace("$.", "").replace("[...]", "[]")
+        if unlike := _UNLIKE.fullmatch(what):
+            what = f"has {unlike['given']} instead of {unlike['expected']}"
+        elif lacking := _LACKING.fullmatch(what):
+            what = f"has no {lacking[1]}"
+        else:
+            at = "$"  # its parts do not belong together
+        raise UnreadableError(what if at == "$" else f"{what} at {at}") from None
 
 
 def _refuse_constant(name: str) -> NoReturn:

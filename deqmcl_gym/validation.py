@@ -18,6 +18,10 @@ LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 _SHOWN = 200  # characters of a value in a sentence
 
 
+class LogWarning(UserWarning):
+    """A problem in a log, and how it was handled."""
+
+
 class InputError(ValueError):
     """Bad input. Its message is one sentence, shown as it is at the command line."""
 

@@ -5,14 +5,30 @@ world. Plug-ins need no base class: see ``Localizer``. ``resolve`` documents how
 ``localizers.checks`` tests whether they keep the laws.
 """
 
-from localizers.api import Belief, Localizer, Prior, RobotModel, mean_pose, quality_of
-from localizers.beliefs import Cluster, PointsBelief, PoseBelief, best_cluster
+from localizers.api import Belief, Localizer, Prior
+from localizers.beliefs import (
+    Cluster,
+    PointsBelief,
+    PoseBelief,
+    best_cluster,
+    mean_pose,
+    quality_of,
+)
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
+from localizers.models.robot import RobotModel
 from localizers.naming.plugins import absolute_name
-from localizers.naming.registry import make, names, parameters, register, resolve, source_digest
+from localizers.naming.registry import (
+    make,
+    names,
+    parameters,
+    register,
+    registered,
+    resolve,
+    source_digest,
+)
 
 __all__ = [
     "BeamModel",
@@ -38,6 +54,7 @@ __all__ = [
     "parameters",
     "quality_of",
     "register",
+    "registered",
     "resolve",
     "source_digest",
 ]

@@ -1,4 +1,4 @@
-"""Ready-made beliefs for plug-ins, and a belief's best cluster: its most likely single place."""
+"""Ready-made beliefs for plug-ins; what is asked of any: mean pose, best cluster, quality."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,29 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
-from deqmcl_gym.validation import InputError, array, digits
-from localizers.api import Points, mean_pose
+from deqmcl_gym.validation import InputError, array, digits, number
+from localizers.api import Belief, Points
 
 CELL = 50.0  # px: 1 m
 SECTORS = 12  # of 30°
 _COUNTED = 2**20  # cells whose weights are counted in one table
+
+
+def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
+    """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
+    x, y, heading = np.asarray(poses, dtype=np.float64).T
+    sine, cosine = (weights * arrays.sin(heading)).sum(), (weights * arrays.cos(heading)).sum()
+    return (
+        float((weights * x).sum()),
+        float((weights * y).sum()),
+        float(arrays.arctan2(sine, cosine)),
+    )
+
+
+def quality_of(belief: Belief) -> float | None:
+    """Return P(not lost | o_{1:t}) of a belief, in [0, 1]; None if it has none."""
+    quality = getattr(belief, "quality", None)
+    return None if quality is None else number("the belief's quality", quality, low=0, high=1)
 
 
 @dataclass(frozen=True)
@@ -48,11 +65,11 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     column -= column.min()
     row -= row.min()
     if (column.max() + 1) * (row.max() + 1) * SECTORS <= _COUNTED:
-        number = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
+        cell = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
     else:  # too far apart for a table, as points of a plug-in may be
         cells = np.stack([column, row, sector])
-        number = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
-    heaviest = (number == np.bincount(number, weights).argmax()).argmax()
+        cell = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
+    heaviest = (cell == np.bincount(cell, weights).argmax()).argmax()
     apart = (sector - sector[heaviest] + 1) % SECTORS
     near = (abs(column - column[heaviest]) <= 1) & (abs(row - row[heaviest]) <= 1) & (apart <= 2)
     share = float(weights[near].sum())

@@ -22,6 +22,7 @@ from benchmarks.commands import (
     run,
     speed,
     sweep,
+    verify,
 )
 from benchmarks.commands import list as list_
 
@@ -29,6 +30,7 @@ COMMANDS: Sequence[ModuleType] = (
     paper,
     sweep,
     report,
+    verify,
     export,
     leaderboard,
     list_,

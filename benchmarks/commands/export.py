@@ -29,7 +29,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     del given
     from benchmarks.files import own_folder, write_part
     from benchmarks.report import load, require_report
-    from benchmarks.sweeps.collecting import results_in
+    from benchmarks.sweeps.results import results_in
     from deqmcl_gym.validation import InputError
 
     require_report()

@@ -60,8 +60,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report import load, write_report
     from benchmarks.report.animations import Kept
-    from benchmarks.report.verdicts import conclusion
-    from benchmarks.sweeps.collecting import failed_sentence, summary
+    from benchmarks.report.words import conclusion
+    from benchmarks.sweeps.results import failed_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS
 

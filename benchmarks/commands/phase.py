@@ -35,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import where_safe
-    from benchmarks.phase.command import METHODS, run_phase
+    from benchmarks.studies.phase.command import METHODS, run_phase
 
     named = options.localizers
     sweep = sweep_of(options, METHODS if named is None else localizers_named(named))

@@ -25,9 +25,8 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     del given
     from benchmarks.report import require_report, rewrite_report
-    from benchmarks.report.verdicts import conclusion
-    from benchmarks.report.words import progress
-    from benchmarks.sweeps.collecting import left_out_lines, results_in
+    from benchmarks.report.words import conclusion, progress
+    from benchmarks.sweeps.results import left_out_lines, results_in
 
     require_report()
     results = results_in(options.folder)

@@ -34,7 +34,7 @@ def _path(text: str, what: str) -> Path:
 @contextmanager
 def log_warnings() -> Iterator[list[str]]:
     """Collect the warnings of log readers, each sentence once; if all fails, say them."""
-    from deqmcl_gym.logs import LogWarning
+    from deqmcl_gym.validation import LogWarning
 
     said: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
@@ -48,7 +48,7 @@ def log_warnings() -> Iterator[list[str]]:
 
 
 def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.logs import LogWarning
+    from deqmcl_gym.validation import LogWarning
 
     words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
     return list(dict.fromkeys(words))
@@ -166,10 +166,10 @@ def sweep_of(
         InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.execution.apart import parameters
-    from benchmarks.sweeps.factors import Method
+    from benchmarks.setup.changes import Changes
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
-    from benchmarks.trials.spec import frozen
+    from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
     from localizers import names
 
@@ -188,7 +188,7 @@ def sweep_of(
         particles=integer("--particles", options.particles, low=1),
     )
     if own:
-        methods = (Method(name=name, params=frozen(own.get(name, {}))) for name in localizers)
+        methods = (Method(name=name, params=Changes(own.get(name, {}))) for name in localizers)
         sweep = replace(sweep, localizers=tuple(methods))
     with checking():
         check(sweep)
@@ -197,7 +197,7 @@ def sweep_of(
 
 def setting_words(sweep: "Sweep") -> str:
     """N, L and seed."""
-    return f"N = {dict(sweep.params)['particles']}, L = {sweep.lag}, seed {sweep.seed}"
+    return f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     """Run the command; return what to print."""
     for name in _THREADS:  # read by the libraries when they are loaded, below
         os.environ[name] = "1"
-    from benchmarks.speed.command import FULL, QUICK, run_speed
+    from benchmarks.studies.speed.command import FULL, QUICK, run_speed
 
     extent = QUICK if options.quick else FULL
     command = ["deqmcl", *given]

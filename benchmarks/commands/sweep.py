@@ -34,6 +34,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
     add_timeout(parser)
     add("--retry-failed", action="store_true", help="run failed trials again")
+    add(
+        "--adopt",
+        action="store_true",
+        help="go on in a folder of other code, libraries or plug-ins, if deqmcl verify finds no "
+        "number that differs",
+    )
     add("--fail-fast", action="store_true", help="stop at the first failed trial")
     add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
@@ -54,10 +60,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.report import no_report, write_report
-    from benchmarks.report.verdicts import conclusion
-    from benchmarks.sweeps.collecting import failed_sentence, summary
+    from benchmarks.report.words import conclusion
     from benchmarks.sweeps.dry_run import dry_run
-    from benchmarks.sweeps.manifest import of_sweep, refuse_others
+    from benchmarks.sweeps.manifest import of_sweep, taken_over
+    from benchmarks.sweeps.results import failed_sentence, summary
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
@@ -66,7 +72,8 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         refuse_too_many,
         shard_of,
     )
-    from benchmarks.sweeps.sweepfile import sweeps_named
+    from benchmarks.sweeps.suites import sweeps_named
+    from benchmarks.sweeps.verifying import adopt
 
     added = [name for listed in options.added for name in localizers_named(listed)]
     how = Options(
@@ -92,7 +99,10 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     out = options.out or Path("results") / Path(options.suite).stem
     texts, failed = [], []
     for part, sweep in sweeps.items():
-        refuse_others(out / part, of_sweep(sweep, command))
+        ours = of_sweep(sweep, command)
+        if options.adopt and (said := adopt(out / part, ours, how.where)):
+            print(said)
+        taken_over(out / part, ours)
     for part, sweep in sweeps.items():
         with begun(sweep, out / part, how, command=command) as running:
             results = running.results()

@@ -10,16 +10,18 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import replace
 from functools import cache
+from itertools import groupby
 from typing import TypeVar
 
 import localizers
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.setup.names import scenario_digest
-from benchmarks.trials.episode import check_params, check_setting
 from benchmarks.trials.plugins import guest_of, provenance_of, setup_guests
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.plugins import is_reference
 from localizers.naming.registry import is_plug_in
@@ -117,7 +119,7 @@ def check_settings(trials: Iterable[Trial]) -> None:
 
 
 def check_methods(trials: Collection[Trial]) -> None:
-    """Let the localizer of each trial look at its parameters; see ``check_params``.
+    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``.
 
     Raises:
         InputError: one refuses them. Any other trouble of a plug-in is left to its trials.
@@ -151,7 +153,7 @@ def _loads(name: str) -> bool:
 
 def _check_settings(trials: Collection[Trial]) -> None:
     for trial in trials:
-        check_setting(trial)
+        Stage.of(trial).check()
 
 
 def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) -> T:
@@ -170,8 +172,11 @@ def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) 
 
 
 def _check_all(trials: Collection[Trial]) -> None:
-    for trial in trials:
-        check_params(trial)
+    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
+        first, *others = own
+        stage = Stage.of(first)
+        for trial in (first, *others):
+            replace(stage, trial=trial).check_params()
 
 
 @cache  # by its source, too: an edited plug-in is asked again

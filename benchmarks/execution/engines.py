@@ -1,18 +1,30 @@
-"""The engines a sweep can run on: each gives an ``Executor`` for as long as it is needed."""
+"""The engines a sweep can run on, and what keeps them busy with trials.
+
+An engine gives an ``Executor`` for as long as it is needed. A trial is one of a sweep, or whatever
+else has a function that runs it to its ``Outcome``.
+"""
 
 import importlib
 import os
-from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import Executor, Future
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from benchmarks.execution import dask
-from benchmarks.execution.processes import PATIENCE, Processes, WorkerDiedError
+from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
+from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
+
+TRIES = 3  # of a trial whose worker dies
+
+T = TypeVar("T")
+_InFlight = dict[Future[Outcome], tuple[str, T, float]]  # key, trial, when it was submitted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +141,74 @@ def available_cpus() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def outcomes(
+    jobs: Iterable[tuple[str, T]], engine: Engine, run: Callable[..., Outcome] = attempt
+) -> Generator[tuple[str, Outcome], None, None]:
+    """Run (key, trial) pairs by ``run(trial, key)``; yield (key, outcome) as they finish.
+
+    No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
+    that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
+    slot: what else is sent to that worker would wait behind it.
+
+    Raises:
+        RuntimeError: the engine itself broke, or hangs in all its slots.
+    """
+    waiting = deque(jobs)
+    tries: Counter[str] = Counter()
+    in_flight: _InFlight[T] = {}
+    hung: list[Future[Outcome]] = []
+    while waiting or in_flight:
+        if len(hung) == engine.slots:
+            raise RuntimeError(
+                f"all {len(hung)} workers hang; finished trials are kept, run the command again "
+                "for the rest."
+            )
+        while waiting and len(in_flight) + len(hung) < engine.slots:
+            key, trial = waiting.popleft()
+            future = engine.executor.submit(run, trial, key)
+            in_flight[future] = key, trial, time.monotonic()
+            if future.done():
+                break  # an engine that runs it here: take it at once
+        for future in _landed(in_flight, engine):
+            key, trial, _ = in_flight.pop(future)
+            if not future.done():
+                hung.append(future)
+                yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
+                continue
+            tries[key] += 1
+            outcome = _outcome(future, tries[key])
+            if outcome is None:
+                waiting.appendleft((key, trial))
+            else:
+                yield key, outcome
+
+
+def _landed(in_flight: _InFlight[T], engine: Engine) -> set[Future[Outcome]]:
+    """Wait for futures that are done, or have been in flight for too long."""
+    if engine.timeout is None:
+        return wait(in_flight, return_when=FIRST_COMPLETED).done
+    first = min(started for _, _, started in in_flight.values())
+    patience = max(0.0, first + engine.timeout - time.monotonic())
+    done = wait(in_flight, timeout=patience, return_when=FIRST_COMPLETED).done
+    late = time.monotonic() - engine.timeout
+    return done or {future for future, (_, _, started) in in_flight.items() if started <= late}
+
+
+def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
+    """Return what came of a trial; None to try again."""
+    try:
+        return future.result()
+    except TimedOutError as error:
+        return Outcome(reason=str(error))
+    except BrokenExecutor as error:
+        words = str(error) or in_words(error)
+        raise RuntimeError(f"the executor broke ({words}); finished trials are kept.") from error
+    except (Exception, SystemExit) as error:  # of the engine: a trial's own errors are outcomes
+        if tries < TRIES:
+            return None
+        return Outcome(reason=f"lost {tries} times by its worker; last: {in_words(error)}")
 
 
 def _factory(name: str) -> Callable[[], Executor]:

@@ -3,14 +3,17 @@
 import contextlib
 import gc
 
-from benchmarks.execution.worker import load
-from benchmarks.trials.attempt import trial_trace
+from benchmarks.execution.processes import load
+from benchmarks.setup.changes import Changes
+from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 
 load()
 _SMALL = Trial(
-    scenario="paper", localizer="deq-mcl", params=(("particles", 2),), lag=1, seed=0, trial=0
+    scenario="paper", localizer="deq-mcl", params=Changes({"particles": 2}), lag=1, seed=0, trial=0
 )
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
-    trial_trace(_SMALL)
+    Stage.of(_SMALL).trace()
+code_digest()
 gc.freeze()  # no worker searches it for garbage

@@ -6,16 +6,19 @@ process: it sends a call, waits for the answer, and starts another process when 
 """
 
 import atexit
+import contextlib
+import os
 import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
 from benchmarks.execution.starting import CONTEXT, sheltered
-from benchmarks.execution.worker import work
-from localizers.naming.isolation import end
+from deqmcl_gym.validation import InputError, in_words
+from localizers.naming.isolation import end, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
@@ -189,3 +192,45 @@ class _Worker:
             raise CannotStartError(f"a worker process could not start (exit code {code})")
         how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
         return f"its worker died {how}"
+
+
+def work(line: Connection) -> None:
+    """Be a worker: answer each (function, arguments) with (True, result) or (False, exception).
+
+    It ends when the line breaks, and does not outlive its parent.
+    """
+    enter()
+    load()
+    with contextlib.suppress(EOFError, OSError):  # the parent has hung up
+        line.send("ready")
+        while True:
+            line.send_bytes(_answer(*line.recv()))
+    os._exit(0)  # waits for no thread that a plug-in has left
+
+
+def load() -> None:
+    """Load what trials need before the first of them is timed."""
+    import cv2
+
+    import benchmarks.trials.attempt  # noqa: F401
+
+    cv2.setNumThreads(1)
+
+
+def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> memoryview:
+    try:
+        return ForkingPickler.dumps((True, function(*arguments)))
+    except BaseException as error:  # nobody but the call itself stops a worker so
+        return ForkingPickler.dumps((False, _portable(error)))
+
+
+def _portable(error: BaseException) -> Exception:
+    """Return an error that the parent can read without the plug-in it may be from."""
+    ours = type(error) is InputError or (
+        isinstance(error, Exception) and type(error).__module__ == "builtins"
+    )
+    if ours:
+        with contextlib.suppress(Exception):
+            ForkingPickler.dumps(error)
+            return error  # type: ignore[return-value]
+    return RuntimeError(in_words(error))

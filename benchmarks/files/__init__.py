@@ -1,13 +1,20 @@
 """Files: read as data, written whole or not at all, and only where they are ours."""
 
-from benchmarks.files.record import is_empty, own_folder, refuse_changed, write_part, written
+from benchmarks.files.inventory import (
+    as_written,
+    is_empty,
+    own_folder,
+    refuse_changed,
+    write_part,
+    written,
+)
 from deqmcl_gym.files import (
     UnreadableError,
     command_line,
     content_of,
     is_temporary,
     json_of,
-    misfit,
+    typed,
     utf8,
     writable_folder,
     write_bytes,
@@ -16,14 +23,15 @@ from deqmcl_gym.files import (
 
 __all__ = [
     "UnreadableError",
+    "as_written",
     "command_line",
     "content_of",
     "is_empty",
     "is_temporary",
     "json_of",
-    "misfit",
     "own_folder",
     "refuse_changed",
+    "typed",
     "utf8",
     "writable_folder",
     "write_bytes",

@@ -8,13 +8,14 @@ import cv2
 import PIL
 
 from benchmarks.files import written
-from benchmarks.pictures.frames import Camera, png, side_by_side, webp
+from benchmarks.pictures.film import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
-from benchmarks.trials.episode import Moment, scenario_of, trial_moments
+from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.world.drawing import Image, View
@@ -31,18 +32,18 @@ _LONGEST = 560.0  # px of the paper's room
 _LEAST_SCALE = 0.01
 
 
-def camera_of(trial: Trial, scale: float = 2.0) -> Camera:
-    """Return a camera for the room of a trial.
+def camera_of(stage: Stage, scale: float = 2.0) -> Camera:
+    """Return a camera for the room of a trial, set up.
 
     A building is drawn smaller: 560 image pixels times the scale are the most to a side.
     """
-    room = scenario_of(trial).room()
+    room = stage.room
     x0, y0, x1, y1 = room.floor_plan.bounds
     longest = max(x1 - x0, y1 - y0)
     size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
     small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
     view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
-    return Camera(view, room.radius, trial.lag)
+    return Camera(view, room.radius, stage.trial.lag)
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
@@ -59,7 +60,8 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
 
 def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
     """Draw what can be drawn of these methods, each given by its trial 0, by file name."""
-    seen = {t.localizer: (camera_of(t), list(trial_moments(t))) for t in trials}
+    stages = [Stage.of(trial) for trial in trials]
+    seen = {s.trial.localizer: (camera_of(s), list(s.moments())) for s in stages}
     contents: dict[str, bytes] = {}
     for method in FIG_4_METHODS:
         if method in seen:
@@ -70,7 +72,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
         contents |= _fig_5(*seen[FIG_5_METHOD])
     shown = [method for method in LAP_METHODS if method in seen]
     if shown:
-        small = camera_of(trials[0], scale=1.2)
+        small = camera_of(stages[0], scale=1.2)
         laps = [lap_frames(seen[method][1], small, method) for method in shown]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
         contents["lap.webp"] = webp(frames, LAP_MILLISECONDS)

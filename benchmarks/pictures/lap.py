@@ -1,27 +1,27 @@
 """One lap of one localizer: its animation, its error curve, its trace."""
 
+import io
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.files import own_folder, write_part
-from benchmarks.pictures.export import npz, trajectories
 from benchmarks.pictures.figures import LAP_MILLISECONDS, LAP_STRIDE, camera_of
-from benchmarks.pictures.film import Film
-from benchmarks.pictures.frames import webp
+from benchmarks.pictures.film import Film, webp
 from benchmarks.pictures.plots import error_plot, require_plots
-from benchmarks.setup.trial_env import TrialEnv
-from benchmarks.tables.table_1 import TITLES, state_name
-from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import Moment, scenario_of, task_of, trial_moments
-from benchmarks.trials.metrics import heading_error, position_error, state_error
+from benchmarks.setup.scenario import TrialEnv
+from benchmarks.tables.text import TITLES, csv_text, state_name
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
-from deqmcl_gym.logs import Log, check_writable, write
+from deqmcl_gym.logs import Log, Trajectory, check_writable, write
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 
@@ -42,14 +42,12 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         if os.path.lexists(log):
             raise InputError(f"{log} exists already: give another --log.")
     own_folder(out, "run")
-    camera = camera_of(trial, scale=1.6)
-    setup = scenario_of(trial)
-    unit = setup.unit
+    stage = Stage.of(trial)
+    unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
-    film = Film(camera, title, LAP_STRIDE)
-    task = task_of(setup.room())
-    left = _Outside(task.floor_plan)
-    trace = trace_of(left.of(film.of(trial_moments(trial))), trial.offsets, task)
+    film = Film(camera_of(stage, scale=1.6), title, LAP_STRIDE)
+    left = _Outside(stage.room.floor_plan)
+    trace = trace_of(left.of(film.of(stage.moments())), trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
         state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
@@ -63,9 +61,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         "trace.npz": npz(trace),
     } | trajectories(trace)
     if log is not None:
-        write(_log(film.moments, setup.room()), log)
+        write(_log(film.moments, stage.room), log)
     write_part(out, "run", files)
-    lines = [_line(row, unit) for row in scores(trace, trial.lag, setup.thresholds)]
+    lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
     return "\n".join(
         [
             f"{heading}: {trace.steps} steps",
@@ -138,3 +136,32 @@ def _curve_lines(trace: Trace) -> Iterator[list[str]]:
         for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
             cells = (offset, state, *true, mean[0], mean[1], *off)
             yield [str(cell) for cell in cells]  # a NaN as nan, no empty cell
+
+
+def trajectories(trace: Trace) -> dict[str, bytes]:
+    """TUM files by name: the truth, and the estimates at each offset (means of the beliefs).
+
+    One step is one second; px take the place of metres in a room in px.
+    """
+    steps = np.arange(float(len(trace.truth)))
+    files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
+    for offset, kept in trace.offsets.items():
+        poses = np.column_stack([kept.means[:, :2], directions(kept.means)])
+        name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
+        files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
+    return files
+
+
+def npz(trace: Trace) -> bytes:
+    """Return the trace as npz without pickles: ``truth``, ``quality``, ``t-20/means`` ….
+
+    For the arrays and their units see ``benchmarks.trials.trace``; read by ``numpy.load(path)``.
+    """
+    arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
+    for offset, kept in trace.offsets.items():
+        name = f"t{offset:+d}" if offset else "t"
+        columns = vars(kept) | kept.values
+        arrays |= {f"{name}/{key}": columns[key] for key in columns if key != "values"}
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()

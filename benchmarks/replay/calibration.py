@@ -13,10 +13,10 @@ from itertools import islice
 import numpy as np
 
 from benchmarks.replay.options import NAME, Setting
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
-from benchmarks.trials.attempt import collectors_of
-from benchmarks.trials.episode import scenario_of, trial_moments
-from benchmarks.trials.spec import Trial, frozen
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
 
@@ -41,7 +41,8 @@ def calibrated(setting: Setting) -> Setting:
     if count is None:
         return setting
     here = {name: own for name, own in setting.assumed.items() if not name.startswith("prior.")}
-    begun = replace(setting, assumed=here, world={**setting.world, "start": _first(setting)})
+    world = setting.world | {"start": _first(setting)}
+    begun = replace(setting, assumed=Changes(here), world=world)
     tried: list[tuple[float, float]] = []
     for power in _POWERS:
         covered, off = _covered(begun, power, count)
@@ -55,8 +56,8 @@ def calibrated(setting: Setting) -> Setting:
     covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
     return replace(
         setting,
-        world={**setting.world, "judged": int(setting.log.referenced[0]) + count},
-        assumed={**setting.assumed, "scan.power": power},
+        world=setting.world | {"judged": int(setting.log.referenced[0]) + count},
+        assumed=setting.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
         f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
@@ -86,18 +87,18 @@ def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
     """Return the share covered, and the 95 % quantile of the position errors, m."""
     trial = Trial(
         scenario=NAME,
-        world=frozen(setting.world),
-        assumed=frozen({**setting.assumed, "scan.power": power}),
+        world=setting.world,
+        assumed=setting.assumed | {"scan.power": power},
         localizer="mcl",
-        params=(("particles", _PARTICLES),),
+        params=Changes({"particles": _PARTICLES}),
         lag=0,
         seed=_ROOT,
         trial=0,
     )
-    room = scenario_of(trial).room()
-    (kept,) = collectors_of(trial, room)
+    stage = Stage.of(trial)
+    kept = stage.collector()
     assert isinstance(kept, TrackLog)
-    for moment in islice(trial_moments(trial, room), count):
+    for moment in islice(stage.moments(), count):
         kept.see(moment)
     return kept.scores()[f"coverage_{LEVEL}"], float(
         np.quantile(kept.track.errors.translation, 0.95)

@@ -17,14 +17,13 @@ from benchmarks.report import load, no_report
 from benchmarks.report.animations import Kept
 from benchmarks.report.tables import Table
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
-from benchmarks.report.verdicts import conclusion
-from benchmarks.sweeps.collecting import failed_sentence
+from benchmarks.report.words import conclusion
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Method
-from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.results import Results, failed_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
-from benchmarks.trials.spec import frozen
+from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.validation import InputError, integer
@@ -71,11 +70,11 @@ def sweep_of(
     }
     return Sweep(
         title=f"Replay of {Path(setting.world['log']).name}",
-        localizers=tuple(Method(name=name, params=frozen(params[name])) for name in localizers),
+        localizers=tuple(Method(name, Changes(params[name])) for name in localizers),
         scenario=NAME,
         lag=0,
-        world=frozen(setting.world),
-        assumed=frozen(setting.assumed),
+        world=setting.world,
+        assumed=setting.assumed,
         seed=root,
         trials=seeds,
         baseline=localizers[0],
@@ -87,7 +86,7 @@ def gated(sweep: Sweep, every: object) -> list[str]:
     """Return the note that ``amcl`` will update less often than on a robot; none if it will not."""
     waits = [method for method in sweep.localizers if method.name == "amcl"]
     told = {"update_min_d", "update_min_a"}
-    if every is not None or not waits or told & dict(waits[0].params).keys():
+    if every is not None or not waits or told & waits[0].params.keys():
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
@@ -176,10 +175,9 @@ def _rows(setting: Setting, sweep: Sweep, results: Results) -> list[Row]:
     """Return a row per localizer, in the order in which they were named."""
     names = [method.name for method in sweep.localizers]
     records = {
-        name: [one for one in results.records if one["trial"]["localizer"] == name]
-        for name in names
+        name: [one for one in results.records if one.trial.localizer == name] for name in names
     }
-    failed = [failure.trial["localizer"] for failure in results.failures]
+    failed = [failure.trial.localizer for failure in results.failures]
     return rows_of(records, {name: failed.count(name) for name in names}, setting.log)
 
 
@@ -208,7 +206,7 @@ def _contents(
     }
     if no_report() is None and results.panels:
         load()
-        from benchmarks.report.html import html
+        from benchmarks.report.pages import html
         from benchmarks.report.story import story_of
 
         notes = [*accuracy(rows), setting.overview, _WORLDS, *setting.facts]

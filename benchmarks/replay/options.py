@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
 from benchmarks.setup.names import scenario
-from benchmarks.setup.priors import Uniform
+from benchmarks.setup.scenario import Uniform
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
@@ -46,8 +47,8 @@ class Setting:
         calibration: how the power of the scan model was fitted, in words; "" if it was not.
     """
 
-    world: Mapping[str, Any]
-    assumed: Mapping[str, Any]
+    world: Changes
+    assumed: Changes
     noise: str
     reference: str
     calibration: str = ""
@@ -198,7 +199,7 @@ def setting_of(
             )
         assumed["prior.mean"] = at
     said = _reference(whole.segment(world.get("start", 0)), played)
-    return Setting(world=world, assumed=assumed, noise=origin, reference=said)
+    return Setting(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
 
 
 def reading_of(words: Sequence[str]) -> dict[str, Any]:
@@ -223,8 +224,8 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] | None = None) -> ReplayScenario:
-    found = scenario(NAME).changed(world, assumed or {})
+def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
+    found = scenario(NAME).changed(world, assumed)
     assert isinstance(found, ReplayScenario)
     return found
 

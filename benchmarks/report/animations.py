@@ -1,57 +1,35 @@
-"""Where animations come from: drawn by running trials again, or kept in the folder.
+"""Best, median and worst trial as animations: drawn by the sweep, or kept in the folder.
 
 ``deqmcl report`` takes only what the folder has: it runs nothing that somebody else's folder names.
 """
 
-import hashlib
 import json
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
 
-from benchmarks.execution.engines import available_cpus
-from benchmarks.execution.processes import Processes
-from benchmarks.files import UnreadableError, content_of, json_of, misfit
-from benchmarks.report.laps import Lap, drawn, frames_of, joined
-from benchmarks.trials.plugins import guest_of
+from msgspec import Struct
+
+from benchmarks.files import UnreadableError, as_written, content_of, json_of, typed
+from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.pairing import by_world
+from benchmarks.tables.panels import Panel
+from benchmarks.trials.journeys import JOURNEY_SCORES
 from deqmcl_gym.validation import InputError
 
 IMAGES, INDEX = "images", "laps.json"
 _NONE = "the folder has none of these trials"
-_PATIENCE = 300.0  # seconds for one animation
-_SHAPE = {str: {"trials": [str], "webp": str, "png": str}}
-
-Promise = Callable[[], Lap]
+_LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
 
 
-class Animator(Protocol):
-    """Gives laps their pictures."""
+class _Entry(Struct):
+    """An animation in the index: the keys of its trials."""
 
-    def lacking(self, keys: Collection[str]) -> str:
-        """Say what a report of these trials would lack; "" if nothing."""
-        ...
-
-    def working(self) -> Any:
-        """Return a context in which laps are promised: a function from ``Lap`` to ``Promise``."""
-        ...
-
-
-class Drawing:
-    """Runs the trials again, in workers: a plug-in that hangs or exits there does no harm."""
-
-    def lacking(self, keys: Collection[str]) -> str:
-        """All are drawn."""
-        del keys
-        return ""
-
-    @contextmanager
-    def working(self) -> Iterator[Callable[[Lap], Promise]]:
-        """Start the workers; trials of different plug-ins are run apart, as in a sweep."""
-        with Processes(available_cpus(), timeout=_PATIENCE, guest_of=_guest_of) as pool:
-            yield lambda lap: _promised(lap, pool)
+    trials: list[str]
 
 
 @dataclass(frozen=True)
@@ -61,78 +39,115 @@ class Kept:
     folder: Path
 
     def lacking(self, keys: Collection[str]) -> str:
-        """Some may be gone, or drawn of other trials."""
-        shown = {key for entry in self._index.values() for key in entry["trials"]}
+        """Say what a report of these trials would lack; "" if nothing."""
+        shown = {key for entry in self._index.values() for key in entry.trials}
         if not shown or not shown <= set(keys):
             return f"{_NONE} ({sorted(shown - set(keys))})"
         return ", ".join(filter(None, map(self._spoilt, self._index)))
 
     @contextmanager
-    def working(self) -> Iterator[Callable[[Lap], Promise]]:
-        """Nothing is to be started."""
-        yield lambda lap: lambda: self._of(lap)
+    def given(self) -> Iterator[Callable[[Animation], Promise]]:
+        """As ``drawing`` promises animations, but nothing is started."""
+        yield lambda shown: lambda: self._of(shown)
 
     @cached_property
-    def _index(self) -> dict[str, Any]:
+    def _index(self) -> dict[str, _Entry]:
         try:
-            index = json_of(content_of(self.folder / IMAGES / INDEX))
+            content = content_of(self.folder / IMAGES / INDEX)
+            return typed(json_of(content), dict[str, _Entry])
         except (FileNotFoundError, UnreadableError):
             return {}
-        return {} if misfit(index, _SHAPE) else index
 
-    def _of(self, lap: Lap) -> Lap:
-        entry = self._index.get(lap.name)
-        if entry is None or entry["trials"] != list(lap.keys):
+    def _of(self, shown: Animation) -> Animation:
+        entry = self._index.get(shown.name)
+        if entry is None or entry.trials != list(shown.keys):
             raise InputError(f"{_NONE}; `deqmcl sweep` draws them.")
-        if why := self._spoilt(lap.name):
+        if why := self._spoilt(shown.name):
             raise InputError(f"{why}; `deqmcl sweep` draws it again.")
-        return replace(
-            lap, animation=self._read(lap.name, "webp"), still=self._read(lap.name, "png")
-        )
+        webp, png = (content_of(path) for path in self._pictures(shown.name))
+        return replace(shown, webp=webp, png=png)
 
     def _spoilt(self, name: str) -> str | None:
-        """Say what is wrong with the pictures of a lap."""
-        for ending in ("webp", "png"):
-            try:
-                if _digest(self._read(name, ending)) != self._index[name][ending]:
-                    return f"{name}.{ending} was changed"
-            except FileNotFoundError:
-                return f"{name}.{ending} is gone"
-            except UnreadableError as error:
-                return f"{name}.{ending} {error}"
+        """Say what is wrong with the pictures of an animation."""
+        for path in self._pictures(name):
+            if not path.exists():
+                return f"{path.name} is gone"
+            if not as_written(self.folder, f"{IMAGES}/{path.name}"):
+                return f"{path.name} was changed"
         return None
 
-    def _read(self, name: str, ending: str) -> bytes:
-        return content_of(self.folder / IMAGES / f"{name}.{ending}")
+    def _pictures(self, name: str) -> list[Path]:
+        return [self.folder / IMAGES / f"{name}.{ending}" for ending in ("webp", "png")]
 
 
-def lap_files(laps: Sequence[Lap]) -> dict[str, bytes]:
-    """Return the pictures of laps by file name, and the index that ``Kept`` reads."""
-    if not laps:
+def animation_files(shown: Sequence[Animation]) -> dict[str, bytes]:
+    """Return the pictures of animations by file name, and the index that ``Kept`` reads."""
+    if not shown:
         return {}
-    index = {
-        lap.name: {
-            "trials": list(lap.keys),
-            "webp": _digest(lap.animation),
-            "png": _digest(lap.still),
-        }
-        for lap in laps
-    }
-    pictures = {f"{lap.name}.webp": lap.animation for lap in laps}
-    pictures |= {f"{lap.name}.png": lap.still for lap in laps}
+    index = {one.name: {"trials": list(one.keys)} for one in shown}
+    pictures = {f"{one.name}.webp": one.webp for one in shown}
+    pictures |= {f"{one.name}.png": one.png for one in shown}
     return pictures | {INDEX: (json.dumps(index, indent=2) + "\n").encode()}
 
 
-def _promised(lap: Lap, pool: Processes) -> Promise:
-    if len(set(map(guest_of, lap.trials))) <= 1:
-        return pool.submit(drawn, lap).result
-    parts = [pool.submit(frames_of, part) for part in lap.parts]
-    return lambda: joined(lap, [row for part in parts for row in part.result()])
+def animations_of(panel: Panel) -> list[Animation]:
+    """Choose the best, median and worst world of the panel's focus, beside its baseline.
+
+    Nothing is drawn yet: see ``drawing``.
+    """
+    focus = _focus(panel.present)
+    whole_log = any(record.track for own in panel.records.values() for record in own)
+    if focus is None or whole_log:  # which is too long, and has its own pictures
+        return []
+    ranked, what = _ranked(panel, focus)
+    places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
+    shown = dict.fromkeys((focus.baseline, focus.method))
+    chosen = []
+    for place, (value, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
+        first = {
+            method: record
+            for method in shown
+            for record in reversed(panel.records[method])
+            if record.trial.trial == world
+        }
+        labels = tuple(panel.labels[method] for method in first)
+        chosen.append(
+            Animation(
+                name=f"lap-{panel.number}-{place.lower()}",
+                title=f"{place} of {len(ranked)} worlds",
+                caption=f"World {world}, {' and '.join(labels)}: {what} of "
+                f"{panel.labels[focus.method]} {value:.1f}. Every {STRIDE}th step; orange: "
+                "present, pink: past, light blue: future; at the end the ways of truth and best "
+                "cluster.",
+                trials=tuple(record.trial for record in first.values()),
+                labels=labels,
+                keys=tuple(record.key for record in first.values()),
+            )
+        )
+    return chosen
 
 
-def _guest_of(lap: Lap) -> str:
-    return max(map(guest_of, lap.trials), default="")  # the same of all: else it is in parts
+def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:
+    """Return the worlds of a method by its error, or by the metres until it is localized."""
+    worlds, what = focus.errors, "error"
+    if _LOCALIZED.name in focus.journey:
+        own = panel.whole[focus.method].restricted(_LOCALIZED)
+        worlds, what = by_world(own), "metres to localize"
+    there = {record.trial.trial for record in panel.records[focus.method]}
+    ranked = [(value, world) for world, value in worlds.items() if not math.isnan(value)]
+    return sorted(one for one in ranked if one[1] in there), what
 
 
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def _focus(rows: Sequence[Comparison]) -> Comparison | None:
+    """What is shown beside its baseline.
+
+    Of lost robots what is localized earliest; else DEQ-MCL if it was run; else what differs most
+    from its baseline; else the baseline.
+    """
+    found = [row for row in rows if _LOCALIZED.name in row.journey and not row.is_baseline]
+    earliest = sorted(found, key=lambda row: row.journey[_LOCALIZED.name].restricted)
+    named = [row for row in rows if row.method.name == "deq-mcl"]
+    others = [row for row in rows if not math.isnan(row.diff.mean)]
+    ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
+    candidates = [*earliest, *named, *ranked, *rows]
+    return candidates[0] if candidates else None

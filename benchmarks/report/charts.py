@@ -1,19 +1,15 @@
 """The charts of a panel: its rows, drawn."""
 
 import math
-from collections.abc import Mapping
 from textwrap import wrap
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, estimates, picture
+from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
+from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.series import lap_errors, milliseconds_per_step, profile
 from benchmarks.trials.metrics import LEVELS
-
-Looks = Mapping[str, Look]  # by label
 
 _ROW = 30  # worlds whose marks fit side by side
 _LETTERS = 28  # of a method's name on a line
@@ -124,14 +120,13 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
 
 def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
     """Error against the localizer's time per step."""
-    times = {row.method: milliseconds_per_step(panel.records[row.method]) for row in panel.present}
-    timed = [row for row in panel.present if not math.isnan(times[row.method])]
+    timed = [row for row in panel.present if not math.isnan(row.milliseconds)]
     if not timed:
         return None
     figure, axes = canvas(4.8, 2.9, legend_of=[panel.labels[row.method] for row in timed])
     for row in timed:
         label = panel.labels[row.method]
-        estimates(axes, [times[row.method]], [row.error], looks[label], label, size=7)
+        estimates(axes, [row.milliseconds], [row.error], looks[label], label, size=7)
     axes.set(xlabel="localizer's time per step, ms (median over runs)", xlim=(0, None))
     axes.set(ylabel="error e of x[t]", ylim=(0, None))
     return picture(

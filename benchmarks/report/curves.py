@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, estimates, picture
+from benchmarks.report.svg import INK, Look, Picture, canvas, estimates, picture
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import Estimate
@@ -111,7 +110,7 @@ def place_of(panel: Panel) -> Place:
         ("assumed", setting.assumed),
         ("params", panel.swept),
     ):
-        place |= {f"{part}.{name}": value for name, value in values}
+        place |= {f"{part}.{name}": value for name, value in values.items()}
     return place
 
 

@@ -7,15 +7,10 @@ from benchmarks.report.journeys import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import JourneyScore
-from benchmarks.tables.pairing import Method
-from benchmarks.tables.panels import Panel, short_name
-from benchmarks.tables.rivals import rivals
-from benchmarks.tables.series import milliseconds_per_step
-from benchmarks.tables.table_1 import state_name
-from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import aim_of, cost, ranked, standing
-from benchmarks.trials.journeys import Score
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import fixed, percent, short_name, state_name
+from benchmarks.trials.spec import Method
+from localizers.naming.registry import is_plug_in
 
 
 def verdict_table(panel: Panel) -> Table:
@@ -23,45 +18,44 @@ def verdict_table(panel: Panel) -> Table:
 
     By the share of runs that succeed, if the panel is about one, and by the errors at x_t.
     """
-    aim, rows = aim_of(panel), ranked(panel)
-    header = ["method", *_headed(panel, aim), "ms per step (baseline = 1)", "worlds"]
+    rows = panel.ranked
+    header = ["method", *_headed(panel), "ms per step (baseline = 1)", "worlds"]
     lines = [
         [
             marked_label(panel, row),
-            *_compared(row, aim),
-            f"{fixed(milliseconds_per_step(panel.records[row.method]))} "
-            f"({significant(cost(panel, row), 2)} ×)",
+            *_compared(row),
+            f"{fixed(row.milliseconds)} ({significant(row.cost, 2)} ×)",
             str(row.worlds),
         ]
         for row in rows
     ]
-    values = [standing(row, aim).value.mean for row in rows]
+    values = [row.standing.value.mean for row in rows]
     best = [line for line, value in enumerate(values) if value == values[0]]
     return Table(
-        f"{_captioned(panel, aim)} ms per step: the method's own time, median over runs, of the "
+        f"{_captioned(panel)} ms per step: the method's own time, median over runs, of the "
         f"machine that ran them.{_with(panel)}",
         header,
         lines,
         strong=[(line, column) for line in best for column in (0, 1)],
-        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.localizer)],
+        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.name)],
     )
 
 
-def _headed(panel: Panel, aim: Score | None) -> list[str]:
-    error = f"error e, {panel.thresholds.unit} (SD)"
-    if aim is not None:
-        return [*score_header(aim), error, "difference of e, 95 % interval"]
+def _headed(panel: Panel) -> list[str]:
+    error = f"error e, {panel.unit} (SD)"
+    if panel.aim is not None:
+        return [*score_header(panel.aim), error, "difference of e, 95 % interval"]
     apart = "difference to the baseline, 95 % interval"
     return [error, apart, "wins", "Wilcoxon p, Holm", "lost runs, 95 % interval"]
 
 
-def _compared(row: Comparison, aim: Score | None) -> list[str]:
+def _compared(row: Comparison) -> list[str]:
     errors = [
         f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
         "baseline" if row.is_baseline else estimated(row.diff, "+.2f"),
     ]
-    if aim is not None:
-        return [*score_cells(row, aim), *errors]
+    if row.aim is not None:
+        return [*score_cells(row, row.aim), *errors]
     return [
         *errors,
         "–" if row.is_baseline else percent(row.win_rate),
@@ -71,18 +65,18 @@ def _compared(row: Comparison, aim: Score | None) -> list[str]:
     ]
 
 
-def _captioned(panel: Panel, aim: Score | None) -> str:
+def _captioned(panel: Panel) -> str:
     at = panel.thresholds
-    if aim is not None:
+    if panel.aim is not None:
         return (
-            f"{capital(aim.words)}: share of runs, the largest first and in bold, and how it "
+            f"{capital(panel.aim.words)}: share of runs, the largest first and in bold, and how it "
             "compares with the baseline on the same worlds. Error e of the belief about the "
             "present, x[t], compared in the same way."
         )
     return (
         "Error of the belief about the present, x[t], the smallest first and in bold, and how it "
         f"compares with the baseline on the same worlds. Lost: position error above {at.lost:g} "
-        f"{at.unit} on average over the last {at.lost_steps} states; its interval counts every "
+        f"{panel.unit} on average over the last {at.lost_steps} states; its interval counts every "
         "world as one case."
     )
 
@@ -92,12 +86,7 @@ def marked_label(panel: Panel, row: Comparison) -> str:
     label = panel.labels[row.method]
     if row.is_baseline:
         return f"{label} (baseline)"
-    return f"{label} (plug-in)" if is_plug_in(row.method.localizer) else label
-
-
-def is_plug_in(localizer: str) -> bool:
-    """Whether a name is of a file or a module from elsewhere."""
-    return ":" in localizer
+    return f"{label} (plug-in)" if is_plug_in(row.method.name) else label
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
@@ -106,13 +95,12 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     lines: list[list[str]] = []
     strong: list[tuple[int, int]] = []
     for panel in panels:
-        aim, rows = aim_of(panel), ranked(panel)
-        cells = {panel.labels[row.method]: _marked(standing(row, aim), aim) for row in rows}
-        values = {panel.labels[row.method]: standing(row, aim).value.mean for row in rows}
+        cells = {panel.labels[row.method]: _marked(row) for row in panel.ranked}
+        values = {panel.labels[row.method]: row.standing.value.mean for row in panel.ranked}
         best = {name for name, value in values.items() if value == next(iter(values.values()))}
         strong += [(len(lines), 1 + place) for place, name in enumerate(labels) if name in best]
         lines.append([numbered(panel), *(cells.get(label, "–") for label in labels)])
-    aims = dict.fromkeys(map(aim_of, panels))
+    aims = dict.fromkeys(panel.aim for panel in panels)
     shown = [
         "Error e of x[t], the smallest of a setting in bold."
         if aim is None
@@ -130,7 +118,7 @@ def rival_tables(panel: Panel) -> list[Table]:
     """Every method compared with the paper's, run by run: at x_t, and at x_{t-L}."""
     error = {(row.method, row.offset): row.error.mean for row in panel.rows}
     tables = []
-    for offset, apart in rivals(panel).items():
+    for offset, apart in panel.rivals.items():
         against = next(iter(apart.values()))
         caption = (
             f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
@@ -175,7 +163,7 @@ def gap_table(panel: Panel) -> Table | None:
 def offsets_table(panel: Panel) -> Table:
     """The errors at every offset."""
     header = ["method", "belief about", "error e (SD)", "error, common states"]
-    header += [f"position RMSE, {panel.thresholds.unit}", "heading RMSE, °"]
+    header += [f"position RMSE, {panel.unit}", "heading RMSE, °"]
     header += ["difference to the baseline's x[t]"]
     lines = [
         [
@@ -195,10 +183,10 @@ def offsets_table(panel: Panel) -> Table:
 
 def _with(panel: Panel) -> str:
     """The parameters that all methods which take them have in common, where no title names them."""
-    swept, methods = dict(panel.swept), list(panel.records)
+    swept, methods = panel.swept, list(panel.records)
     values: dict[str, list[object]] = {}
     for method in methods:
-        for name, value in method.params:
+        for name, value in method.params.items():
             values.setdefault(name, []).append(value)
     shared = [
         f"{name} {held[0]}"
@@ -211,21 +199,22 @@ def _with(panel: Panel) -> str:
 
 def _takers(name: str, methods: Sequence[Method]) -> int:
     """How many methods are of a localizer that was given this parameter."""
-    takers = {method.localizer for method in methods if name in dict(method.params)}
-    return sum(method.localizer in takers for method in methods)
+    takers = {method.name for method in methods if name in method.params}
+    return sum(method.name in takers for method in methods)
 
 
-def _marked(own: JourneyScore, aim: Score | None) -> str:
+def _marked(row: Comparison) -> str:
     """The error or share, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
+    own = row.standing
     if math.isnan(own.diff.mean):
         mark = ""
     elif not own.significant:
         mark = " ○"
     else:
         mark = " ▼" if own.diff.mean < 0 else " ▲"
-    return f"{fixed(own.value.mean) if aim is None else percent(own.value.mean)}{mark}"
+    return f"{fixed(own.value.mean) if row.aim is None else percent(own.value.mean)}{mark}"
 
 
 def _told(method: Method) -> str:
-    words = [f"{name}={value}" for name, value in method.params]
-    return " ".join([short_name(method.localizer), *words])
+    words = [f"{name}={value}" for name, value in method.params.items()]
+    return " ".join([short_name(method.name), *words])

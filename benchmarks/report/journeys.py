@@ -3,19 +3,15 @@
 import math
 from collections.abc import Mapping
 
-from benchmarks.report.style import Look
-from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.report.svg import Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
-from benchmarks.tables.comparison import Comparison, outcomes_of
-from benchmarks.tables.journeys import Curve, JourneyScore
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.journeys import JourneyScore, ShareCurve
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import ranked
 from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
-
-Looks = Mapping[str, Look]
 
 WORDS = {  # by group: heading, what its columns mean
     "lost": (
@@ -78,7 +74,7 @@ def journey_table(panel: Panel, group: Group) -> Table | None:
         header += score_header(score)
     lines = [
         [panel.labels[row.method], *(cell for score in scores for cell in score_cells(row, score))]
-        for row in ranked(panel)
+        for row in panel.ranked
     ]
     tested = any(score.tested for score in scores)
     return Table(WORDS[group.name][1] + (_TESTS if tested else ""), header, lines)
@@ -86,12 +82,11 @@ def journey_table(panel: Panel, group: Group) -> Table | None:
 
 def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
     """Return a curve over the metres driven for each score that is censored."""
-    outcomes = outcomes_of(panel.records, panel.failed)
     held = {name for row in panel.present for name in row.journey}
-    end = max((way for own in outcomes.values() for way in own.longest.values()), default=0.0)
+    end = max((way for own in panel.whole.values() for way in own.longest.values()), default=0.0)
     return [
         share_chart(
-            {panel.labels[method]: own.curve(score) for method, own in outcomes.items()},
+            {panel.labels[method]: own.curve(score) for method, own in panel.whole.items()},
             looks,
             end=end,
             name=f"{name.replace('_', '-')}-{panel.number}",
@@ -103,7 +98,12 @@ def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
 
 
 def share_chart(
-    curves: Mapping[str, Curve], looks: Looks, *, end: float, name: str, words: tuple[str, str, str]
+    curves: Mapping[str, ShareCurve],
+    looks: Looks,
+    *,
+    end: float,
+    name: str,
+    words: tuple[str, str, str],
 ) -> Picture:
     """Draw shares of runs against metres driven, each with its band.
 

@@ -7,12 +7,11 @@ import matplotlib as mpl
 
 from benchmarks.files import command_line, utf8
 from benchmarks.report.error_tables import verdict_table
-from benchmarks.report.parts import blocks
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE, Picture
+from benchmarks.report.story import blocks
+from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
-from benchmarks.report.verdicts import spoken
+from benchmarks.report.words import spoken
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from deqmcl_gym import __version__

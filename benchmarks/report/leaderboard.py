@@ -1,28 +1,22 @@
 """One table from several folders of results, if they are of the same worlds."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.files import command_line
 from benchmarks.report.error_tables import marked_label
-from benchmarks.report.html import page
-from benchmarks.report.markdown import plain, table_text
+from benchmarks.report.pages import page, plain, table_text
 from benchmarks.report.tables import Table
-from benchmarks.report.verdicts import done
-from benchmarks.report.words import capital, estimated, significant
+from benchmarks.report.words import capital, done, estimated, significant
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import results_in
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.results import Results, results_in
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import Run, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
-from benchmarks.tables.verdict import aim_of, cost, standing, worse
-from benchmarks.trials.journeys import Score
-from benchmarks.trials.spec import Params
+from benchmarks.trials.spec import Method, Run, Setting
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"
@@ -48,7 +42,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class Entry:
     """A method of a source."""
 
     source: Source
@@ -59,7 +53,7 @@ class Row:
     def digest(self) -> str:
         """Digest of the code that made it, and of its own code if it is a plug-in."""
         made = self.source.made.made
-        own = made.plug_ins.get(self.of.method.localizer)
+        own = made.plug_ins.get(self.of.method.name)
         return made.code[:_LETTERS] + (f" + {own[:_LETTERS]}" if own else "")
 
 
@@ -87,14 +81,14 @@ def sources(folders: Sequence[Path]) -> list[Source]:
 
 def boards(read: Sequence[Source]) -> list[Table]:
     """Return a table for each setting; what several runs have of one code is listed once."""
-    found: dict[tuple[Setting, Params], dict[tuple[object, str], list[Row]]] = {}
-    titles: dict[tuple[Setting, Params], str] = {}
+    found: dict[tuple[Setting, Changes], dict[tuple[object, str], list[Entry]]] = {}
+    titles: dict[tuple[Setting, Changes], str] = {}
     for source in read:
         for panel in source.results.panels:
             place = (panel.setting, panel.swept)
             titles.setdefault(place, panel.title)
             for one in panel.present:
-                row = Row(source=source, panel=panel, of=one)
+                row = Entry(source=source, panel=panel, of=one)
                 found.setdefault(place, {}).setdefault((one.method, row.digest), []).append(row)
     return [_board(titles[place], list(same.values())) for place, same in found.items()]
 
@@ -115,23 +109,23 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
     return {"leaderboard.html": html.encode(), "leaderboard.md": text.encode()}
 
 
-def _board(title: str, methods: list[list[Row]]) -> Table:
+def _board(title: str, methods: list[list[Entry]]) -> Table:
     """Rank methods, each given as its rows in all runs that have it."""
     panel = methods[0][0].panel
-    aim = aim_of(panel)
-    methods.sort(key=lambda same: worse(same[0].of, aim))
+    aim = panel.aim
+    methods.sort(key=lambda same: same[0].of.worse)
     rows = [same[0] for same in methods]
-    values = [worse(row.of, aim) for row in rows]
-    ranked_by = f"error e, {panel.thresholds.unit} (SD)" if aim is None else f"{done(aim)}, %"
+    values = [row.of.worse for row in rows]
+    ranked_by = f"error e, {panel.unit} (SD)" if aim is None else f"{done(aim)}, %"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
     header += [*(["wins"] if aim is None else []), "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
         [
             f"{1 + values.index(value)}. {marked_label(row.panel, row.of)}",
-            _value(row.of, aim),
-            "baseline" if row.of.is_baseline else _difference(row.of, aim),
+            _value(row.of),
+            "baseline" if row.of.is_baseline else _difference(row.of),
             *([_wins(row.of)] if aim is None else []),
-            f"{significant(cost(row.panel, row.of), 2)} ×",
+            f"{significant(row.of.cost, 2)} ×",
             str(row.of.worlds),
             row.digest,
             ", ".join(str(one.source.number) for one in same),
@@ -146,15 +140,15 @@ def _wins(row: Comparison) -> str:
     return "–" if row.is_baseline else percent(row.win_rate)
 
 
-def _value(row: Comparison, aim: Score | None) -> str:
-    if aim is None:
+def _value(row: Comparison) -> str:
+    if row.aim is None:
         return f"{fixed(row.error.mean)} ({fixed(row.error_sd)})"
-    return estimated(standing(row, aim).value.percent, ".0f")
+    return estimated(row.standing.value.percent, ".0f")
 
 
-def _difference(row: Comparison, aim: Score | None) -> str:
-    diff = standing(row, aim).diff
-    return estimated(diff, "+.2f") if aim is None else estimated(diff.percent, "+.0f")
+def _difference(row: Comparison) -> str:
+    diff = row.standing.diff
+    return estimated(diff, "+.2f") if row.aim is None else estimated(diff.percent, "+.0f")
 
 
 def _runs(read: Sequence[Source]) -> Table:
@@ -170,7 +164,7 @@ def _runs(read: Sequence[Source]) -> Table:
                 source.folder.name,
                 command_line(made.command),
                 ", ".join(f"{name} {number}" for name, number in versions.items()),
-                made.made.code,
+                "; ".join([made.made.code, *source.results.verified]),
             ]
         )
     header = ["run", "folder", "command", "versions", "code (SHA-256)"]
@@ -186,7 +180,7 @@ def _refuse_incomplete(source: Source) -> None:
             f"{source.folder} has {results.missing} trials that were not run and "
             f"{len(results.failures)} that failed, of {results.planned}: finish its sweep first."
         )
-    if results.baseline not in {record["trial"]["localizer"] for record in results.records}:
+    if results.baseline not in {record.trial.localizer for record in results.records}:
         raise InputError(
             f"{source.folder} has no trial of the baseline {results.baseline}, by which folders "
             "are compared: run the sweep with it."
@@ -213,10 +207,10 @@ def _refuse_other_worlds(first: Source, other: Source) -> None:
             )
 
 
-def _of_baseline(source: Source) -> dict[tuple[Setting, object, Run], str]:
+def _of_baseline(source: Source) -> dict[tuple[Setting, Method, Run], object]:
     """Its baseline's scores by setting, method, and world with filter seed."""
     return {
-        (setting_of(record), method_of(record), run_of(record)): json.dumps(record["scores"])
+        (record.trial.setting, record.trial.method, record.trial.run): record.scores
         for record in source.results.records
-        if record["trial"]["localizer"] == source.results.baseline
+        if record.trial.localizer == source.results.baseline
     }

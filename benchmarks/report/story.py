@@ -1,22 +1,141 @@
-"""The content of a report, before it is HTML or Markdown."""
+"""The content of a report, before it is HTML or Markdown: ``PARTS`` is the list to add to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.report.animations import Animator, Promise
-from benchmarks.report.laps import Lap, laps
-from benchmarks.report.parts import Block, blocks
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE, Picture
+from benchmarks.report import error_tables, tables, track_charts, tracks, words
+from benchmarks.report.animations import Kept, animations_of
+from benchmarks.report.charts import (
+    calibration_chart,
+    offset_chart,
+    points_chart,
+    speed_chart,
+    time_charts,
+)
+from benchmarks.report.journeys import WORDS, journey_charts, journey_table
+from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
+from benchmarks.report.tables import Table
+from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from benchmarks.trials.journeys import GROUPS, Group
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """What a part shows of one panel.
+
+    Attributes:
+        heading: "" for none.
+        note: how to read it.
+        tables, pictures: its content.
+        folded: whether it is closed until it is clicked on; never in print.
+        small: whether its pictures are small ones without words of their own.
+    """
+
+    heading: str
+    note: str
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+    folded: bool
+    small: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A heading, and what stands below it for any panel; see ``Block``."""
+
+    heading: str = ""
+    note: Callable[[Panel], str] = lambda panel: ""
+    tables: Callable[[Panel], Sequence[Table | None]] = lambda panel: ()
+    pictures: Callable[[Panel, Looks], Sequence[Picture | None]] = lambda panel, looks: ()
+    folded: bool = False
+    small: bool = False
+
+    def of(self, panel: Panel, looks: Looks, *, pictured: bool) -> Block | None:
+        """Return what it shows of a panel; None if there is nothing to show."""
+        shown = [table for table in self.tables(panel) if table]
+        drawn = [one for one in self.pictures(panel, looks) if one] if pictured else []
+        if not shown and not drawn:
+            return None
+        return Block(
+            heading=self.heading,
+            note=self.note(panel),
+            tables=shown,
+            pictures=drawn,
+            folded=self.folded,
+            small=self.small,
+        )
+
+
+def _of_journeys(group: Group) -> Part:
+    return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
+
+
+TRACKS: Sequence[Part] = (
+    Part(tables=tracks.track_tables),
+    Part(
+        heading="On the map",
+        note=lambda panel: track_charts.ON_THE_MAP,
+        pictures=track_charts.track_charts,
+    ),
+    Part(
+        heading="Over the distance driven",
+        note=lambda panel: track_charts.OVER_THE_WAY,
+        pictures=track_charts.error_charts,
+        small=True,
+    ),
+    Part(heading="APE and RPE", tables=tracks.evo_tables),
+)
+PARTS: Sequence[Part] = (
+    *TRACKS,
+    *map(_of_journeys, GROUPS),
+    Part(
+        pictures=lambda panel, looks: [
+            *journey_charts(panel, looks),
+            points_chart(panel, looks),
+            offset_chart(panel, looks),
+            calibration_chart(panel, looks),
+            speed_chart(panel, looks),
+        ]
+    ),
+    Part(
+        heading="Error over the lap",
+        note=lambda panel: (
+            "Solid: mean over worlds at x[t]; band: the middle 80 % of runs; dashed: the "
+            "baseline's mean"
+            + (f"; dotted: x[t-{lag}], a past state." if (lag := panel.setting.lag) else ".")
+        ),
+        pictures=time_charts,
+        small=True,
+    ),
+    Part(heading="Against the paper's methods", tables=error_tables.rival_tables, folded=True),
+    Part(heading="Optimality gap", tables=lambda panel: [error_tables.gap_table(panel)]),
+    Part(heading="Calibration", tables=lambda panel: [tables.calibration_table(panel)]),
+    Part(heading=tables.DETECTION, tables=lambda panel: [tables.detection_table(panel)]),
+    Part(
+        heading="Errors at every offset",
+        tables=lambda panel: [error_tables.offsets_table(panel)],
+        folded=True,
+    ),
+)
+
+
+def blocks(panel: Panel, looks: Looks, *, pictured: bool) -> list[Block]:
+    """Return what all parts show of a panel, with or without pictures; few if no error is known."""
+    parts = TRACKS if panel.verdict is None else PARTS
+    shown = (part.of(panel, looks, pictured=pictured) for part in parts)
+    return [block for block in shown if block is not None]
+
+
 PICTURED = 8  # panels with pictures; the tables are of all
+_LISTED = 100  # files left out
 ANIMATED = 1  # panels with animations: they are what makes a page large
 
 
@@ -26,31 +145,51 @@ class Section:
 
     Attributes:
         panel: what its tables are of.
+        verdict, runner_up, findings, power: sentences.
+        table: of its methods, the best first.
         blocks: tables and charts, part by part.
-        laps: animations.
-        no_laps: why there are none, if they failed.
+        animations: of the best, median and worst world.
+        no_animation: why there is none, if they failed.
     """
 
     panel: Panel
-    blocks: list[Block] = field(default_factory=list)
-    laps: list[Lap] = field(default_factory=list)
-    no_laps: str = ""
+    verdict: str
+    runner_up: str
+    findings: list[str]
+    power: str
+    table: Table
+    blocks: list[Block]
+    animations: list[Animation] = field(default_factory=list)
+    no_animation: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """What a report tells: the results, panel by panel, what was swept, and what else there is."""
+    """What a report tells: the results, panel by panel, and what was swept.
+
+    Attributes:
+        results: what it is about.
+        conclusion, overview, progress: sentences.
+        glances: tables with a line for each section; empty if there is one section.
+        validity: of plans, with a line for several sections.
+        sections: panel by panel.
+        curves: over what was swept.
+        failed, left_out: trials without a result, files that are no trial.
+        notes, warnings: further sentences, if whoever writes the report has some.
+    """
 
     results: Results
+    conclusion: str
+    overview: str
+    progress: str
+    glances: list[Table]
+    validity: Table | None
     sections: list[Section]
     curves: list[Picture]
+    failed: Table
+    left_out: Table
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
-
-    @property
-    def panels(self) -> list[Panel]:
-        """The panels of its sections."""
-        return [section.panel for section in self.sections]
 
     @property
     def pictures(self) -> list[Picture]:
@@ -60,36 +199,78 @@ class Story:
 
 
 def story_of(
-    results: Results, animator: Animator, notes: Sequence[str] = (), warnings: Sequence[str] = ()
+    results: Results, kept: Kept | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
 ) -> Story:
-    """Draw everything; the animations are the animator's."""
+    """Draw everything, but for the animations if they are kept."""
     panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
     animated = panels[:ANIMATED]
-    with animator.working() as promised, mpl.rc_context(HOUSE_STYLE):
-        waiting = [[promised(lap) for lap in laps(panel)] for panel in animated]
+    with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
+        waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
-            Section(panel=panel, blocks=blocks(panel, look, pictured=panel.number <= PICTURED))
+            Section(
+                panel=panel,
+                verdict=words.spoken(panel),
+                runner_up=words.runner_up(panel),
+                findings=words.findings(panel),
+                power=words.power_hint(panel),
+                table=error_tables.verdict_table(panel),
+                blocks=blocks(panel, look, pictured=panel.number <= PICTURED),
+            )
             for panel in panels
         ]
+        several = panels if len(panels) > 1 else []
+        glances = (error_tables.glance_table(several), tables.detection_glance(several))
         story = Story(
             results=results,
+            conclusion=words.conclusion(results),
+            overview=words.overview(results, panels),
+            progress=words.progress(results),
+            glances=[glance for glance in glances if glance and several],
+            validity=tables.validity_table(several),
             sections=sections,
             curves=charts_over(panels, look),
+            failed=_failed(results),
+            left_out=_left_out(results),
             notes=notes,
             warnings=warnings,
         )
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source
-        for place, drawing in enumerate(waiting):
-            sections[place] = replace(sections[place], **_awaited(drawing))
+        for place, promises in enumerate(waiting):
+            sections[place] = replace(sections[place], **_awaited(promises))
     return story
 
 
-def _awaited(drawing: Sequence[Promise]) -> dict[str, Any]:
+def _failed(results: Results) -> Table:
+    return Table(
+        "Trials that raised an error; no mean includes them.",
+        ["trial", "reason"],
+        [[_described(failure.trial), failure.reason] for failure in results.failures],
+    )
+
+
+def _left_out(results: Results) -> Table:
+    listed = list(results.left_out.items())
+    lines = [[name, why] for name, why in listed[:_LISTED]]
+    if len(listed) > _LISTED:
+        lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
+    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
+
+
+def _described(trial: Trial) -> str:
+    return (
+        f"{trial.localizer} on {trial.scenario}, world {trial.trial}, "
+        f"filter seed {trial.filter_seed}"
+    )
+
+
+def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:
     try:
-        return {"laps": [lap() for lap in drawing]}
+        return {"animations": [promise() for promise in promises]}
     except InputError as error:
-        return {"no_laps": str(error)}
+        return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        return {"no_laps": f"its trials could not be run again ({type(error).__name__}: {error})"}
+        return {
+            "no_animation": f"its trials could not be run again ({type(error).__name__}: {error})"
+        }

@@ -9,8 +9,7 @@ from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.table_1 import state_name
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import fixed, percent, state_name
 from benchmarks.trials.metrics import LEVELS
 
 DETECTION = "Does the quality detect large errors?"
@@ -34,7 +33,7 @@ class Table(NamedTuple):
 
 def calibration_table(panel: Panel) -> Table:
     """Calibration of the beliefs at every offset."""
-    header = ["method", "belief about", f"energy score, {panel.thresholds.unit}"]
+    header = ["method", "belief about", f"energy score, {panel.unit}"]
     header += ["inside 50 %", "80 %", "95 %", "NEES (3)", "entropy, nats", "in walls"]
     lines = []
     for row in panel.rows:
@@ -67,7 +66,7 @@ def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if no method gives a quality and was far off, not always."""
     if all(math.isnan(row.detection.auroc.mean) for row in panel.present):
         return None
-    far = panel.thresholds.far_words
+    far = panel.far
     lines = []
     for row in panel.present:
         found = row.detection
@@ -99,7 +98,7 @@ def detection_glance(panels: Sequence[Panel]) -> Table | None:
         ]
         for panel, own in zip(panels, found, strict=True)
     ]
-    far = ", ".join(dict.fromkeys(panel.thresholds.far_words for panel in panels))
+    far = ", ".join(dict.fromkeys(panel.far for panel in panels))
     caption = (
         f"AUROC of the quality at x[t] against {far}: 1 separates all far steps from the others, "
         "½ is chance; n/a where no step, or every one, is far off."

@@ -1,12 +1,9 @@
 """Runs on a whole log, drawn: trajectories on the map, errors over the distance driven."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.report.style import INK, Look
-from benchmarks.report.svg import Picture, canvas, picture
+from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
 from benchmarks.report.tracks import shown, told
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.tracks import Row, Run
@@ -14,8 +11,6 @@ from benchmarks.trials.fixes import FOUND, NEAR
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Indices
 from deqmcl_gym.world.drawing import PALE, Drawing, View
-
-Looks = Mapping[str, Look]
 
 ON_THE_MAP = (
     "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "

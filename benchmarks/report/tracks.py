@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.report.tables import Table
-from benchmarks.report.verdicts import rounded
-from benchmarks.report.words import estimated, p_value
+from benchmarks.report.words import estimated, p_value, rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
-from benchmarks.tables.comparison import Comparison, outcomes_of
+from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.power import worlds_to_see
-from benchmarks.tables.stats import sample_sd
+from benchmarks.tables.stats import sample_sd, worlds_to_see
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, Run, rows_of, worse
-from benchmarks.tables.verdict import tests_in
 from benchmarks.trials.fixes import FOUND
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.metrics import LEVELS
@@ -50,16 +47,16 @@ def shown(panel: Panel) -> tuple[list[Row], Map | None]:
     other machines, too.
     """
     name, records = panel.setting.scenario, panel.records
-    if not all("track" in record for own in records.values() for record in own):
+    if any(record.track is None for own in records.values() for record in own):
         return [], None
     try:
-        found = None if plug_ins_of(name) else scenario(name).changed(dict(panel.setting.world))
+        found = None if plug_ins_of(name) else scenario(name).changed(panel.setting.world)
         if not isinstance(found, LogScenario):
             return [], None
         log, floor_plan = found.recording()
     except InputError:
         return [], None
-    failed = {panel.labels[method]: len(own) for method, own in panel.failed.items()}
+    failed = {panel.labels[method]: len(own.failed) for method, own in panel.whole.items()}
     rows = rows_of({panel.labels[method]: own for method, own in records.items()}, failed, log)
     same = all(len(run.track.best) == len(log) for row in rows for run in row.runs)
     return (rows, floor_plan) if same else ([], None)
@@ -145,7 +142,7 @@ def differences_table(panel: Panel) -> Table | None:
         lines.append([panel.labels[row.method], str(row.paired_worlds), *cells])
     return Table(
         f"Difference to {panel.labels[rows[0].baseline]}, over runs of the same seed, with 95 % "
-        f"bootstrap intervals. p is corrected by Holm's method for {tests_in(panel)} tests. Runs "
+        f"bootstrap intervals. p is corrected by Holm's method for {panel.tests} tests. Runs "
         "needed: would show a difference of this size with 80 % power.",
         header,
         lines,
@@ -173,12 +170,12 @@ def told(run: Run) -> str:
 
 def _needed(panel: Panel, row: Comparison, score: Score) -> str:
     """How many runs would show a difference; – where it is shown, or there is none."""
-    runs = outcomes_of(panel.records, panel.failed)
-    apart = differences(runs[row.method].runs(score), runs[row.baseline].runs(score))
+    ours, theirs = (panel.whole[method].runs(score) for method in (row.method, row.baseline))
+    apart = differences(ours, theirs)
     mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
     if row.journey[score.name].significant or not mean > 0 or math.isnan(sd):
         return "–"
-    needed = worlds_to_see(mean, sd, tests_in(panel))
+    needed = worlds_to_see(mean, sd, panel.tests)
     return "–" if needed <= apart.size else f"about {rounded(needed)}"
 
 

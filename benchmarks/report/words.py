@@ -1,13 +1,24 @@
-"""Numbers, names and counts in words."""
+"""Numbers, names, verdicts and findings in words."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import Estimate
-from benchmarks.tables.table_1 import full_name
+from benchmarks.tables.stats import (
+    ALPHA,
+    Estimate,
+    least_p,
+    least_worlds,
+    worlds_to_see,
+    worth_seeing,
+)
+from benchmarks.tables.table_1 import reading
+from benchmarks.tables.text import full_name, percent
+from benchmarks.tables.verdict import BLIND, Verdict
+from benchmarks.trials.journeys import Score
 
 
 def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
@@ -44,7 +55,7 @@ def capital(sentence: str) -> str:
 
 def named(row: Comparison, panel: Panel) -> str:
     """The method's name in words, with the parameters that tell it from others of the name."""
-    localizer, label = row.method.localizer, panel.labels[row.method]
+    localizer, label = row.method.name, panel.labels[row.method]
     name = full_name(localizer)
     variant = label.removeprefix(localizer).removeprefix(name).strip()
     return f"{name} ({variant})" if variant else name
@@ -59,10 +70,10 @@ def p_value(p: float) -> str:
 
 def overview(results: Results, panels: Sequence[Panel]) -> str:
     """What was run, in one paragraph."""
-    methods = dict.fromkeys(row.method.localizer for panel in panels for row in panel.rows)
+    methods = dict.fromkeys(row.method.name for panel in panels for row in panel.rows)
     named = ", ".join(full_name(name) for name in methods) or "none"
     worlds = {row.worlds for panel in panels for row in panel.rows}
-    seeds = {record["trial"]["filter_seed"] for record in results.records}
+    seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
     count = counted(worlds, "world", "worlds")
     settings = counted({len(panels)}, "setting", "settings")
@@ -93,3 +104,210 @@ def counted(counts: set[int], one: str, many: str) -> str:
     if low == high:
         return f"{low} {one if low == 1 else many}"
     return f"{low} to {high} {many}"
+
+
+_MANY = 100_000  # worlds
+
+
+def conclusion(results: Results) -> str:
+    """The verdict on all that was run; of several settings, who is best in how many."""
+    if len(results.panels) == 1:
+        return spoken(results.panels[0])
+    found = [(panel, one) for panel in results.panels if (one := panel.verdict) is not None]
+    if not found:
+        return "No trial is finished."
+    best = Counter(named(one.best, panel) for panel, one in found if one.best is not None)
+    none, baseline = len(found) - best.total(), full_name(results.baseline)
+    if not best:
+        return f"In none of {none} settings is a method confirmed to be better than {baseline}."
+    (leader, most), *others = best.most_common()
+    said = ", ".join([f"{leader} is best in {most}", *(f"{one} in {n}" for one, n in others)])
+    rest = f"; in {none} no method is confirmed to be better than {baseline}" if none else ""
+    return f"Of {len(found)} settings, {said}{rest}."
+
+
+def spoken(panel: Panel) -> str:
+    """The verdict on a panel; where the plan alone is best, on its filters, too."""
+    found = panel.verdict
+    if found is None:
+        return "No error is known." if panel.records else "No trial is finished."
+    said = capital(_sentence(panel, found))
+    if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
+        scanning = _sentence(panel, panel.of_filters).replace("No method", "none", 1)
+        said += f" Of the methods that use scans, {scanning}"
+    return said
+
+
+def runner_up(panel: Panel) -> str:
+    """How far the next method is behind the winner; "" if there is none, or it is the baseline."""
+    found = panel.verdict
+    if found is None or found.following is None or found.following.method == found.winner.baseline:
+        return ""
+    name, reached = named(found.following, panel), _brief(panel, found.following)
+    lead, form, unit = found.lead, ".2f", panel.unit
+    if math.isnan(lead.low) or lead == (0, 0, 0):
+        return f"Next is {name}: {reached}."
+    if panel.aim is not None:
+        lead, form, unit = lead.percent, ".0f", "points"
+    doubt = ", an interval that includes 0" if lead.low <= 0 <= lead.high else ""
+    behind = f"{lead.mean:{form}} {unit} behind (95 %: {interval(lead, form)})"
+    return f"Next is {name}, {reached}: {behind}{doubt}."
+
+
+def power_hint(panel: Panel) -> str:
+    """How many worlds a small difference of errors would need; "" where nothing is known of it."""
+    rows = [row for row in panel.present if row.diff_sd > 0]
+    if not rows or panel.aim is not None:
+        return ""
+    base = panel.baseline_of(rows[0])
+    small = worth_seeing(base.error.mean)
+    if math.isnan(small):
+        return ""
+    needed = ", ".join(
+        f"{rounded(worlds_to_see(small, row.diff_sd, panel.tests))} for {panel.labels[row.method]}"
+        for row in rows
+    )
+    return (
+        f"Worlds needed to detect a difference of {small:g} {panel.unit} to "
+        f"{named(base, panel)} with 80 % power: about {needed}."
+    )
+
+
+def rounded(worlds: int) -> str:
+    """A count of worlds or runs with two significant digits, as it is known no better."""
+    return f"{int(float(f'{worlds:.2g}')):,}" if worlds <= _MANY else f"more than {_MANY:,}"
+
+
+def _sentence(panel: Panel, found: Verdict) -> str:
+    row = found.winner
+    name, reached = named(row, panel), _reached(panel, row)
+    if found.best is not None:
+        aside = ""
+        if found.first is not row:
+            more = _brief(panel, found.first)
+            aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
+        apart = _against(row, f" {named(panel.baseline_of(row), panel)}")
+        return f"{name} is best: {reached}, {apart}{_price(row)}{aside}."
+    if row.is_baseline:
+        if panel.tests == 0:
+            return f"{name}: {reached}; nothing to compare it with."
+        return f"No method is better than the baseline, {name}: {reached}."
+    base, own = panel.baseline_of(row), row.standing
+    ahead = f"{'smallest error' if row.aim is None else 'largest share'}: {name}, {reached}"
+    if math.isnan(own.diff.low):
+        return f"{ahead}, on too few worlds to compare it."
+    return (
+        f"No method is confirmed to be better than {named(base, panel)} "
+        f"({_brief(panel, base)}). {capital(ahead)}, {_against(row)}; "
+        f"{_doubt(row.paired_worlds, own.p_holm, panel.tests)}."
+    )
+
+
+def _brief(panel: Panel, row: Comparison) -> str:
+    """The error, or the share of runs that succeed."""
+    mean = row.standing.value.mean
+    if row.aim is None:
+        return f"{significant(mean)} {panel.unit}"
+    return f"{percent(mean)} of runs"
+
+
+def _reached(panel: Panel, row: Comparison) -> str:
+    """The error, or what share of runs does what they are about, with its interval."""
+    brief = _brief(panel, row)
+    if row.aim is None:
+        return brief
+    ends = interval(row.standing.value.percent, ".0f")
+    return f"{done(row.aim)} in {brief} (95 %: {ends})"
+
+
+def done(aim: Score) -> str:
+    """What a run that succeeds is, without how that is measured."""
+    return aim.words.partition(" (")[0]
+
+
+def _against(row: Comparison, base: str = "") -> str:
+    """How far a method is from its baseline, and how often its error is the smaller one."""
+    if row.aim is not None:
+        points = row.standing.diff.percent
+        return f"{points.mean:.0f} points above{base} (95 %: {interval(points, '.0f')})"
+    worlds = f"smaller in {row.wins:g} of {row.paired_worlds} worlds"
+    if math.isnan(row.relative.low):
+        return worlds
+    below = Estimate(-row.relative.mean, -row.relative.high, -row.relative.low).percent
+    form = ".0f" if abs(below.mean) >= 10 else ".1f"
+    ends = interval(below, form)
+    share = f"{below.mean:{form}}".replace("-", "−")
+    return f"{share} % below{base} (95 %: {ends}), {worlds}"
+
+
+def _price(row: Comparison) -> str:
+    return "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
+
+
+def _doubt(worlds: int, p_holm: float, tests: int) -> str:
+    """Why what is better is not confirmed."""
+    if least_p(worlds, tests) < ALPHA:
+        return f"p = {p_value(p_holm)}"
+    return (
+        f"{worlds} worlds cannot give p < {ALPHA:g} in "
+        f"{tests} {'test' if tests == 1 else 'tests'}, {least_worlds(tests)} can"
+    )
+
+
+FEW = 20  # worlds below which an interval is called rough
+
+
+def findings(panel: Panel) -> list[str]:
+    """Which methods are better or worse than their baseline, or neither, and what to mind."""
+    outcomes: dict[str, list[str]] = {}
+    for row in panel.ranked:
+        if not row.is_baseline:
+            outcomes.setdefault(_outcome(row), []).append(named(row, panel))
+    sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
+    if warning := _few(panel.present):
+        sentences.append(warning)
+    if said := reading(panel.rows):
+        sentences.append(said)
+    return sentences
+
+
+def _outcome(row: Comparison) -> str:
+    """What is known of a method beside its baseline."""
+    other, own, aim = full_name(row.baseline.name), row.standing, row.aim
+    diff = own.diff
+    if math.isnan(diff.mean):
+        unknown, none = "a shared world's error is unknown", "no finished world in common"
+        return f"Not compared with {other} ({unknown if row.paired_worlds else none})"
+    if math.isnan(diff.low):
+        return f"Not compared with {other} (one world is too few)"
+    if diff == (0, 0, 0):
+        if aim is None:
+            return f"Exactly the error of {other} at x[t] in every world"
+        return f"{capital(done(aim))} exactly as often as {other}"
+    if diff.low <= 0 <= diff.high:
+        return f"Statistically indistinguishable from {other}"
+    if aim is None:
+        said, test = f"{'Smaller' if diff.mean < 0 else 'Larger'} error than {other}", "signed-rank"
+    else:
+        often = "more" if diff.mean > 0 else "less"
+        said, test = f"{capital(done(aim))} {often} often than {other}", "sign"
+    return said if own.significant else f"{said}, but not confirmed by the {test} test"
+
+
+def _few(rows: Sequence[Comparison]) -> str:
+    """What to mind where there are few worlds; nothing where there are enough, or one."""
+    tested = [row.paired_worlds for row in rows if not math.isnan(row.p)]
+    worlds = set(tested or [row.worlds for row in rows])
+    few = {count for count in worlds if 2 <= count < FEW}
+    if not few:
+        return ""
+    corrected = len(tested) if max(worlds) < FEW else 1  # of the smallest p, or maybe the largest
+    detected = (
+        "no difference, however large, can have p < 0.05"
+        if least_p(max(few), corrected) >= ALPHA
+        else "only large differences can be detected"
+    )
+    return (
+        f"With only {counted(few, 'world', 'worlds')} bootstrap intervals are somewhat too narrow, "
+        f"and {detected}."
+    )

@@ -10,6 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, utf8, written
 from benchmarks.sweeps.results import Results
@@ -19,7 +21,7 @@ from benchmarks.trials.provenance import source_of
 from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:
-    from benchmarks.report.animations import Animator
+    from benchmarks.report.animations import Kept
 
 
 def no_report() -> str | None:
@@ -48,13 +50,13 @@ def load() -> None:
     if no_report() is None:
         # it warns of a home that it cannot write to
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        from benchmarks.report import html, story  # noqa: F401
+        from benchmarks.report import pages  # noqa: F401
 
 
-def write_report(out: Path, results: Results, animator: "Animator | None" = None) -> list[Path]:
+def write_report(out: Path, results: Results, kept: "Kept | None" = None) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
-    Animations are drawn, unless an animator is given that has them. results.csv and trials.csv
+    Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
     versions. Without the extra ``report`` there are the tables only. Nothing is written if all is
     there and would come out the same.
@@ -62,10 +64,8 @@ def write_report(out: Path, results: Results, animator: "Animator | None" = None
     Raises:
         InputError: a file in the folder is in the way that is not ours.
     """
-    from benchmarks.report.animations import Drawing
-
     with doing(f"writing the report in {out}"):
-        return _written(out, "report", results, animator or Drawing())
+        return _written(out, "report", results, kept)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -77,7 +77,7 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     from benchmarks.report.animations import Kept
 
     if out.exists() and out.samefile(folder):
-        if any("track" in record for record in results.records):
+        if any(record.track is not None for record in results.records):
             raise InputError(
                 f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
                 "another --out."
@@ -87,25 +87,25 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     return _written(own_folder(out, "copy"), "copy", results, Kept(folder))
 
 
-def _written(out: Path, part: str, results: Results, animator: "Animator") -> list[Path]:
-    source = _source(results, animator)
-    return written(out, part, source, lambda: _contents(results, animator))
+def _written(out: Path, part: str, results: Results, kept: "Kept | None") -> list[Path]:
+    source = _source(results, kept)
+    return written(out, part, source, lambda: _contents(results, kept))
 
 
-def _source(results: Results, animator: "Animator") -> str:
+def _source(results: Results, kept: "Kept | None") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = animator.lacking({record["key"] for record in results.finished})
+    lacking = kept.lacking({one.key for one in results.finished}) if kept else ""
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
     for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
-        for chunk in json.JSONEncoder(default=vars).iterencode(part):
-            digest.update(chunk.encode())
+        plain = msgspec.to_builtins(part, str_keys=True, enc_hook=repr)
+        digest.update(json.dumps(plain).encode())
     return digest.hexdigest()
 
 
-def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
+def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
     """Return the files of a report by name."""
     compared = results.panels
     tables = {
@@ -121,11 +121,10 @@ def _contents(results: Results, animator: "Animator") -> dict[str, bytes]:
         return {name: utf8(text) for name, text in tables.items()}
     load()
     from benchmarks.report.animations import IMAGES
-    from benchmarks.report.html import html
-    from benchmarks.report.markdown import images, markdown
+    from benchmarks.report.pages import html, images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(results, animator)
+    story = story_of(results, kept)
     told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
     pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     return {name: utf8(text) for name, text in (tables | told).items()} | pictures

@@ -81,18 +81,6 @@ def check(given: Mapping[str, Any], keys: Sequence[str]) -> None:
     _refuse_nan(given, "")
 
 
-def dotted(what: str, given: Any, prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one, with dotted names."""
-    flat: dict[str, Any] = {}
-    for key, value in table(what, given, "a table").items():
-        nested = dotted(what, value, f"{key}.") if isinstance(value, Mapping) else {key: value}
-        for name, leaf in nested.items():
-            if prefix + name in flat:
-                raise InputError(f"{what} names {prefix}{name} twice.")
-            flat[prefix + name] = leaf
-    return flat
-
-
 def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
     """Return a table; else say that it must be what is ``wanted``."""
     if not isinstance(value, Mapping):

@@ -1,17 +1,16 @@
 """Recorded logs as worlds: segments of one, or the whole of it; the noise of their odometry."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from inspect import signature
 from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.scenario import NOTHING, Scenario, grouped
-from benchmarks.setup.trial_env import TrialEnv
-from benchmarks.setup.world_files import file_digest, files_of
+from benchmarks.setup.changes import NOTHING, Changes, file_digest
+from benchmarks.setup.scenario import Gaussian, Scenario, TrialEnv
+from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of
@@ -19,7 +18,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, integer
-from localizers import OdometryMotion, RobotModel
+from localizers import GaussianUniform, OdometryMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
 
 # arguments of the env that are not a scenario's to give
@@ -101,20 +100,25 @@ class LogScenario(Scenario):
         """
         others = (*_EPISODES, "judged")
         played = {name: value for name, value in self._named().items() if name not in others}
-        return _played(_key(played), self._digests)
+        return _played(Changes(played), self._digests)
 
     @property
     def whole(self) -> Log:
         """The log as it was read, with all records and beams."""
-        named = self._named()
-        return _whole(_key({name: named[name] for name in _READ if name in named}), self._digests)
+        return _whole(_read(self._named()), self._digests)
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The noise that the log shows."""
+        shown = _noise(self.recording()[0], kind_of(self.motion))
+        return {f"motion.{name}": value for name, value in vars(shown).items()}
 
     def _check(self, log: Log) -> None:
         if not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
 
-    def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {**self.env, **grouped(values, self._names, "part of a log's world")}
+    def _env_with(self, values: Changes) -> Mapping[str, Any]:
+        return {**self.env, **values.by_part(self._names, "part of a log's world")}
 
     def _named(self) -> Mapping[str, Any]:
         """Return the arguments of the env, the log and the map among them."""
@@ -128,7 +132,7 @@ class LogScenario(Scenario):
 
     @property
     def _digests(self) -> str:
-        return "".join(map(file_digest, files_of(self.env)))
+        return "".join(map(file_digest, Changes(self.env).files))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,11 +149,6 @@ class ReplayScenario(LogScenario):
     def judged(self) -> int:
         """First record by which beliefs are judged."""
         return integer("judged", self.env.get("judged", 0))
-
-    def filter_rng(self, trial: Any) -> np.random.Generator:
-        """Return the stream of a run: the same for every localizer."""
-        key = (trial.trial, trial.filter_seed) if trial.filter_seed else (trial.trial,)
-        return np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=key))
 
     def _check(self, log: Log) -> None:
         """Take any log: without a reference, scans are compared with the map."""
@@ -179,26 +178,24 @@ def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _key(arguments: Mapping[str, Any]) -> str:
-    return json.dumps(arguments, sort_keys=True, default=list)
+def _read(env: Mapping[str, Any]) -> Changes:
+    return Changes({name: value for name, value in env.items() if name in _READ})
 
 
 @lru_cache(maxsize=4)
-def _whole(arguments: str, digests: str) -> Log:
+def _whole(env: Changes, digests: str) -> Log:
     """Return all records of a log, read once for all trials of a process."""
     del digests  # a file that was changed is read again
-    given = _arguments(json.loads(arguments))
+    given = _arguments(env)
     return log_of(given["log"], given.get("reference"), given.get("reading"))
 
 
 @lru_cache(maxsize=4)
-def _played(arguments: str, digests: str) -> tuple[Log, Map]:
+def _played(env: Changes, digests: str) -> tuple[Log, Map]:
     """Return the records that are played and their map."""
-    given = json.loads(arguments)
-    whole = _whole(_key({name: given[name] for name in _READ if name in given}), digests)
-    others = {name: value for name, value in given.items() if name not in _READ}
-    env = LogEnv(log=whole, **_arguments(others))
-    return env.log, env.floor_plan
+    others = {name: value for name, value in _arguments(env).items() if name not in _READ}
+    made = LogEnv(log=_whole(_read(env), digests), **others)
+    return made.log, made.floor_plan
 
 
 @lru_cache(maxsize=4)
@@ -318,3 +315,20 @@ def _odometry(meant: Floats, done: Floats) -> OdometryMotion:
         best = min(tried, key=lambda pair: cost(*pair))
         width = max(np.sqrt(width), 1.001)
     return OdometryMotion(drive=float(drive), turn=float(best[0]), drift=float(best[1]))
+
+
+LOG = LogScenario(
+    words="segments of a recorded log, named by log, map and reference in a file of your own",
+    env={"segment": 50.0, "every": "0.2m,5deg", "max_beams": 60},
+    motion=unknown_motion("differential", "m"),  # what is not given if some of it is
+    scan=GaussianUniform(sigma=0.2),  # Nav2's sigma_hit
+    prior=Gaussian(sd_position=0.2, sd_heading=0.1),
+    thresholds=Thresholds(far=1.0, lost=1.0),
+)
+REPLAY = ReplayScenario(
+    **{own.name: getattr(LOG, own.name) for own in fields(LOG)}
+    | {
+        "words": "the whole of a recorded log, as deqmcl replay runs it: each world is another run",
+        "env": {"every": "0.2m,5deg", "max_beams": 60},
+    }
+)

@@ -1,78 +1,44 @@
-"""Scenarios and agents by name: built-in, ``room.toml``, ``file.py:NAME`` or ``module:NAME``."""
+"""Scenarios and agents by name: built-in, ``room.toml``, ``file.py:NAME`` or ``module:NAME``.
 
-import importlib
+docs/scenarios.md has the table of a scenario file's keys.
+"""
+
 import os
-import pkgutil
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
+from benchmarks.agents import AGENTS
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import documents
-from benchmarks.setup.agent import Agent
-from benchmarks.setup.scenario import Scenario
-from benchmarks.setup.scenario_file import read_scenario
-from deqmcl_gym.validation import InputError, one_of
+from benchmarks.setup.changes import Changes, file_digest
+from benchmarks.setup.scenario import Agent, Scenario
+from benchmarks.setup.thresholds import Thresholds
+from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
+from localizers.naming.digests import content_digest
 from localizers.naming.isolation import is_ctrl_c
 from localizers.naming.plugins import is_reference, load, raised, reference_digest
 
-
-@dataclass(frozen=True)
-class _Folder:
-    """A package that holds one built-in thing per file, by the name of the file."""
-
-    kind: str
-    package: str
-    attribute: str
-    own: str  # how users name their own
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its files, with - for _."""
-        folder = importlib.import_module(self.package).__path__
-        return tuple(found.name.replace("_", "-") for found in pkgutil.iter_modules(folder))
-
-    def check(self, name: str) -> None:
-        """Refuse a name that is neither built-in nor says where else to look."""
-        file = self.kind == "scenario" and str(name).endswith(".toml")
-        if isinstance(name, str) and (file or is_reference(name)):
-            return
-        try:
-            one_of(self.kind, name, self.names)
-        except InputError as error:
-            raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
-
-    def get(self, name: str) -> Any:
-        """Return what has a name."""
-        self.check(name)
-        if is_reference(name):
-            return load(absolute_name(name), name, self.kind)
-        return getattr(self.module(name), self.attribute)
-
-    def module(self, name: str) -> ModuleType:
-        """Return the file of a built-in name."""
-        return importlib.import_module(f"{self.package}.{name.replace('-', '_')}")
-
-
-_SCENARIOS = _Folder("scenario", "benchmarks.scenarios", "SCENARIO", "room.toml or file.py:NAME")
-_AGENTS = _Folder("agent", "benchmarks.agents", "AGENT", "file.py:NAME")
+_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
+_OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
 _VERBS = ("plan_at_reset", "act")
 
 
 def scenario_names() -> tuple[str, ...]:
     """Names of the built-in scenarios."""
-    return _SCENARIOS.names
+    return (*SCENARIOS, *_OF_LOGS)
 
 
 def agent_names() -> tuple[str, ...]:
     """Names of the built-in agents."""
-    return _AGENTS.names
+    return tuple(AGENTS)
 
 
 def agent_words(name: str) -> str:
-    """Return what a built-in agent does, in a line: the first of its file."""
-    return str(_AGENTS.module(name).__doc__).partition("\n")[0]
+    """Return what a built-in agent does, in a line."""
+    return str(AGENTS[name].__doc__).partition("\n")[0]
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
@@ -85,7 +51,8 @@ def absolute_scenario(name: str, folder: Path = Path()) -> str:
     Raises:
         InputError: it is neither built-in nor says where the scenario is.
     """
-    _SCENARIOS.check(name)
+    if not (isinstance(name, str) and name.endswith(".toml")):
+        _check("scenario", name, scenario_names(), "room.toml or file.py:NAME")
     return _absolute(name, folder)
 
 
@@ -104,7 +71,8 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
     Raises:
         InputError: there is none, it cannot be made, or it is no agent.
     """
-    factory = _AGENTS.get(name)
+    _check("agent", name, AGENTS, "file.py:NAME")
+    factory = load(absolute_name(name), name, "agent") if is_reference(name) else AGENTS[name]
     try:
         made = factory(robot) if callable(factory) else factory
         lacking = [verb for verb in _VERBS if not callable(getattr(made, verb, None))]
@@ -121,7 +89,7 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
             f"{' and '.join(lacking)}: an agent is made by NAME(robot) and has "
             "plan_at_reset(info) and act(belief, info)."
         )
-    return made  # type: ignore[no-any-return]
+    return made
 
 
 def plug_ins_of(name: str) -> tuple[str, ...]:
@@ -158,25 +126,57 @@ def scenario_digest(name: str) -> str:
     return found.source + (agent or "")
 
 
+def _check(kind: str, name: str, built_in: Iterable[str], own: str) -> None:
+    """Refuse a name that is neither built-in nor says where else to look."""
+    if isinstance(name, str) and is_reference(name):
+        return
+    try:
+        one_of(kind, name, built_in)
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}, or your own as {own}.") from None
+
+
 def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
-
-    def named(other: str, path: Path) -> Scenario:
-        return _scenario(_absolute(other, path.parent), (*within, name))
-
     if name.endswith(".toml"):
-        found, folder = read_scenario(Path(name), named), Path(name).parent
-    else:
-        found = _SCENARIOS.get(name)
+        found, folder = _read(Path(name), (*within, name)), Path(name).parent
+    elif is_reference(name):
+        found, folder = load(name, name, "scenario"), Path(name.rpartition(":")[0]).parent
         if not isinstance(found, Scenario):
             kind = type(found).__name__
             raise InputError(f"the scenario {name!r} is of type {kind}, but must be a Scenario.")
-        folder = Path(name.rpartition(":")[0]).parent
-    if is_reference(name):
         found = replace(found, source=reference_digest(name) or "")
+    elif name in _OF_LOGS:
+        from benchmarks.setup.logs import LOG, REPLAY
+
+        return LOG if name == "log" else REPLAY
+    else:
+        return SCENARIOS[name]
     return replace(found, agent=_absolute(found.agent, folder))
+
+
+def _read(path: Path, within: tuple[str, ...]) -> Scenario:
+    """Read a scenario file; ``within`` are the files that it is a base of, and itself."""
+    given = documents.read(path, "scenario")
+    with documents.errors_name(path):
+        documents.check(given, _KEYS)
+        named = absolute_scenario(documents.text("base", given.get("base", "paper")), path.parent)
+        base = _scenario(named, within)
+        prior = Changes.told("prior", {"prior": given.get("prior", {})})
+        assumed = Changes.told("assumed", given.get("assumed", {})) | prior
+        world = Changes.told("env", given.get("env", {})).beside(path.parent)
+        changed = base.changed(world, assumed)
+        own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
+        return replace(
+            changed,
+            words=documents.text("words", given.get("words", path.stem)),
+            agent=documents.text("agent", given.get("agent", base.agent)),
+            buildings=given.get("buildings", base.buildings),
+            thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
+            source=sha256("".join(own).encode()).hexdigest(),
+        )
 
 
 def _absolute(name: str, folder: Path) -> str:

@@ -1,23 +1,133 @@
-"""Scenario: a world, what the filters assume of it, and who drives."""
+"""Scenario: a world, what the filters assume of it, and who drives; and the interfaces of both."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
-import numpy as np
+import gymnasium as gym
 
-from benchmarks.setup.priors import PRIORS, Gaussian, Uniform
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.setup.trial_env import TrialEnv
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps.map import pixel, scaled
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
+from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.validation import InputError, integer, number, one_of, pose
 from deqmcl_gym.world.config import WORLDS, World
-from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
+from localizers import (
+    Belief,
+    GaussianPrior,
+    GaussianUniform,
+    OdometryMotion,
+    Prior,
+    RobotModel,
+    UniformPrior,
+)
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion
+
+Pose = tuple[float, float, float]
+
+
+class TrialEnv(Protocol):
+    """An env that localizers can be tried in.
+
+    Its ``info`` has ``action``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
+    step, ``truth``: see ``deqmcl_gym.envs.room``.
+    """
+
+    @property
+    def floor_plan(self) -> Map:
+        """The map m."""
+        ...
+
+    @property
+    def lidar(self) -> Lidar:
+        """The sensor."""
+        ...
+
+    @property
+    def radius(self) -> float:
+        """Of the robot's disc."""
+        ...
+
+    @property
+    def expected_start(self) -> Pose:
+        """Where the episode begun last was to begin (x, y, θ): what a local prior is around."""
+        ...
+
+    @property
+    def unwrapped(self) -> gym.Env[Any, Any]:
+        """The env itself, for ``reset`` and ``step``."""
+        ...
+
+
+class Agent(Protocol):
+    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``."""
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
+        """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
+
+        Args:
+            info: of the env at reset, without the truth.
+        """
+        ...
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action, and the plan after it.
+
+        Args:
+            belief: what the localizer believes now.
+            info: the env's latest, without the truth.
+
+        Returns:
+            action: to be carried out next, (distance px, turn rad).
+            plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
+                None: those that the env then shows.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian:
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+
+    Attributes:
+        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one, and
+            in a log its reference.
+        sd_position: in x and in y, px.
+        sd_heading: rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.mean is not None:
+            object.__setattr__(self, "mean", pose("prior.mean", self.mean))
+        number("prior.sd_position", self.sd_position, low=0)
+        number("prior.sd_heading", self.sd_heading, low=0)
+
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last."""
+        mean = room.expected_start if self.mean is None else self.mean
+        return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """x_0 is anywhere in free space, in any heading: global localization."""
+
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in a room."""
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius)
+
+
+PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform})
+
 
 T = TypeVar("T")
 
@@ -25,7 +135,8 @@ _KINDS: Mapping[str, Mapping[str, Any]] = {
     "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
 }  # fmt: skip
 _PARTS = tuple(own.name for own in fields(World))
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+_ASSUMED = ("motion", "scan", "prior")
+AS_WORLD = "world"  # what is assumed is what the world is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +150,7 @@ class Scenario:
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: p(x_0), as the filters assume it.
         agent: who drives, by name.
-        disturbance: wrappers around the world, innermost first: ((("kind", "kidnap"), …), …).
+        disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
             without a seed of its own.
         thresholds: of the scores.
@@ -52,7 +163,7 @@ class Scenario:
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
     agent: str = "open-loop"
-    disturbance: tuple[tuple[tuple[str, Any], ...], ...] = ()
+    disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
@@ -80,6 +191,11 @@ class Scenario:
         """Whether its robot is to arrive somewhere."""
         return self.world.route is not None
 
+    @property
+    def judged(self) -> int | None:
+        """Of a whole log, the first record by which beliefs are judged; None of other worlds."""
+        return None
+
     def in_building(self, trial: int) -> Self:
         """Return this scenario in the building of a trial's number."""
         floor_plan = self.env.get("floor_plan")
@@ -101,11 +217,6 @@ class Scenario:
             scan=self.scan,
         )
 
-    def filter_rng(self, trial: Any) -> np.random.Generator:
-        """Return the stream of a trial's localizer: see ``Trial.filter_rng``."""
-        found: np.random.Generator = trial.filter_rng()
-        return found
-
     def prior_in(self, room: TrialEnv) -> Prior:
         """Return p(x_0) in the episode that a room has begun last."""
         return self.prior.of(room)
@@ -119,20 +230,44 @@ class Scenario:
 
         Args:
             world: arguments of ``RoomEnv``: ``{"lidar.beams": 9, "driver": "none"}``.
-            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``.
+            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
+                new world is: ``{"motion": "world", "scan.sigma": "world"}``.
 
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved = self._moved(world)
-        groups = grouped(assumed, ("motion", "scan", "prior"), "assumption")
+        moved = self._moved(Changes(world))
+        groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: _changed(part, getattr(moved, part), keys, moved.unit)
             for part, keys in groups.items()
         }
         return replace(moved, **parts)
 
-    def _moved(self, values: Mapping[str, Any]) -> Self:
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """What filters may assume as it is in the world, by dotted name."""
+        noise, start = self.world.noise, self.world.start
+        return {
+            "motion.kind": "odometry",
+            **{f"motion.{name}": value for name, value in vars(noise).items()},
+            "scan.sigma": self.world.lidar.sigma,
+            "prior.sd_position": start.sd_position,
+            "prior.sd_heading": start.sd_heading,
+        }
+
+    def _told(self, assumed: Changes) -> Changes:
+        """Return what is assumed with the world's values in place of the word "world"."""
+        told: dict[str, Any] = {}
+        for name, value in assumed.items():
+            known = self.known if value == AS_WORLD else {name: value}
+            of_it = {n: v for n, v in known.items() if f"{n}.".startswith(f"{name}.")}
+            if not of_it:
+                one_of('assumption that can be "world"', name, known)
+            told |= of_it
+        return Changes(told)
+
+    def _moved(self, values: Changes) -> Self:
         """Change the world; convert all other lengths if its unit is another one."""
         if not values:
             return self
@@ -140,9 +275,9 @@ class Scenario:
         factor = pixel(moved.unit) / pixel(self.unit)
         return moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
 
-    def _env_with(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the env's arguments with some changed, by dotted name."""
-        groups = grouped(values, (*_PARTS, "horizon"), "part of the world")
+    def _env_with(self, values: Changes) -> Mapping[str, Any]:
+        """Return the env's arguments with some changed."""
+        groups = values.by_part((*_PARTS, "horizon"), "part of the world")
         world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
         given = groups.get("floor_plan", self.env.get("floor_plan"))
@@ -150,31 +285,6 @@ class Scenario:
             whole["floor_plan"] = given  # as it was said: offices differ by trial
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
         return {**self.env, **whole, **horizon}
-
-
-def grouped(values: Mapping[str, Any], parts: Collection[str], what: str) -> dict[str, Any]:
-    """Return values by dotted name as those of each part; one without a dot is the whole part.
-
-    Raises:
-        InputError: unknown part, or one that is given both ways.
-    """
-    whole: dict[str, Any] = {}
-    keyed: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        part, _, key = name.partition(".")
-        one_of(what, part, parts)
-        if key:
-            keyed.setdefault(part, {})[key] = value
-        else:
-            whole[part] = value
-    for part in whole.keys() & keyed.keys():
-        raise InputError(f"{part} is given whole and by key: give only one of them.")
-    return whole | {part: _nested(part, keys) for part, keys in keyed.items()}
-
-
-def _nested(part: str, keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``{"office.seed": 3}`` as ``{"office": {"seed": 3}}``."""
-    return grouped(keys, {key.partition(".")[0] for key in keys}, f"key in {part}")
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

@@ -8,11 +8,78 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.execution.apart import takes
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.sweeps.factors import GROUPS, SCALARS, Axis, Limit, Method
 from benchmarks.tables.pairing import BASELINE
-from benchmarks.trials.spec import Params, Trial, frozen, thawed
+from benchmarks.trials.spec import Method, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, one_of
+
+GROUPS = ("world", "assumed", "params")  # of dotted names
+SCALARS = ("scenario", "lag", "disturbance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """What more and more particles converge to: a method with very many, on the first worlds.
+
+    Attributes:
+        method: with its particles, which no axis changes.
+        of: localizers with its target, which are held against it; (): all that no other limit
+            names.
+        trials: worlds of each setting, the first ones.
+        filter_seeds: runs on each; from two on they tell how near it is to its own limit.
+    """
+
+    method: Method
+    of: tuple[str, ...] = ()
+    trials: int = 20
+    filter_seeds: int = 2
+
+    def __post_init__(self) -> None:
+        integer("trials of the limit", self.trials, low=1, high=100_000)
+        integer("filter_seeds of the limit", self.filter_seeds, low=1, high=100_000)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """What is varied together: k values for each of one or more names.
+
+    Attributes:
+        values: by name: "scenario", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
+    """
+
+    values: Changes
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", Changes(self.values))
+        lengths = {name: len(values) for name, values in self.values.items()}
+        for name, length in lengths.items():
+            group, _, rest = name.partition(".")
+            if not (group in GROUPS and rest):
+                one_of("name in [[vary]]", name, (*SCALARS, *(f"{g}.…" for g in GROUPS)))
+            if length == 0:
+                raise InputError(f"[[vary]] {name} is empty: give one value or more.")
+        if len(set(lengths.values())) > 1:
+            raise InputError(
+                f"one [[vary]] has lists of different lengths ({_counted(lengths)}): they advance "
+                "together; write a [[vary]] for each to get all combinations."
+            )
+        if not lengths:
+            raise InputError("a [[vary]] is empty: give a name and its values.")
+
+    def __len__(self) -> int:
+        """Points on the axis."""
+        return len(next(iter(self.values.values())))
+
+    def points(self) -> list[dict[str, Any]]:
+        """Return the values of each point by name."""
+        rows = zip(*self.values.values(), strict=True)
+        return [dict(zip(self.values, row, strict=True)) for row in rows]
+
+
+def _counted(lengths: Mapping[str, int]) -> str:
+    return ", ".join(f"{name}: {length}" for name, length in lengths.items())
+
 
 MOST = 1_000_000  # trials
 
@@ -28,8 +95,8 @@ class Sweep:
         localizers: the methods compared.
         scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
         lag: L; also a parameter of each localizer that has a use for it.
-        world: changes to the world, by dotted name.
-        assumed: changes to what the filters assume, by dotted name.
+        world: changes to the world.
+        assumed: changes to what the filters assume.
         disturbance: wrappers around the world, innermost first.
         params: parameters of each localizer that has a use for them.
         seed: root of all randomness.
@@ -45,10 +112,10 @@ class Sweep:
     localizers: tuple[Method, ...]
     scenario: str = "paper"
     lag: int = 20
-    world: Params = ()
-    assumed: Params = ()
-    disturbance: tuple[Params, ...] = ()
-    params: Params = ()
+    world: Changes = NOTHING
+    assumed: Changes = NOTHING
+    disturbance: tuple[Changes, ...] = ()
+    params: Changes = NOTHING
     seed: int = 0
     trials: int = 10
     filter_seeds: int = 1
@@ -58,6 +125,7 @@ class Sweep:
     takes: Takes = field(default=takes, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        changes_of(self)
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         integer("lag", self.lag)
@@ -136,17 +204,14 @@ class Sweep:
             "localizers": [_jsonable_method(method) for method in self.localizers],
             "scenario": self.scenario,
             "lag": self.lag,
-            "world": thawed(self.world),
-            "assumed": thawed(self.assumed),
-            "disturbance": [thawed(wrapper) for wrapper in self.disturbance],
-            "params": thawed(self.params),
+            "world": self.world.json(),
+            "assumed": self.assumed.json(),
+            "disturbance": [wrapper.json() for wrapper in self.disturbance],
+            "params": self.params.json(),
             "seed": self.seed,
             "trials": self.trials,
             "filter_seeds": self.filter_seeds,
-            "vary": [
-                {name: _jsonable_values(name, values) for name, values in axis.values.items()}
-                for axis in self.vary
-            ],
+            "vary": [axis.values.json() for axis in self.vary],
         } | further
 
     def _points(self) -> Iterator[dict[str, Any]]:
@@ -162,8 +227,8 @@ class Sweep:
             for filter_seed in range(filter_seeds):
                 yield Trial(
                     scenario=base["scenario"],
-                    world=frozen(base["world"]),
-                    assumed=frozen(base["assumed"]),
+                    world=base["world"],
+                    assumed=base["assumed"],
                     disturbance=base["disturbance"],
                     localizer=method.name,
                     params=params,
@@ -175,30 +240,29 @@ class Sweep:
 
     def _at(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return the base with the values of one point of the design."""
-        base: dict[str, Any] = {name: getattr(self, name) for name in SCALARS}
-        base |= {group: dict(getattr(self, group)) for group in GROUPS}
+        base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
         for name, value in point.items():
             group, _, rest = name.partition(".")
-            if isinstance(value, Mapping):  # a part beside "none": {look_ahead = 25.0}
-                base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
-            elif rest:
-                base[group][rest] = value
-            else:
+            if not rest:
                 base[name] = value
+            elif isinstance(value, Changes):  # a part beside "none": {look_ahead = 25.0}
+                base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
+            else:
+                base[group] |= {rest: value}
         return base
 
-    def _params_of(self, method: Method, base: dict[str, Any]) -> Params:
+    def _params_of(self, method: Method, base: dict[str, Any]) -> Changes:
         known = self.takes(method.name)
-        shared = {"lag": base["lag"]} | base["params"]
+        shared = {"lag": base["lag"], **base["params"]}
         useful = {k: v for k, v in shared.items() if known is None or k in known}
-        return frozen(useful | dict(method.params))
+        return Changes(useful) | method.params
 
 
 def _absolute(axis: Axis) -> Axis:
     names = axis.values.get("scenario", ())
     if not names:
         return axis
-    return Axis(values={**axis.values, "scenario": tuple(map(_scenario, names))})
+    return Axis(values=axis.values | {"scenario": tuple(map(_scenario, names))})
 
 
 def _scenario(name: str) -> str:
@@ -237,10 +301,4 @@ def _jsonable_limit(limit: Limit) -> dict[str, Any]:
 
 
 def _jsonable_method(method: Method) -> dict[str, Any]:
-    return {"name": method.name, "params": thawed(method.params)}
-
-
-def _jsonable_values(name: str, values: tuple[Any, ...]) -> list[Any]:
-    if name == "disturbance":
-        return [[thawed(wrapper) for wrapper in stack] for stack in values]
-    return [thawed((("value", value),))["value"] for value in values]
+    return {"name": method.name, "params": method.params.json()}

@@ -3,17 +3,17 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import fmean
 
 from tabulate import tabulate
 
 from benchmarks.execution.apart import provenance
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Engine, available_cpus
+from benchmarks.execution.engines import Engine, available_cpus, outcomes
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.running import Options
-from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
-from benchmarks.trials.spec import Params, Trial
+from benchmarks.trials.spec import Trial
 
 BUDGET = 20.0  # seconds spent on measuring
 _SHOWN = 60  # cells
@@ -28,15 +28,15 @@ def dry_run(sweep: Sweep, options: Options) -> str:
         cells.setdefault(trial.cell(), []).append(trial)
     here = replace(options.where, executor="process", scheduler=None, jobs=1)
     with here.engine(trials) as engine:
-        seconds = _measured(list(cells.values()), engine, provenance(sweep.cells()))
+        times = _times([own[0] for own in cells.values()], engine, provenance(sweep.cells()))
     rows = [
         [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
-        for (name, own), (s, measured) in zip(cells.items(), seconds, strict=True)
+        for (name, own), (s, measured) in zip(cells.items(), times, strict=True)
     ]
-    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), seconds, strict=True))
+    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
     share = 1 if options.shard is None else options.shard[1]
     jobs = min(options.where.jobs or available_cpus(), len(trials))
-    count = sum(measured for _, measured in seconds)
+    count = sum(measured for _, measured in times)
     lines = [f"{sweep.title}: {len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
         lines.append(f"{equal:,} combinations equal others and are run once")
@@ -53,50 +53,48 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     return "\n\n".join(lines)
 
 
-def _measured(
-    cells: Sequence[Sequence[Trial]], engine: Engine, made: Provenance
+def _times(
+    trials: Sequence[Trial], engine: Engine, made: Provenance
 ) -> list[tuple[float | None, bool]]:
-    """Return for each cell the seconds of a trial (None: it failed) and whether it was measured.
+    """Return the seconds that each trial takes (None: it fails) and whether they were measured.
 
-    Every form of a localizer is measured in at least one cell; in others its time is taken to be
-    that per particle.
+    Every form of a localizer is measured at least once; the times of others are taken to be those
+    per particle.
     """
-    began = time.perf_counter()
-    _outcome(cells[0][0], engine, made)  # compile first
-    known: dict[int, float | None] = {}
-    rates: dict[tuple[str, Params], list[float]] = {}  # seconds per particle
-    first = {_form(cell[0]): index for index, cell in reversed([*enumerate(cells)])}
-    for index in sorted(range(len(cells)), key=lambda i: i not in first.values()):
-        trial = cells[index][0]
-        if time.perf_counter() - began > BUDGET and _form(trial) in rates:
-            continue
+
+    def measured(trial: Trial) -> float | None:
         started = time.perf_counter()
-        outcome = _outcome(trial, engine, made)
-        took = time.perf_counter() - started
-        known[index] = None if outcome.record is None else took
-        rate = took / _particles(trial)
-        rates.setdefault(_form(trial), []).extend([rate] if outcome.record else [])
+        ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
+        return None if outcome.record is None else time.perf_counter() - started
+
+    began = time.perf_counter()
+    measured(trials[0])  # compile first
+    known: dict[int, float | None] = {}
+    rates: dict[tuple[str, Changes], list[float]] = {}  # seconds per particle
+    first = {_form(trial): index for index, trial in reversed([*enumerate(trials)])}
+    for index in sorted(range(len(trials)), key=lambda i: i not in first.values()):
+        trial = trials[index]
+        own = rates.setdefault(_form(trial), [])
+        if index in first.values() or time.perf_counter() - began < BUDGET:
+            known[index] = took = measured(trial)
+            own += [] if took is None else [took / _particles(trial)]
+
+    def scaled(trial: Trial) -> float | None:
+        own = rates[_form(trial)]
+        return fmean(own) * _particles(trial) if own else None
+
     return [
-        (known[i], True) if i in known else (_scaled(rates[_form(cell[0])], cell[0]), False)
-        for i, cell in enumerate(cells)
+        (known[index], True) if index in known else (scaled(trial), False)
+        for index, trial in enumerate(trials)
     ]
 
 
-def _outcome(trial: Trial, engine: Engine, made: Provenance) -> Outcome:
-    ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
-    return outcome
-
-
-def _scaled(rates: Sequence[float], trial: Trial) -> float | None:
-    return sum(rates) / len(rates) * _particles(trial) if rates else None
-
-
-def _form(trial: Trial) -> tuple[str, Params]:
-    return trial.localizer, tuple((k, v) for k, v in trial.params if k != "particles")
+def _form(trial: Trial) -> tuple[str, Changes]:
+    return trial.localizer, trial.params | {"particles": _USUAL}
 
 
 def _particles(trial: Trial) -> int:
-    return int(dict(trial.params).get("particles", _USUAL))
+    return int(trial.params.get("particles", _USUAL))
 
 
 def _duration(seconds: float) -> str:

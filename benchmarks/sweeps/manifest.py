@@ -4,9 +4,11 @@ import itertools
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from benchmarks.execution.apart import provenance
 from benchmarks.files import (
@@ -14,8 +16,8 @@ from benchmarks.files import (
     content_of,
     is_empty,
     json_of,
-    misfit,
     refuse_changed,
+    typed,
     write_text,
 )
 from benchmarks.sweeps.design import Sweep
@@ -26,16 +28,76 @@ from deqmcl_gym.validation import InputError
 NAME = "manifest.json"
 
 _ABSENT = object()
+_DIGITS = 12  # of a digest
 _SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
-_NAMED = {str: str}
-_SHAPE = {
-    "schema": int,
-    "identity": {"sweep": dict, "code": str, "libraries": _NAMED, "plug-ins": _NAMED},
-    "parameters": {str: ([str], type(None))},
-    "command": [str],
-    "environment": {str: (str, _NAMED)},
-}
+
+class _Made(Struct):
+    """What the numbers of a folder depend on, beside its sweep."""
+
+    code: str
+    libraries: dict[str, str]
+    plug_ins: dict[str, str] = field(name="plug-ins")
+
+
+class _Identity(_Made):
+    """What the numbers of a folder depend on, as its manifest has it."""
+
+    sweep: dict[str, Any]
+
+
+class _Verified(_Made):
+    """See ``Verified``."""
+
+    verified: list[str]
+    of: int
+    environment: dict[str, str | dict[str, str]]
+
+
+class _Content(Struct):
+    """The content of a manifest."""
+
+    schema: int
+    identity: _Identity
+    parameters: dict[str, list[str] | None]
+    command: list[str]
+    environment: dict[str, str | dict[str, str]]
+    verified: list[_Verified] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """Other code, libraries or plug-ins that got the same results; see ``verifying``.
+
+    Attributes:
+        made: what they are.
+        keys: trials that were run again.
+        of: how many were finished then.
+        environment: see ``provenance.environment``.
+    """
+
+    made: Provenance
+    keys: Sequence[str]
+    of: int
+    environment: dict[str, Any]
+
+    def words(self) -> str:
+        """Say under what, and by how many trials."""
+        own = [f"{Path(name).name} {d[:_DIGITS]}" for name, d in self.made.plug_ins.items()]
+        named = [f"code {self.made.code[:_DIGITS]}", *map(" ".join, self.made.libraries.items())]
+        under = ", ".join([*named, *own])
+        return f"verified under {under} on {len(self.keys):,} of {self.of:,} trials"
+
+    def json(self) -> dict[str, Any]:
+        """Return what stands in the manifest."""
+        return {
+            "code": self.made.code,
+            "libraries": dict(self.made.libraries),
+            "plug-ins": dict(self.made.plug_ins),
+            "verified": list(self.keys),
+            "of": self.of,
+            "environment": self.environment,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +110,7 @@ class Manifest:
         parameters: those that each localizer takes; None: any.
         command: the words that started the sweep.
         environment: see ``provenance.environment``.
+        verified: what else may go on with the trials of ``made``, under their keys.
     """
 
     sweep: dict[str, Any]
@@ -55,6 +118,7 @@ class Manifest:
     parameters: Mapping[str, Sequence[str] | None]
     command: Sequence[str]
     environment: dict[str, Any]
+    verified: Sequence[Verified] = ()
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -78,36 +142,79 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     )
 
 
-def refuse_others(folder: Path, ours: Manifest) -> None:
-    """Refuse a folder unless it is new, empty, or of this sweep.
+def taken_over(folder: Path, ours: Manifest) -> Manifest:
+    """Return a sweep's manifest as it goes on in a folder that is new, empty, or of this sweep.
 
-    A folder may grow: more worlds, runs and localizers are asked for than it was made for.
+    A folder may grow: more worlds, runs and localizers are asked for than it was made for. Its
+    trials keep their keys if this code, these libraries and plug-ins made them or were verified.
 
     Raises:
         InputError: the folder is not ours, or of another sweep, other code or another plug-in
             (all differences are listed); or a file in it was changed.
     """
     if is_empty(folder):
-        return
-    theirs = read(folder).identity
-    if apart := list(differences(_less(theirs, ours.identity), ours.identity)):
+        return ours
+    held, made = _compared(folder, ours)
+    if apart := list(differences(held, made.identity)):
+        others = f", or see by deqmcl verify {folder} whether any number differs"
         raise InputError(
-            f"{folder} holds results of something else ({'; '.join(apart)}): give a new "
-            "--out, or restore what was changed."
+            f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
+            f"restore what was changed{others if held['sweep'] == made.sweep else ''}."
         )
     refuse_changed(folder)
+    return made
 
 
-def begin(folder: Path, ours: Manifest) -> bool:
-    """Write the manifest of a new folder, or of one that grows; return whether it is a new one.
+def is_of_other_code(folder: Path, ours: Manifest) -> bool:
+    """Whether a folder is of this sweep, but of code, libraries or plug-ins not known to agree."""
+    if is_empty(folder):
+        return False
+    held, made = _compared(folder, ours)
+    return held["sweep"] == made.sweep and held != made.identity
+
+
+def _compared(folder: Path, ours: Manifest) -> tuple[dict[str, Any], Manifest]:
+    """Return what a folder is of, as far as ours may not grow from it, and ours as it goes on."""
+    theirs = read(folder)
+    made = _under_keys_of(theirs, ours)
+    return _less(theirs.identity, made.identity), made
+
+
+def _under_keys_of(theirs: Manifest, ours: Manifest) -> Manifest:
+    """Return our manifest with the provenance of theirs, if ours was verified to be as good."""
+    now, before = ours.made, theirs.made
+    for one in theirs.verified:
+        known = {**before.plug_ins, **one.made.plug_ins}
+        same = all(now.plug_ins.get(name) == digest for name, digest in known.items())
+        if same and (one.made.code, one.made.libraries) == (now.code, now.libraries):
+            made = replace(before, plug_ins={**now.plug_ins, **before.plug_ins})
+            return replace(
+                ours, made=made, environment=theirs.environment, verified=theirs.verified
+            )
+    return replace(ours, verified=theirs.verified)
+
+
+def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
+    """Write the manifest of a new folder, or of one that grows; return it, and whether it is new.
 
     Raises:
-        InputError: see ``refuse_others``.
+        InputError: see ``taken_over``.
     """
-    refuse_others(folder, ours)
-    new = is_empty(folder)
-    if not new and read(folder).identity == ours.identity:
-        return False
+    ours, new = taken_over(folder, ours), is_empty(folder)
+    if new or read(folder).identity != ours.identity:
+        _write(folder, ours)
+    return ours, new
+
+
+def append(folder: Path, made: Verified) -> None:
+    """Add to a folder's manifest what was verified."""
+    path = folder / NAME
+    content = json_of(content_of(path))
+    content["verified"] = [*content.get("verified", ()), made.json()]
+    write_text(path, json.dumps(content, indent=2) + "\n")
+
+
+def _write(folder: Path, ours: Manifest) -> None:
     content = {
         "schema": SCHEMA,
         "identity": ours.identity,
@@ -117,8 +224,9 @@ def begin(folder: Path, ours: Manifest) -> bool:
         "cpu": cpu_model(),
         "seeds": seeds(ours.sweep["seed"]),
     }
+    if ours.verified:
+        content["verified"] = [one.json() for one in ours.verified]
     write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
-    return new
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:
@@ -158,15 +266,28 @@ def read(folder: Path) -> Manifest:
             f"deqmcl-gym (schema {schema}, this one has {SCHEMA}): use that version, or give a new "
             "--out."
         )
-    if why := misfit(content, _SHAPE):
-        raise InputError(f"{path} {why}: it is not of a sweep, or was changed; give a new --out.")
-    identity = content["identity"]
+    try:
+        known = typed(content, _Content)
+    except UnreadableError as error:
+        raise InputError(
+            f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
+        ) from None
+    identity = known.identity
     return Manifest(
-        sweep=identity["sweep"],
-        made=Provenance(identity["code"], identity["libraries"], identity["plug-ins"]),
-        parameters=content["parameters"],
-        command=content["command"],
-        environment=content["environment"],
+        sweep=identity.sweep,
+        made=Provenance(identity.code, identity.libraries, identity.plug_ins),
+        parameters=known.parameters,
+        command=known.command,
+        environment=known.environment,
+        verified=[
+            Verified(
+                made=Provenance(one.code, one.libraries, one.plug_ins),
+                keys=one.verified,
+                of=one.of,
+                environment=one.environment,
+            )
+            for one in known.verified
+        ],
     )
 
 

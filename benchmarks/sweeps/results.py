@@ -1,24 +1,31 @@
-"""Results: what a report is made of: records of finished trials, failures, and what is missing."""
+"""How far a sweep has come: what a store holds of it, and the same in words."""
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
+from benchmarks.setup import documents
+from benchmarks.sweeps import manifest
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.store import Store, named
+from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A trial that could not be finished.
+    """A trial that could not be finished, and why, in one sentence."""
 
-    Attributes:
-        trial: ``Trial.canonical()``.
-        reason: why, in one sentence.
-    """
-
-    trial: dict[str, Any]
+    trial: Trial
     reason: str
 
 
@@ -31,9 +38,7 @@ class Results:
 
     Attributes:
         title: of the sweep.
-        records: finished trials in the sweep's order, as the store keeps them: ``trial``,
-            ``scores``, ``curves``, ``quality``, ``steps_done``, ``scans_used``, ``events``,
-            ``key``, ``seconds``.
+        records: finished trials in the sweep's order.
         limits: those of the sweep's limits, which are only what gaps are measured from.
         baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
@@ -41,11 +46,12 @@ class Results:
         planned: distinct trials asked for.
         command: the words that started the sweep.
         environment: versions and code, see ``provenance.environment``.
+        verified: what other code got the same results, in words.
         left_out: files of the folder that are in no table, and why.
     """
 
     title: str
-    records: list[dict[str, Any]]
+    records: list[Finished]
     failures: list[Failure]
     missing: int
     planned: int
@@ -53,6 +59,7 @@ class Results:
     environment: dict[str, Any]
     limits: list[LimitRuns] = field(default_factory=list)
     baseline: str = BASELINE
+    verified: list[str] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -62,7 +69,143 @@ class Results:
         return panels(self.records, self.baseline, self.limits, failed)
 
     @property
-    def finished(self) -> list[dict[str, Any]]:
+    def made_by(self) -> str:
+        """Whose numbers these are, in a sentence; "" if only one code has made them."""
+        code = str(self.environment.get("code", ""))[:12]
+        return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
+
+    @property
+    def finished(self) -> list[Finished]:
         """All finished trials; one that is a limit's, too, once."""
         limits = (record for limit in self.limits for record in limit.records)
         return list({id(record): record for record in (*self.records, *limits)}.values())
+
+
+_SHOWN = 20  # lines of a kind
+
+
+def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
+    """Return what the store has of these trials (by key), in their order."""
+    records, failures = [], []
+    for key, trial in trials.items():
+        if (finished := store.get(key, trial)) is not None:
+            records.append(finished)
+        elif (reason := store.failure(key, trial)) is not None:
+            failures.append(Failure(trial=trial, reason=reason))
+    asked = {named(trial.canonical()) for trial in trials.values()}
+    results = Results(
+        title=sweep.title,
+        records=records,
+        failures=failures,
+        missing=len(trials) - len(records) - len(failures),
+        planned=len(trials),
+        command=list(made.command),
+        environment=made.environment,
+        verified=[one.words() for one in made.verified],
+        left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
+    )
+    return of_sweep(sweep, results)
+
+
+def of_sweep(sweep: Sweep, results: Results) -> Results:
+    """Return the results with the trials of limits set apart, and with the sweep's baseline."""
+    by_name = [(named(record.trial.canonical()), record) for record in results.records]
+
+    def finished(trials: Iterable[Trial]) -> list[Finished]:
+        asked = {named(trial.canonical()) for trial in trials}
+        return [record for name, record in by_name if name in asked]
+
+    return replace(
+        results,
+        records=finished(sweep.compared()),
+        limits=[LimitRuns(limit.of, finished(sweep.limiting(limit))) for limit in sweep.limits],
+        baseline=sweep.baseline,
+    )
+
+
+def results_in(folder: Path) -> Results:
+    """Return what a folder holds of its own sweep; nothing that it names is loaded or run.
+
+    Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
+    is installed here.
+
+    Raises:
+        InputError: the folder is not one of results, or none of its files can be read.
+    """
+    made = manifest.read(folder)
+    sweep = recorded_sweep(folder, made)
+    trials = {made.made.key(trial): trial for trial in sweep.distinct()}
+    results = collected(sweep, trials, Store(folder, reading=True), made)
+    if results.left_out and results.missing == results.planned:
+        name, why = next(iter(results.left_out.items()))
+        raise InputError(
+            f"{folder} has no trial of its sweep, but {len(results.left_out)} others ({name} {why})"
+            ": give another folder, or run the sweep again."
+        )
+    return results
+
+
+def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
+    """Return the sweep of a folder's manifest; nothing that it names is loaded.
+
+    Raises:
+        InputError: the manifest was changed.
+    """
+    with documents.errors_name(folder / manifest.NAME):
+        return sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
+
+
+def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tuple[str, ...] | None:
+    if name not in parameters:
+        raise InputError(f"parameters has no {name!r}: the manifest was changed.")
+    known = parameters[name]
+    return None if known is None else tuple(known)
+
+
+def left_out_lines(results: Results, out: Path) -> list[str]:
+    """Say which files of a folder are in no table, and why."""
+    lines = [
+        f"deqmcl: {out / name} {why}; it is left out." for name, why in results.left_out.items()
+    ]
+    more = [f"deqmcl: … and {len(lines) - _SHOWN:,} more files are left out."]
+    return lines if len(lines) <= _SHOWN else lines[:_SHOWN] + more
+
+
+def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
+    """Say how far a sweep has come, and where that is written."""
+    done = results.planned - len(results.failures) - results.missing
+    parts = [f"{sweep.title}: {done:,} of {results.planned:,} trials finished"]
+    if results.failures:
+        parts.append(f"{len(results.failures):,} failed")
+    if results.missing:
+        parts.append(f"{results.missing:,} missing")
+    lines = [", ".join(parts) + "."]
+    lines += _incomplete(sweep, results)
+    if equal := sweep.combinations - results.planned:
+        lines.append(f"{equal:,} combinations equal others and were run once.")
+    names = ", ".join(path.name for path in files if path.parent == out)
+    return "\n".join([*lines, f"Written to {out}: {names}."])
+
+
+def _incomplete(sweep: Sweep, results: Results) -> list[str]:
+    """Say of each setting and method how many of its trials are there, unless all are."""
+    if not results.failures and not results.missing:
+        return []
+    there = {named(record.trial.canonical()) for record in results.finished}
+    planned: Counter[str] = Counter()
+    done: Counter[str] = Counter()
+    for trial in sweep.distinct():
+        planned[trial.cell()] += 1
+        done[trial.cell()] += named(trial.canonical()) in there
+    lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
+    more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
+    return ["Not complete:", *lines[:_SHOWN], *more]
+
+
+def failed_sentence(results: Results) -> str:
+    """Say how many trials failed, and the first reason."""
+    first = results.failures[0]
+    return (
+        f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "
+        f"{first.trial.localizer}, trial {first.trial.trial}: {first.reason}"
+    )

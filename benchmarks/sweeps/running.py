@@ -1,28 +1,35 @@
 """Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
 
 import contextlib
+import io
+import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from tqdm import tqdm
+
+from benchmarks.console import beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
-from benchmarks.execution.driver import outcomes
-from benchmarks.execution.engines import Where
+from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files.lock import locked
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.collecting import collected, left_out_lines
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.progress import counted
-from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.results import Results, collected, left_out_lines
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 MANY = 100_000  # trials; more are run only with --yes
+MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
+_LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
 
 
 class TrialsFailedError(RuntimeError):
@@ -57,10 +64,12 @@ class Running:
     trials: Mapping[str, Trial]  # by key
     options: Options
     made: Manifest
+    now: Provenance
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then."""
-        run_missing(_part(self.trials, self.options.shard), self.store, self.options)
+        part = _part(self.trials, self.options.shard)
+        run_missing(part, self.store, self.options, self.now)
         results = collected(self.sweep, self.trials, self.store, self.made)
         _say(left_out_lines(results, self.store.out))
         return results
@@ -75,17 +84,17 @@ def begun(
     Raises:
         InputError: the folder is not ours, belongs to another sweep, or is in use.
     """
-    made = manifest.of_sweep(sweep, command)
-    manifest.refuse_others(out, made)
+    ours = manifest.of_sweep(sweep, command)
+    made = manifest.taken_over(out, ours)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
     with _gone_if_refused(out), locked((store := Store(out)).out, shard):
         trials = {made.made.key(trial): trial for trial in sweep.distinct()}
         store.refuse_obstacles(trials.keys())
-        new = manifest.begin(out, made)
+        made, new = manifest.begin(out, ours)
         if shard is None:  # another one may be writing it
             _remove_temporary(store)
         try:
-            yield Running(sweep, store, trials, options, made)
+            yield Running(sweep, store, trials, options, made, ours.made)
         except InputError:  # an engine that cannot be had: nothing was run
             if new and shard is None and not any((out / name).exists() for name in FOLDERS):
                 (out / manifest.NAME).unlink()
@@ -121,11 +130,14 @@ def check(sweep: Sweep) -> None:
     check_methods(methods.values())
 
 
-def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> None:
+def run_missing(
+    trials: Mapping[str, Trial], store: Store, options: Options, now: Provenance
+) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
     All methods run on one world before any runs on the next, so that whenever this is stopped,
-    what is there can be compared.
+    what is there can be compared. ``now`` is what workers must have loaded: the keys may be those
+    of code before it.
     """
     missing = {
         key: trial
@@ -134,19 +146,63 @@ def run_missing(trials: Mapping[str, Trial], store: Store, options: Options) -> 
         and (options.retry_failed or store.failure(key, trial) is None)
     }
     _say_rejected(store)
-    waiting = sorted(missing.items(), key=lambda item: (item[1].trial, item[1].filter_seed))
-    if not waiting:
+    if not missing:
         return
+    keys = {now.key(trial): key for key, trial in missing.items()}
+    waiting = [(own, missing[key]) for own, key in keys.items()]
+    waiting.sort(key=lambda item: (item[1].trial, item[1].filter_seed))
     with (
         options.where.engine(missing.values()) as engine,
         counted(store.out, len(trials), len(waiting), shown=options.progress) as count,
         contextlib.closing(outcomes(waiting, engine)) as finished,
     ):
-        for key, outcome in finished:
-            reason = _keep(store, key, missing[key], outcome)
+        for own, outcome in finished:
+            reason = _keep(store, keys[own], missing[keys[own]], outcome)
             count(reason is not None)
             if options.fail_fast and reason is not None:
                 return
+
+
+@contextmanager
+def counted(
+    out: Path, total: int, waiting: int, *, shown: bool = True
+) -> Iterator[Callable[[bool], None]]:
+    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
+
+    Args:
+        out: folder of the sweep; its name is shown.
+        total: trials of the sweep.
+        waiting: those that are still to be run.
+        shown: False shows nothing.
+
+    Yields:
+        A function of whether the trial failed.
+    """
+    name = out.resolve().name
+    failed, lines = 0, shown and not sys.stderr.isatty()
+    kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
+    if lines:  # what tqdm would print goes nowhere; it counts and estimates
+        kept |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}
+        kept |= {"smoothing": 0.0}
+    with tqdm(**kept, unit="trial", disable=not shown) as bar:
+
+        def count(failure: bool) -> None:
+            nonlocal failed
+            failed += failure
+            bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
+            bar.update()
+
+        def tell(done: threading.Event) -> None:
+            while not done.wait(MINUTE):
+                print(f"deqmcl: {bar}", file=sys.stderr, flush=True)
+
+        if lines:
+            running = f"{name}: running {waiting:,} trial{'s' * (waiting != 1)}"
+            with doing(running), beside(tell):
+                yield count
+        else:
+            bar.set_postfix_str("starting; kernels are compiled at first use")
+            yield count
 
 
 def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
@@ -163,7 +219,7 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
     reason = outcome.reason or "no reason was given"
     if outcome.record is not None:
         try:
-            store.put(key, outcome.record, outcome.seconds)
+            store.put(key, trial, outcome.record, outcome.seconds)
             return None
         except ValueError as error:
             reason = f"its record cannot be kept: {error}"

@@ -5,43 +5,50 @@ import json
 import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct
 
 from benchmarks.files import (
     UnreadableError,
     content_of,
     is_temporary,
     json_of,
-    misfit,
+    typed,
     writable_folder,
     write_text,
 )
-from benchmarks.trials.journeys import JOURNEY_SCORES
-from benchmarks.trials.plans import SIGNALS
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.scoring import Finished, Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 SCHEMA = 4
 
 FOLDERS = ("trials", "timings", "failed")
-_NUMBER = (float, type(None))
-_SHAPES = {
-    "trials": {
-        "trial": dict,
-        "unit": str,
-        "thresholds": {str: float},
-        "scores": [{"offset": int} | dict.fromkeys(SCORE_NAMES, _NUMBER)],
-        "curves": {str: {"first_state": int, "error": [_NUMBER]}},
-        "quality": ([_NUMBER], type(None)),
-        "profile": {str: float},
-        "steps_done": int,
-        "scans_used": int,
-        "events": {str: int},
-    },
-    "timings": {"seconds": float},
-    "failed": {"trial": dict, "reason": str},
-}
+
+
+class _Kept(Record, frozen=True, kw_only=True):
+    """A file of trials/."""
+
+    trial: dict[str, Any]
+
+
+class _Timed(Struct, frozen=True):
+    """A file of timings/."""
+
+    seconds: float
+
+
+class _Failed(Struct, frozen=True):
+    """A file of failed/."""
+
+    trial: dict[str, Any]
+    reason: str
+
+
+K = TypeVar("K", bound=_Kept | _Timed | _Failed)
+_FOLDER: dict[type, str] = dict(zip((_Kept, _Timed, _Failed), FOLDERS, strict=True))
 
 
 class Store:
@@ -65,35 +72,34 @@ class Store:
         self.out = out if reading else writable_folder(out)
         self.rejected: dict[str, str] = {}
 
-    def get(self, key: str, trial: Trial) -> dict[str, Any] | None:
-        """Return a finished trial's record, with its key and timing; None if missing or rejected.
-
-        The timing is None if it is not known.
-        """
-        record = self._read("trials", key, trial)
-        if record is None:
+    def get(self, key: str, trial: Trial) -> Finished | None:
+        """Return a finished trial; None if missing or rejected."""
+        kept = self._read(_Kept, key, trial)
+        if kept is None:
             return None
-        timing = self._read("timings", key) or {}
-        return record | {"key": key, "seconds": timing.get("seconds")}
+        timed = self._read(_Timed, key)
+        known = {"trial": trial, "key": key, "seconds": None if timed is None else timed.seconds}
+        return Finished(**(msgspec.structs.asdict(kept) | known))
 
-    def put(self, key: str, record: dict[str, Any], seconds: float) -> None:
+    def put(self, key: str, trial: Trial, record: Record, seconds: float) -> None:
         """Keep a finished trial. The timing goes first: a trial that is there is complete.
 
         Raises:
             ValueError: it is no record, or holds a number that is not finite.
         """
-        self._write("timings", key, {"seconds": seconds})
-        self._write("trials", key, record)
-        self._path("failed", key).unlink(missing_ok=True)
+        content = msgspec.to_builtins(record, str_keys=True, enc_hook=float)  # NumPy's numbers
+        self._write(_Timed, key, {"seconds": seconds})
+        self._write(_Kept, key, {"trial": trial.canonical()} | content)
+        self._path(_Failed, key).unlink(missing_ok=True)
 
     def failure(self, key: str, trial: Trial) -> str | None:
         """Return the reason why a trial failed; None if it did not."""
-        content = self._read("failed", key, trial)
-        return None if content is None else str(content["reason"])
+        failed = self._read(_Failed, key, trial)
+        return None if failed is None else failed.reason
 
     def put_failure(self, key: str, trial: Trial, reason: str) -> None:
         """Keep the reason why a trial failed."""
-        self._write("failed", key, {"trial": trial.canonical(), "reason": reason})
+        self._write(_Failed, key, {"trial": trial.canonical(), "reason": reason})
 
     def refuse_obstacles(self, keys: Collection[str]) -> None:
         """Refuse a folder where something that is no file is in the way of one of ours.
@@ -121,39 +127,38 @@ class Store:
             keys: of the trials asked for.
             asked: the same trials as ``named``.
         """
-        for name in ("trials", "failed"):
-            for path in sorted((self.out / name).glob("*")):
+        kinds: tuple[type[_Kept | _Failed], ...] = (_Kept, _Failed)
+        for kind in kinds:
+            for path in sorted((self.out / _FOLDER[kind]).glob("*")):
                 if is_temporary(path) or (path.stem in keys and path.suffix == ".json"):
                     continue
                 why = "is no file of a trial"
                 if path.suffix == ".json":
                     try:
-                        trial = _checked(path, name, path.stem)["trial"]
-                        same = named(trial) in asked
+                        same = named(_checked(path, kind, path.stem).trial) in asked
                         why = f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
                     except (UnreadableError, FileNotFoundError) as error:
                         why = str(error)
-                yield f"{name}/{path.name}", why
+                yield f"{_FOLDER[kind]}/{path.name}", why
 
-    def _path(self, folder: str, key: str) -> Path:
-        return self.out / folder / f"{key}.json"
+    def _path(self, kind: type, key: str) -> Path:
+        return self.out / _FOLDER[kind] / f"{key}.json"
 
-    def _write(self, folder: str, key: str, content: dict[str, Any]) -> None:
-        if why := _unlike(content, folder):
-            raise ValueError(why)
+    def _write(self, kind: type, key: str, content: dict[str, Any]) -> None:
+        typed(content, kind)
         signed = {"schema": SCHEMA, "key": key} | content
-        write_text(self._path(folder, key), _json(signed | {"checksum": _checksum(signed)}))
+        write_text(self._path(kind, key), _json(signed | {"checksum": _checksum(signed)}))
 
-    def _read(self, folder: str, key: str, trial: Trial | None = None) -> dict[str, Any] | None:
-        path = self._path(folder, key)
+    def _read(self, kind: type[K], key: str, trial: Trial | None = None) -> K | None:
+        path = self._path(kind, key)
         try:
-            content = _checked(path, folder, key)
-            if trial is not None and content["trial"] != trial.canonical():
+            content = _checked(path, kind, key)
+            if not isinstance(content, _Timed) and trial and content.trial != trial.canonical():
                 raise UnreadableError("is of another trial")
         except FileNotFoundError:
             return None
         except UnreadableError as error:
-            self.rejected[f"{folder}/{path.name}"] = str(error)
+            self.rejected[f"{_FOLDER[kind]}/{path.name}"] = str(error)
             return None
         return content
 
@@ -166,7 +171,7 @@ def named(canonical: dict[str, Any]) -> str:
     return json.dumps(canonical, sort_keys=True)
 
 
-def _checked(path: Path, folder: str, key: str) -> dict[str, Any]:
+def _checked(path: Path, kind: type[K], key: str) -> K:
     """Return the content of a file if it is whole, ours, and as it was written."""
     content = json_of(content_of(path))
     if (schema := content.get("schema")) != SCHEMA:
@@ -180,52 +185,10 @@ def _checked(path: Path, folder: str, key: str) -> dict[str, Any]:
         raise UnreadableError("holds a number that is infinite") from None
     if given != expected:
         raise UnreadableError("was changed after it was written: its checksum does not match")
-    del content["schema"], content["key"]
-    if why := _unlike(content, folder):
-        raise UnreadableError(f"{why}, as no trial has")
-    return content
-
-
-def _unlike(content: dict[str, Any], folder: str) -> str | None:
-    """Say where the content of a file differs from what is kept in its folder."""
-    why = misfit(content, _SHAPES[folder])
-    if why or folder != "trials":
-        return why
-    steps, quality = content["steps_done"], content["quality"]
-    lengths = [len(curve["error"]) for curve in content["curves"].values()]
-    if {str(row["offset"]) for row in content["scores"]} != content["curves"].keys() or not lengths:
-        return "has scores and curves of other offsets"
-    if not all(0 < length <= steps + 1 for length in lengths) or len(quality or ()) > steps:
-        return f"has a curve or qualities of another length than its {str(steps)[:20]} steps"
-    if not all(key.removeprefix("-").isdecimal() for key in content["profile"]):
-        return "has a profile of no offsets"
-    why = _unlike_journey(content.get("journey"), steps)
-    return why or _unlike_plan(content.get("plan"), steps)
-
-
-def _unlike_journey(journey: Any, steps: int) -> str | None:
-    """Say where the scores and curves of the whole run, if it has any, are not as they are kept."""
-    if journey is None:
-        return None
-    why = misfit(journey, {"scores": {str: _NUMBER}, "curves": {str: [float]}}, "journey")
-    if why:
-        return why
-    if other := journey["scores"].keys() - JOURNEY_SCORES.keys():
-        return f"has a score of the whole run named {min(other)[:20]!r}"
-    lengths = {len(curve) for curve in journey["curves"].values()}
-    if "way" not in journey["curves"] or len(lengths) != 1 or not 0 < max(lengths) <= steps + 1:
-        return f"has curves of the whole run of another length than its {str(steps)[:20]} steps"
-    return None
-
-
-def _unlike_plan(plan: Any, steps: int) -> str | None:
-    """Say where what was made of plans, if any was read, is not as it is kept."""
-    if plan is None:
-        return None
-    why = misfit(plan, {name: [_NUMBER] for name in ("conflict", *SIGNALS)}, "plan")
-    if why is None and any(len(column) != steps for column in plan.values()):
-        return f"has readings of the plan of another length than its {str(steps)[:20]} steps"
-    return why
+    try:
+        return typed(content, kind)
+    except UnreadableError as error:
+        raise UnreadableError(f"{error}, as no trial has") from None
 
 
 def _checksum(content: dict[str, Any]) -> str:

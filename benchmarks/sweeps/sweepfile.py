@@ -2,71 +2,97 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.files import utf8
 from benchmarks.setup import documents
+from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.setup.world_files import beside
-from benchmarks.sweeps.design import Sweep, Takes
-from benchmarks.sweeps.factors import Axis, Limit, Method
-from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
-from benchmarks.trials.spec import Params, frozen, tuples
-from deqmcl_gym.validation import InputError, one_of
+from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
+from benchmarks.trials.spec import Method
+from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import absolute_name
+from localizers.naming.parsed import is_file
 from localizers.naming.registry import complete
-from localizers.naming.written import is_file
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
 )
+_SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
-def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
-    """Return the sweeps of a name by their folder within --out: one, or those of a family.
+def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
+    """Read a sweep file.
 
-    Raises:
-        InputError: there is no such suite, family or file.
-    """
-    if name in FAMILIES:
-        return {member: sweep_named(member, added) for member in FAMILIES[name]}
-    return {"": sweep_named(name, added)}
-
-
-def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
-    """Return the suite of that name, or what the TOML file says, with localizers added.
-
-    Raises:
-        InputError: there is neither, or no localizer of an added name.
-    """
-    if name.endswith(".toml"):
-        return read_sweep(Path(name), added)
-    try:
-        suite = SUITES[one_of("suite", name, (*SUITES, *FAMILIES))]
-    except InputError as error:
-        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
-    return with_localizers(suite, added)
-
-
-def read_sweep(path: Path, added: Sequence[str] = ()) -> Sweep:
-    """Read a sweep file, and add localizers to what it says.
+    Args:
+        path: of the file.
+        added: localizers to add.
+        above: the files that this one is the base of.
 
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
     given = documents.read(path, "sweep")
     with documents.errors_name(path):
+        documents.check(given, ("base", *_KEYS))
+        base = (
+            _base(given.pop("base"), (*above, Path(os.path.abspath(path))))
+            if "base" in given
+            else None
+        )
         title = utf8(path.stem).decode()
-        sweep = with_localizers(sweep_of(given, title=title, folder=path.parent), added)
+        sweep = sweep_of(given, title=title, folder=path.parent, base=base)
+        sweep = with_localizers(sweep, added)
         _refuse_idle(sweep)
         return sweep
 
 
+def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
+    """Return a sweep with further localizers; one that it has already is not added."""
+    known = {absolute_name(method.name) for method in sweep.localizers}
+    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
+    return replace(sweep, localizers=(*sweep.localizers, *(Method(name=name) for name in added)))
+
+
+def _base(name: Any, files: Sequence[Path]) -> Sweep:
+    """Return the sweep that the last of these files changes."""
+    if documents.text("base", name).endswith(".toml"):
+        path = Path(_absolute(files[-1].parent, name))
+        if path in files:
+            raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
+    else:
+        path = suite_file("base", name)
+    return read_sweep(path, above=files)
+
+
+def suite_names() -> list[str]:
+    """Names of the suites, by alphabet."""
+    return sorted(path.stem for path in _SUITES.glob("*.toml"))
+
+
+def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
+    """Return the sweep file of a suite.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    try:
+        return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+
+
 def sweep_of(
-    given: Mapping[str, Any], *, title: str, takes: Takes = takes, folder: Path | None = None
+    given: Mapping[str, Any],
+    *,
+    title: str,
+    takes: Takes = takes,
+    folder: Path | None = None,
+    base: Sweep | None = None,
 ) -> Sweep:
     """Return the sweep that a TOML document says, or the manifest of a folder.
 
@@ -75,6 +101,7 @@ def sweep_of(
         title: unless it has one.
         takes: see ``Sweep``.
         folder: that paths are relative to; None: they stay as they are.
+        base: says what the document does not.
 
     Raises:
         InputError: unknown key, wrong type or bad value.
@@ -86,20 +113,22 @@ def sweep_of(
         plain["scenario"] = absolute_scenario(plain["scenario"], folder or Path())
     if "baseline" in plain:
         plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
-    world = documents.dotted("world", given.get("world", {}))
-    methods = _list("localizers", given.get("localizers"))
-    return Sweep(
-        title=documents.text("title", given.get("title", title)),
-        localizers=tuple(_method(entry, folder) for entry in methods),
-        world=frozen(world if folder is None else beside(folder, world)),
-        assumed=frozen(documents.dotted("assumed", given.get("assumed", {}))),
-        params=frozen(documents.dotted("params", given.get("params", {}))),
-        disturbance=_wrappers("disturbance", given.get("disturbance", [])),
-        vary=tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
-        limits=_limits(given.get("limit", []), folder),
-        takes=takes,
-        **plain,
-    )
+    world = Changes.told("world", given.get("world", {}))
+    methods = _list("localizers", given.get("localizers", None if base is None else []))
+    said: dict[str, Any] = plain | {
+        "title": documents.text("title", given.get("title", title)),
+        "localizers": tuple(_method(entry, folder) for entry in methods),
+        "world": world if folder is None else world.beside(folder),
+        "assumed": Changes.told("assumed", given.get("assumed", {})),
+        "params": Changes.told("params", given.get("params", {})),
+        "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
+        "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
+        "limits": _limits(given.get("limit", []), folder),
+    }
+    if base is None:
+        return Sweep(takes=takes, **said)
+    keys = {"title", *given} | ({"limits"} if "limit" in given else set())
+    return replace(base, **{key: value for key, value in said.items() if key in keys})
 
 
 def _refuse_idle(sweep: Sweep) -> None:
@@ -109,7 +138,7 @@ def _refuse_idle(sweep: Sweep) -> None:
         return
     varied = [name for axis in sweep.vary for name in axis.values]
     shared = [name.removeprefix("params.") for name in varied if name.startswith("params.")]
-    for name in [*dict(sweep.params), *shared]:
+    for name in [*sweep.params, *shared]:
         one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 
@@ -144,7 +173,7 @@ def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
     params = documents.table("params of a localizer", table.get("params", {}), "a table")
     name = _localizer("name of a localizer", table["name"], folder)
-    return Method(name=name, params=frozen(params))
+    return Method(name=name, params=Changes(params))
 
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
@@ -165,12 +194,12 @@ def _absolute(folder: Path, path: str) -> str:
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
-    values = documents.dotted("vary", documents.table("vary", table, "a [[vary]] table"))
+    values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
         axis[name] = tuple(_point(name, point, folder) for point in points)
-    return Axis(values=axis)
+    return Axis(values=Changes(axis))
 
 
 def _point(name: str, value: Any, folder: Path | None) -> Any:
@@ -179,24 +208,35 @@ def _point(name: str, value: Any, folder: Path | None) -> Any:
     if name == "scenario":
         return absolute_scenario(value, folder or Path())
     key = name.removeprefix("world.")
-    return tuples(value if folder is None else beside(folder, {key: value})[key])
+    return value if folder is None else Changes({key: value}).beside(folder)[key]
 
 
-def _wrappers(what: str, value: Any) -> tuple[Params, ...]:
+def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
+    wanted = "a table like {kind = 'kidnap', step = 100}"
+    tables = (documents.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
-        frozen(
-            documents.table(
-                f"an entry of {what}", wrapper, "a table like {kind = 'kidnap', step = 100}"
-            )
-        )
-        for wrapper in _list(what, value)
+        Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
+        for table in tables
     )
+
+
+def _repeated(actions: Any) -> Any:
+    """Return a list of actions with each [drive, turn, steps] as so many [drive, turn]."""
+    if not isinstance(actions, list | tuple):
+        return actions
+    found = []
+    for action in actions:
+        if isinstance(action, list | tuple) and len(action) == 3:
+            found += [action[:2]] * integer("steps of an action", action[2], low=1, high=100_000)
+        else:
+            found.append(action)
+    return found
 
 
 def _list(what: str, value: Any) -> Sequence[Any]:
     if value is None:
         raise InputError(f"{what} is missing: write {what} = [ … ].")
-    if not isinstance(value, list):
+    if not isinstance(value, list | tuple):
         hint = ": write [[vary]]" if what == "vary" else ""
         raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
     return value

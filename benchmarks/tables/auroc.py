@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.tables.pairing import Record
 from benchmarks.tables.stats import UNKNOWN, Estimate, multiplicities
-from benchmarks.tables.thresholds import thresholds_of
+from benchmarks.trials.scoring import Finished
 from deqmcl_gym.numerics.types import Bools, Floats
 
 Steps = tuple[Floats, Bools]
@@ -34,11 +33,11 @@ class Auroc:
     far_worlds: int | None = None
 
 
-def auroc_of(records: Sequence[Record]) -> Auroc:
+def auroc_of(records: Sequence[Finished]) -> Auroc:
     """Return how well the quality ranks the steps t ≥ 1 of one method's trials on one setting."""
     runs: dict[int, list[Steps]] = {}
     for record in records:
-        runs.setdefault(record["trial"]["trial"], []).append(rated_steps(record))
+        runs.setdefault(record.trial.trial, []).append(rated_steps(record))
     worlds = [
         (np.concatenate([q for q, _ in own]), np.concatenate([far for _, far in own]))
         for _, own in sorted(runs.items())
@@ -60,17 +59,16 @@ def auroc_of_steps(worlds: Sequence[Steps]) -> Auroc:
     )
 
 
-def rated_steps(record: Record) -> Steps:
+def rated_steps(record: Finished) -> Steps:
     """Return the qualities of a trial's steps t ≥ 1 that have one, and which are far off."""
-    if record["quality"] is None:
+    if record.quality is None:
         return np.empty(0), np.empty(0, dtype=bool)
-    present = record["curves"]["0"]
-    limit = thresholds_of(record).far
-    listed = enumerate(present["error"], present["first_state"])
+    present = record.curves[0]
+    listed = enumerate(present.error, present.first_state)
     errors = {step: error for step, error in listed if error is not None}
     rated = [
-        (quality, errors[step] > limit)
-        for step, quality in enumerate(record["quality"], 1)
+        (quality, errors[step] > record.thresholds.far)
+        for step, quality in enumerate(record.quality, 1)
         if quality is not None and step in errors
     ]
     return np.array([q for q, _ in rated]), np.array([far for _, far in rated], dtype=bool)

@@ -3,18 +3,17 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain
 
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.journeys import JourneyScore, Outcomes, longest_ways
 from benchmarks.tables.pairing import (
-    Method,
-    Record,
-    Run,
     Runs,
     agree,
     by_world,
     differences,
+    milliseconds_per_step,
     over_worlds,
     runs_of,
     shared,
@@ -22,7 +21,6 @@ from benchmarks.tables.pairing import (
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
-    confirmed,
     estimate,
     holm,
     relative_change,
@@ -31,7 +29,9 @@ from benchmarks.tables.stats import (
     wilson,
     win_rate,
 )
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scoring import SCORE_NAMES, Finished
+from benchmarks.trials.spec import Method, Run
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
@@ -49,7 +49,9 @@ class Comparison:
         scores: the other scores by name; those of ``RANGED`` with an interval.
         lost: share of lost runs, with Wilson's 95 % interval for as many cases as worlds.
         detection: how well its quality tells that it is far off; only at offset 0.
+        milliseconds: median of its own time per step.
         baseline: what it is compared with, at offset 0.
+        cost: its time per step over the baseline's.
         paired_worlds: worlds that both have run.
         diff, diff_sd: mean over worlds of error - the baseline's, 95 % bootstrap, and its SD.
         relative: the same mean as a share of the baseline's, both on the shared worlds.
@@ -57,6 +59,7 @@ class Comparison:
         p, p_holm: Wilcoxon's signed-rank test of the differences, alone and corrected for all
             tests of the panel at this offset.
         journey: scores of whole runs by name, if the panel's are about such; only at offset 0.
+        aim: the share of whole runs that the panel is about; None if it is about the error.
     """
 
     method: Method
@@ -69,7 +72,9 @@ class Comparison:
     scores: dict[str, Estimate]
     lost: Estimate
     detection: Auroc
+    milliseconds: float
     baseline: Method
+    cost: float
     paired_worlds: int = 0
     diff: Estimate = UNKNOWN
     diff_sd: float = math.nan
@@ -78,6 +83,7 @@ class Comparison:
     p: float = math.nan
     p_holm: float = math.nan
     journey: dict[str, JourneyScore] = field(default_factory=dict)
+    aim: Score | None = None
 
     @property
     def is_baseline(self) -> bool:
@@ -89,26 +95,46 @@ class Comparison:
         """Worlds where its error is the smaller one, ties counted half."""
         return self.win_rate * self.paired_worlds
 
+    @cached_property
+    def standing(self) -> JourneyScore:
+        """What it is ranked by, the error or the aim, beside its baseline's."""
+        if self.aim is None:
+            return JourneyScore(value=self.error, diff=self.diff, p=self.p, p_holm=self.p_holm)
+        return self.journey.get(self.aim.name, JourneyScore(value=UNKNOWN))
+
     @property
-    def significant(self) -> bool:
-        """Whether the interval of the difference excludes 0, and ``p_holm`` is below 0.05."""
-        return confirmed(self.diff, self.p_holm)
+    def worse(self) -> float:
+        """The error, or 1 less the share that is the aim; infinite if it is unknown."""
+        mean = self.standing.value.mean
+        if math.isnan(mean):
+            return math.inf
+        return mean if self.aim is None else 1 - mean
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it is better than its baseline: by the interval, and by the corrected test."""
+        own = self.standing
+        return own.significant and (own.diff.mean < 0) == (self.aim is None)
 
 
 def compared(
-    methods: dict[Method, list[Record]], baseline: str, failed: Mapping[Method, Sequence[Run]]
+    methods: Mapping[Method, Sequence[Finished]], baseline: str, whole: Mapping[Method, Outcomes]
 ) -> list[Comparison]:
     """Compare the methods of a panel: by method, then offset, in the order of their trials.
 
-    Holm's family is what the panel tests at one offset. Runs that ``failed`` count in the scores of
-    whole runs only.
+    Holm's family is what the panel tests at one offset.
+
+    Args:
+        methods: their finished trials.
+        baseline: localizer that the others are compared with.
+        whole: their whole runs, see ``outcomes_of``.
     """
-    journeys = outcomes_of(methods, failed)
+    times = {method: milliseconds_per_step(records) for method, records in methods.items()}
     rows = []
     for method, records in methods.items():
         reference = baseline_of(method, methods, baseline)
         present = runs_of(methods[reference], "error")
-        for offset in dict.fromkeys(s["offset"] for record in records for s in record["scores"]):
+        for offset in dict.fromkeys(k for record in records for k in record.offsets):
             errors = runs_of(records, "error", offset)
             lost = float(over_worlds(runs_of(records, "lost", offset)).mean())
             worlds = by_world(errors)
@@ -123,8 +149,10 @@ def compared(
                 scores={name: _score(records, name, offset) for name in AVERAGED},
                 lost=Estimate(lost, *wilson(lost, len(worlds))),
                 detection=Auroc() if offset else auroc_of(records),
+                milliseconds=times[method],
                 baseline=reference,
-                journey={} if offset else _journey(journeys, method, reference),
+                cost=times[method] / times[reference] if times[reference] > 0 else math.nan,
+                journey={} if offset else _journey(whole, method, reference),
             )
             rows.append(row if row.is_baseline else _against(row, errors, present))
     return _corrected(rows)
@@ -136,11 +164,11 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     Of several variants it is the one whose parameters agree with the method's, else the first.
     """
     listed = list(methods)
-    variants = [other for other in listed if other.localizer == name] or listed[:1]
+    variants = [other for other in listed if other.name == name] or listed[:1]
     return next((one for one in variants if agree(one.params, method.params)), variants[0])
 
 
-def _score(records: Sequence[Record], name: str, offset: int) -> Estimate:
+def _score(records: Sequence[Finished], name: str, offset: int) -> Estimate:
     values = over_worlds(runs_of(records, name, offset))
     return estimate(values) if name in RANGED else Estimate(float(values.mean()))
 
@@ -159,9 +187,9 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
 
 
 def outcomes_of(
-    methods: Mapping[Method, Sequence[Record]], failed: Mapping[Method, Sequence[Run]]
+    methods: Mapping[Method, Sequence[Finished]], failed: Mapping[Method, Sequence[Run]]
 ) -> dict[Method, Outcomes]:
-    """Return the whole runs of each method of a panel."""
+    """Return the whole runs of each method of a panel, with those that failed."""
     longest = longest_ways(chain.from_iterable(methods.values()))
     return {
         method: Outcomes(records=records, failed=failed.get(method, ()), longest=longest)
@@ -179,8 +207,8 @@ def _journey(
 
 
 def _corrected(rows: list[Comparison]) -> list[Comparison]:
-    """Correct all tests of the panel at one offset together, by Holm's method."""
-    corrected = list(rows)
+    """Correct all tests of the panel at one offset together, by Holm's method; set its aim."""
+    corrected, aim = list(rows), _aim(rows)
     for offset in {row.offset for row in rows}:
         places = [i for i, row in enumerate(rows) if row.offset == offset]
         tests = {(i, ""): rows[i].p for i in places}
@@ -191,8 +219,15 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
                 name: replace(own, p=_six_digits(own.p), p_holm=adjusted[i, name])
                 for name, own in rows[i].journey.items()
             }
-            corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey)
+            corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey, aim=aim)
     return corrected
+
+
+def _aim(rows: Sequence[Comparison]) -> Score | None:
+    """Who was carried off is to be found again; who was lost, to be localized."""
+    held = {name for row in rows for name in row.journey}
+    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
+    return next((score for score in reversed(shares) if score.name in held), None)
 
 
 def _six_digits(p: float) -> float:

@@ -8,13 +8,12 @@ from typing import Any
 
 from benchmarks.tables.comparison import AVERAGED, RANGED, Comparison
 from benchmarks.tables.journeys import scores_in, value_in
-from benchmarks.tables.pairing import Method, Record, Setting, method_of, run_of, setting_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.journeys import Score
-from benchmarks.trials.scoring import SCORE_NAMES
-from benchmarks.trials.spec import thawed
+from benchmarks.trials.scoring import SCORE_NAMES, Finished
+from benchmarks.trials.spec import Method, Setting, Trial
 
 Column = Callable[[Comparison], Any]
 
@@ -68,7 +67,7 @@ def plans_csv(rows: Iterable[Validity]) -> str:
     return csv_text(["scenarios", *_PANEL[1:], "signal", *found], lines)
 
 
-def trials_csv(records: Iterable[Record]) -> str:
+def trials_csv(records: Iterable[Finished]) -> str:
     """Return trials.csv: a line per trial, method and offset; scores of whole runs at offset 0."""
     listed = list(records)
     whole = scores_in(listed)
@@ -76,26 +75,26 @@ def trials_csv(records: Iterable[Record]) -> str:
     counts = (*trouble, "skipped_beams", "blind_scans")
     lines = (
         [
-            *_run(record),
+            *_run(record.trial),
             *(score.get(name) for name in ("offset", *SCORE_NAMES)),
-            *(record["steps_done"], record["scans_used"]),
-            *(record["events"].get(name) for name in counts),
+            *(record.steps_done, record.scans_used),
+            *(record.events.get(name) for name in counts),
             *(None if score["offset"] else value_in(record, journey) for journey in whole),
         ]
         for record in listed
-        for score in record["scores"]
+        for score in record.scores
     )
     header = [*_RUN, "offset", *SCORE_NAMES, "steps_done", "scans_used", *counts]
     return csv_text([*header, *(journey.name for journey in whole)], lines)
 
 
-def timings_csv(records: Iterable[Record]) -> str:
+def timings_csv(records: Iterable[Finished]) -> str:
     """Return timings.csv: the localizer's own time, reset left out."""
     lines = (
         [
-            *_run(record),
-            record["seconds"],
-            1000 * record["seconds"] / record["steps_done"] if record["seconds"] else None,
+            *_run(record.trial),
+            record.seconds,
+            1000 * record.seconds / record.steps_done if record.seconds else None,
         ]
         for record in records
     )
@@ -103,21 +102,21 @@ def timings_csv(records: Iterable[Record]) -> str:
 
 
 def _panel(panel: Panel) -> list[Any]:
-    return [*_setting(panel.setting), _json(thawed(panel.swept))]
+    return [*_setting(panel.setting), _json(panel.swept.json())]
 
 
 def _setting(setting: Setting) -> list[Any]:
-    wrappers = [thawed(wrapper) for wrapper in setting.disturbance]
-    changes = map(_json, (thawed(setting.world), thawed(setting.assumed), wrappers))
+    wrappers = [wrapper.json() for wrapper in setting.disturbance]
+    changes = map(_json, (setting.world.json(), setting.assumed.json(), wrappers))
     return [setting.scenario, *changes, setting.lag, setting.seed]
 
 
 def _method(method: Method) -> list[str]:
-    return [method.localizer, _json(thawed(method.params))]
+    return [method.name, _json(method.params.json())]
 
 
-def _run(record: Record) -> list[Any]:
-    return [*_setting(setting_of(record)), *_method(method_of(record)), *run_of(record)]
+def _run(trial: Trial) -> list[Any]:
+    return [*_setting(trial.setting), *_method(trial.method), *trial.run]
 
 
 def _json(value: Any) -> str:
@@ -161,7 +160,7 @@ _COLUMNS: dict[str, Column] = {
     **_plain("error_sd"),
     **{name: _of_score(name, "mean") for name in AVERAGED},
     **_interval("lost", "lost", "lost_rate"),
-    "baseline": attrgetter("baseline.localizer"),
+    "baseline": attrgetter("baseline.name"),
     **_plain("paired_worlds"),
     **_interval("diff", "diff"),
     **_plain("win_rate", "p", "p_holm"),

@@ -6,18 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.tables.pairing import (
-    Method,
-    Record,
-    Runs,
-    Setting,
-    by_world,
-    method_of,
-    runs_of,
-    setting_of,
-)
+from benchmarks.setup.changes import Changes
+from benchmarks.tables.pairing import Runs, by_world, runs_of
 from benchmarks.tables.stats import Estimate, estimate
-from benchmarks.trials.spec import Params
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Method, Setting
 
 
 @dataclass(frozen=True)
@@ -30,7 +23,7 @@ class LimitRuns:
     """
 
     of: tuple[str, ...]
-    records: list[Record]
+    records: list[Finished]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +50,8 @@ class Gap:
 
 def gaps(
     setting: Setting,
-    swept: Params,
-    methods: Mapping[Method, list[Record]],
+    swept: Changes,
+    methods: Mapping[Method, list[Finished]],
     limits: Sequence[LimitRuns],
 ) -> list[Gap]:
     """Hold the methods of a panel against their limits; each limit comes before its methods."""
@@ -68,23 +61,23 @@ def gaps(
         own = {
             method: records
             for method, records in methods.items()
-            if (method.localizer in limit.of if limit.of else method.localizer not in named)
+            if (method.name in limit.of if limit.of else method.name not in named)
         }
         rows += _gaps_to(limit.records, setting, swept, own)
     return rows
 
 
 def _gaps_to(
-    limit_records: Iterable[Record],
+    limit_records: Iterable[Finished],
     setting: Setting,
-    swept: Params,
-    methods: Mapping[Method, list[Record]],
+    swept: Changes,
+    methods: Mapping[Method, list[Finished]],
 ) -> list[Gap]:
     """Hold methods against one limit, which may differ between values of what is swept."""
-    theirs: dict[Method, list[Record]] = {}
+    theirs: dict[Method, list[Finished]] = {}
     for record in limit_records:
-        if setting_of(record) == setting:
-            theirs.setdefault(method_of(record), []).append(record)
+        if record.trial.setting == setting:
+            theirs.setdefault(record.trial.method, []).append(record)
     held = {method: limit_of(swept, method, list(theirs)) for method in methods}
     own = {limit: theirs[limit] for limit in held.values() if limit is not None}
     rows = []
@@ -95,12 +88,12 @@ def _gaps_to(
     return rows
 
 
-def limit_of(swept: Params, method: Method, limits: Sequence[Method]) -> Method | None:
+def limit_of(swept: Changes, method: Method, limits: Sequence[Method]) -> Method | None:
     """Return the limit with the panel's and the method's value of all in which limits differ."""
-    told = [dict(limit.params) for limit in limits]
+    told = [limit.params for limit in limits]
     names = {name for params in told for name in params}
     differing = {name for name in names if len({params.get(name) for params in told}) > 1}
-    own = dict(swept) | dict(method.params)
+    own = swept | method.params
     for limit, params in zip(limits, told, strict=True):
         if all(own[name] == params.get(name) for name in differing & own.keys()):
             return limit
@@ -108,11 +101,11 @@ def limit_of(swept: Params, method: Method, limits: Sequence[Method]) -> Method 
 
 
 def _gaps(
-    method: Method, records: Sequence[Record], limit: Method, reference: Sequence[Record]
+    method: Method, records: Sequence[Finished], limit: Method, reference: Sequence[Finished]
 ) -> list[Gap]:
     """Rows of a method at every offset; runs differ in number, so each world's are averaged."""
     rows = []
-    for offset in dict.fromkeys(s["offset"] for record in records for s in record["scores"]):
+    for offset in dict.fromkeys(k for record in records for k in record.offsets):
         errors = runs_of(records, "error", offset)
         ours, theirs = by_world(errors), by_world(runs_of(reference, "error", offset))
         shared = [world for world in ours if world in theirs]

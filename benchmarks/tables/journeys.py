@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.tables.pairing import Record, Run, Runs, differences, over_worlds, run_of
+from benchmarks.tables.pairing import Runs, differences, over_worlds
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
@@ -24,6 +24,8 @@ from benchmarks.tables.stats import (
     wilson,
 )
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Run
 from deqmcl_gym.numerics.types import Floats
 
 
@@ -54,7 +56,7 @@ class JourneyScore:
         return confirmed(self.diff, self.p_holm)
 
 
-class Curve(NamedTuple):
+class ShareCurve(NamedTuple):
     """Share of runs that are localized for good after so many metres, with a pointwise band."""
 
     metres: Floats
@@ -73,7 +75,7 @@ class Outcomes:
         longest: the longest way that any run of the panel drove in each world, m.
     """
 
-    records: Sequence[Record]
+    records: Sequence[Finished]
     failed: Sequence[Run]
     longest: Mapping[int, float]
 
@@ -84,7 +86,7 @@ class Outcomes:
 
     def runs(self, score: Score) -> Runs:
         """Return a score by run, left out where it is unknown; infinite if censored."""
-        found = {run_of(record): value_in(record, score) for record in self.records}
+        found = {record.trial.run: value_in(record, score) for record in self.records}
         found |= dict.fromkeys(self.failed, score.failed)
         return {run: value for run, value in found.items() if not math.isnan(value)}
 
@@ -92,7 +94,7 @@ class Outcomes:
         """Return metres by run, each at most the longest way in its world."""
         return {run: min(value, self._most(run)) for run, value in self.runs(score).items()}
 
-    def curve(self, score: Score) -> Curve:
+    def curve(self, score: Score) -> ShareCurve:
         """Return the share of runs for which it happened within so many metres."""
         return curve_of(_grouped(self.runs(score)))
 
@@ -125,32 +127,31 @@ class Outcomes:
         return self.longest.get(run[0], 0.0)
 
 
-def longest_ways(records: Iterable[Record]) -> dict[int, float]:
+def longest_ways(records: Iterable[Finished]) -> dict[int, float]:
     """Return the longest way that any of these runs drove in each world, m."""
     longest: dict[int, float] = {}
     for record in records:
-        if "journey" in record:
-            world, way = run_of(record)[0], record["journey"]["curves"]["way"][-1]
+        if record.journey is not None:
+            world, way = record.trial.trial, record.journey.curves["way"][-1]
             longest[world] = max(way, longest.get(world, 0.0))
     return longest
 
 
-def scores_in(records: Iterable[Record]) -> list[Score]:
+def scores_in(records: Iterable[Finished]) -> list[Score]:
     """Return the scores of whole runs that any of these records has, in their order."""
-    names = {name for record in records for name in record.get("journey", {}).get("scores", ())}
+    names = {name for record in records if record.journey for name in record.journey.scores}
     return [score for name, score in JOURNEY_SCORES.items() if name in names]
 
 
-def value_in(record: Record, score: Score) -> float:
+def value_in(record: Finished, score: Score) -> float:
     """Return a score of a run; infinite if it is censored, NaN if it is unknown."""
-    scores = record.get("journey", {}).get("scores", {})
-    if score.name not in scores:
+    if record.journey is None or score.name not in record.journey.scores:
         return math.nan
-    value = scores[score.name]
+    value = record.journey.scores[score.name]
     return float((math.inf if score.censored else math.nan) if value is None else value)
 
 
-def curve_of(worlds: Mapping[int, Sequence[float]]) -> Curve:
+def curve_of(worlds: Mapping[int, Sequence[float]]) -> ShareCurve:
     """Return the share of runs with at most so many metres, runs on a world averaged first.
 
     The band is Wilson's 95 % interval, pointwise, for as many cases as worlds.
@@ -163,7 +164,7 @@ def curve_of(worlds: Mapping[int, Sequence[float]]) -> Curve:
     found = np.array([[np.mean(np.array(own) <= m) for own in worlds.values()] for m in metres])
     share = found.mean(axis=1)
     low, high = np.array([wilson(float(one), len(worlds)) for one in share]).T
-    return Curve(metres, share, low, high)
+    return ShareCurve(metres, share, low, high)
 
 
 def median(values: Sequence[float]) -> float:

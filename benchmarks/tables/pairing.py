@@ -1,86 +1,33 @@
-"""Which trials belong together: the setting they share, the method they differ in, the worlds."""
+"""Runs on the same worlds: scores, differences, errors over the lap and along the queue."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.spec import Params, frozen, unworded
-from deqmcl_gym.numerics.types import Floats
+from benchmarks.setup.changes import Changes
+from benchmarks.tables.stats import Estimate, estimate
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Run
+from deqmcl_gym.numerics.types import Floats, Indices
 
-Record = dict[str, Any]
-Run = tuple[int, int]  # world, filter seed
 Runs = dict[Run, float]
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What trials share that may be compared.
-
-    Attributes:
-        scenario: name of the world and of what the filters assume.
-        world, assumed: changes to both, by dotted name.
-        disturbance: wrappers around the world, innermost first.
-        lag: L.
-        seed: root of all randomness.
-    """
-
-    scenario: str
-    world: Params
-    assumed: Params
-    disturbance: tuple[Params, ...]
-    lag: int
-    seed: int
-
-
-@dataclass(frozen=True)
-class Method:
-    """A localizer with its parameters."""
-
-    localizer: str
-    params: Params = ()
-
-
-def setting_of(record: Record) -> Setting:
-    """Return the setting of a finished trial."""
-    trial = unworded(record["trial"])
-    return Setting(
-        scenario=trial["scenario"],
-        world=frozen(trial["world"]),
-        assumed=frozen(trial["assumed"]),
-        disturbance=tuple(frozen(wrapper) for wrapper in trial["disturbance"]),
-        lag=trial["lag"],
-        seed=trial["seed"],
-    )
-
-
-def method_of(record: Record) -> Method:
-    """Return the method of a finished trial."""
-    trial = record["trial"]
-    return Method(trial["localizer"], frozen(unworded(trial["params"])))
-
-
-def run_of(record: Record) -> Run:
-    """Return the world and the filter seed of a finished trial."""
-    return record["trial"]["trial"], record["trial"]["filter_seed"]
-
-
-def agree(some: Params, others: Params) -> bool:
+def agree(some: Changes, others: Changes) -> bool:
     """Whether the parameters that both have are the same."""
-    ours, theirs = dict(some), dict(others)
-    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys())
+    return all(some[name] == others[name] for name in some.keys() & others.keys())
 
 
-def runs_of(records: Iterable[Record], name: str, offset: int = 0) -> Runs:
+def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:
     """Return a score at an offset by run; NaN where it is not available."""
     return {
-        run_of(record): _number(score.get(name))
+        record.trial.run: _number(score.get(name))
         for record in records
-        for score in record["scores"]
+        for score in record.scores
         if score["offset"] == offset
     }
 
@@ -110,3 +57,51 @@ def shared(ours: Runs, theirs: Runs) -> Floats:
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class LapErrors:
+    """Error by state, over the runs of a method, as far as every run goes.
+
+    Attributes:
+        states: (S,).
+        mean: of e, (S,).
+        low, high: the middle 80 % of runs, (S,).
+    """
+
+    states: Indices
+    mean: Floats
+    low: Floats
+    high: Floats
+
+
+def lap_errors(records: Sequence[Finished], offset: int = 0) -> LapErrors | None:
+    """Return the error over the lap of the belief about x_{t+k}; None if it is not held."""
+    curves = [c for record in records if (c := record.curves.get(offset))]
+    if not curves:
+        return None
+    first = curves[0].first_state
+    length = min(len(curve.error) for curve in curves)
+    errors = np.array([curve.error[:length] for curve in curves], np.float64)
+    low, high = np.quantile(errors, [0.1, 0.9], axis=0)
+    states = np.arange(first, first + length)
+    return LapErrors(states=states, mean=errors.mean(axis=0), low=low, high=high)
+
+
+def profile(records: Sequence[Finished]) -> dict[int, Estimate]:
+    """Return the error by offset, each over the same states, in the order of the offsets."""
+    offsets: dict[int, dict[Run, float | None]] = {}
+    for record in records:
+        for offset, error in record.profile.items():
+            offsets.setdefault(offset, {})[record.trial.run] = error
+    return {offset: estimate(over_worlds(offsets[offset])) for offset in sorted(offsets)}
+
+
+def milliseconds_per_step(records: Sequence[Finished]) -> float:
+    """Median over runs of the localizer's time per step, ms; NaN if none was timed."""
+    times = [
+        1000 * record.seconds / record.steps_done
+        for record in records
+        if record.seconds and record.steps_done
+    ]
+    return float(np.median(times)) if times else math.nan

@@ -1,25 +1,22 @@
 """What is compared: the methods of a setting, at one value of each swept parameter."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from benchmarks.setup.world_files import short
-from benchmarks.tables.comparison import Comparison, compared
+from benchmarks.setup.changes import Changes
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.tables.comparison import Comparison, compared, outcomes_of
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
-from benchmarks.tables.pairing import (
-    BASELINE,
-    Method,
-    Record,
-    Run,
-    Setting,
-    agree,
-    method_of,
-    run_of,
-    setting_of,
-)
-from benchmarks.tables.thresholds import Thresholds, thresholds_of
-from benchmarks.trials.spec import Params
+from benchmarks.tables.journeys import Outcomes
+from benchmarks.tables.pairing import BASELINE, agree
+from benchmarks.tables.text import short_name
+from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
+from benchmarks.trials.journeys import Score
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Method, Run, Setting, Trial
 
 # What a filter assumes of a world's numbers.
 _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
@@ -39,33 +36,72 @@ class Panel:
         labels: what each method is called, in the order of the results.
         rows: every method against the baseline, at all offsets.
         gaps: every method against the limit of its target, where there is one.
+        verdict: who is best; None if nothing is known.
+        of_filters: the same among the methods that use scans.
+        rivals: every method against the paper's, by offset.
         records: finished trials by method.
-        failed: runs that failed by method.
-        thresholds: far and lost, and the unit of length.
+        whole: whole runs by method, with those that failed.
+        thresholds: of what is far off, and lost.
+        unit: of lengths.
     """
 
     number: int
     title: str
     setting: Setting
-    swept: Params
+    swept: Changes
     labels: dict[Method, str]
     rows: list[Comparison]
     gaps: list[Gap]
-    records: dict[Method, list[Record]]
-    failed: dict[Method, list[Run]]
+    verdict: Verdict | None
+    of_filters: Verdict | None
+    rivals: dict[int, Rivals]
+    records: dict[Method, list[Finished]]
+    whole: dict[Method, Outcomes]
     thresholds: Thresholds
+    unit: str
 
     @property
+    def far(self) -> str:
+        """What is far off, in words: e > 50 px."""
+        return f"e > {self.thresholds.far:g} {self.unit}"
+
+    @property
+    def aim(self) -> Score | None:
+        """The share of whole runs that it is about; None if it is about the error."""
+        return self.rows[0].aim
+
+    @cached_property
     def present(self) -> list[Comparison]:
         """The rows about x_t."""
         return [row for row in self.rows if row.offset == 0]
 
+    @cached_property
+    def ranked(self) -> list[Comparison]:
+        """The same, the best first."""
+        return ranked(self.rows)
+
+    @property
+    def tests(self) -> int:
+        """How many tests Holm's correction at x_t is for."""
+        own = (p for row in self.present for p in (row.p, *(s.p for s in row.journey.values())))
+        return sum(not math.isnan(p) for p in own)
+
+    def baseline_of(self, row: Comparison) -> Comparison:
+        """The row of a method's baseline at x_t."""
+        return next(one for one in self.present if one.method == row.baseline)
+
+
+def ranked(rows: Iterable[Comparison]) -> list[Comparison]:
+    """Rows at x_t, the best first, an unknown one last; of equal ones the baseline first."""
+    present = [row for row in rows if row.offset == 0]
+    return sorted(present, key=lambda row: (row.worse, not row.is_baseline))
+
 
 def panels(
-    records: Iterable[Record],
+    records: Iterable[Finished],
     baseline: str = BASELINE,
     limits: Sequence[LimitRuns] = (),
-    failures: Iterable[dict[str, Any]] = (),
+    failures: Iterable[Trial] = (),
 ) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 
@@ -73,40 +109,44 @@ def panels(
     method without such a parameter is in each of them. ``failures`` are the trials that failed.
     """
     failed: dict[tuple[Setting, Method], list[Run]] = {}
-    for record in ({"trial": trial} for trial in failures):
-        failed.setdefault((setting_of(record), method_of(record)), []).append(run_of(record))
-    settings: dict[Setting, dict[Method, list[Record]]] = {}
+    for trial in failures:
+        failed.setdefault((trial.setting, trial.method), []).append(trial.run)
+    settings: dict[Setting, dict[Method, list[Finished]]] = {}
     for record in records:
-        methods = settings.setdefault(setting_of(record), {})
-        methods.setdefault(method_of(record), []).append(record)
+        methods = settings.setdefault(record.trial.setting, {})
+        methods.setdefault(record.trial.method, []).append(record)
     titles = _titles(list(settings))
     found: list[Panel] = []
     for setting, methods in settings.items():
-        named = list(dict.fromkeys(method.localizer for method in methods))
-        listed = sorted(methods, key=lambda method: named.index(method.localizer))
+        named = list(dict.fromkeys(method.name for method in methods))
+        listed = sorted(methods, key=lambda method: named.index(method.name))
         for swept in _swept(listed):
             members = {m: methods[m] for m in listed if agree(m.params, swept)}
+            first = next(iter(members.values()))[0]
             lacking = {method: failed.get((setting, method), []) for method in members}
+            whole = outcomes_of(members, lacking)
+            rows = compared(members, baseline, whole)
+            best = ranked(rows)
+            filters = [row for row in best if row.method.name != BLIND]
             found.append(
                 Panel(
                     number=len(found) + 1,
-                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept)]),
+                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
                     setting=setting,
                     swept=swept,
                     labels=_labels(list(members)),
-                    rows=compared(members, baseline, lacking),
+                    rows=rows,
                     gaps=gaps(setting, swept, members, limits),
+                    verdict=verdict(best, members, whole),
+                    of_filters=verdict(filters, members, whole),
+                    rivals=rivals(members, setting.lag),
                     records=members,
-                    failed=lacking,
-                    thresholds=thresholds_of(next(iter(members.values()))[0]),
+                    whole=whole,
+                    thresholds=first.thresholds,
+                    unit=first.unit,
                 )
             )
     return found
-
-
-def short_name(localizer: str) -> str:
-    """A name for pictures: a plug-in's class or file without the way to it."""
-    return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
 
 
 def is_number(value: Any) -> bool:
@@ -114,26 +154,27 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def disturbance_words(wrapper: Params) -> str:
+def disturbance_words(wrapper: Changes) -> str:
     """Its kind, and what it was given."""
     given = dict(wrapper)
     kind = given.pop("kind", "disturbance")
     return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
 
 
-def _swept(methods: Sequence[Method]) -> list[Params]:
-    """Values of the numbers of which one localizer has several; [()] if there are none.
+def _swept(methods: Sequence[Method]) -> list[Changes]:
+    """Values of the numbers of which one localizer has several; none of them if there are none.
 
     A word makes variants of a localizer, which appear side by side.
     """
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
-        for name, value in method.params:
+        for name, value in method.params.items():
             if is_number(value):
-                seen.setdefault((method.localizer, name), set()).add(value)
+                seen.setdefault((method.name, name), set()).add(value)
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
-        tuple((name, value) for name, value in method.params if name in names) for method in methods
+        Changes({name: value for name, value in method.params.items() if name in names})
+        for method in methods
     )
     # what says less than another one, and nothing else, is no panel of its own
     return [
@@ -144,9 +185,9 @@ def _swept(methods: Sequence[Method]) -> list[Params]:
 
 
 def _labels(methods: Sequence[Method]) -> dict[Method, str]:
-    names = {method: short_name(method.localizer) for method in methods}
-    if len(set(names.values())) < len({method.localizer for method in methods}):
-        names = {method: method.localizer for method in methods}
+    names = {method: short_name(method.name) for method in methods}
+    if len(set(names.values())) < len({method.name for method in methods}):
+        names = {method: method.name for method in methods}
     return {method: " ".join([name, *_variant(method, methods)]) for method, name in names.items()}
 
 
@@ -156,8 +197,8 @@ def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
     A variant named by words is another choice of models, and the numbers that go with it are as
     long as they are uninteresting.
     """
-    same = [dict(other.params) for other in methods if other.localizer == method.localizer]
-    apart = [(n, v) for n, v in method.params if any(other.get(n) != v for other in same)]
+    same = [other.params for other in methods if other.name == method.name]
+    apart = [(n, v) for n, v in method.params.items() if any(other.get(n) != v for other in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]
     alike = [other for other in same if all(other.get(name) == value for name, value in words)]
     return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
@@ -170,7 +211,7 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     titles = {}
     for setting in settings:
         words = [f"scenario {setting.scenario}"]
-        words += [f"{name} {short(name, value)}" for name, value in setting.world]
+        words += [f"{name} {value}" for name, value in setting.world.short().items()]
         words += _assumed(setting)
         words += map(disturbance_words, setting.disturbance)
         words += [f"L {setting.lag}"] if several_lags else []
@@ -181,8 +222,8 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
 
 def _assumed(setting: Setting) -> list[str]:
     """What filters assume; in a few words if they assume all that the world is told to be."""
-    told = {_ASSUMED[name]: value for name, value in setting.world if name in _ASSUMED}
-    alike = bool(told) and told.items() <= dict(setting.assumed).items()
-    apart = [(n, value) for n, value in setting.assumed if not (alike and n in told)]
+    told = {_ASSUMED[name]: value for name, value in setting.world.items() if name in _ASSUMED}
+    alike = bool(told) and told.items() <= setting.assumed.items()
+    apart = [(n, value) for n, value in setting.assumed.items() if not (alike and n in told)]
     words = [f"assumed {name} {value}" for name, value in apart]
     return [*words, "filters assume the same"] if alike else words

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.tables.auroc import Auroc, Steps, auroc_of_steps
-from benchmarks.tables.pairing import Method, Record
 from benchmarks.tables.panels import Panel
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Method
 from deqmcl_gym.numerics.types import Floats
 
 RECENT = 20  # steps over which log-evidence is averaged, too
@@ -41,7 +42,7 @@ def validities(panels: Iterable[Panel]) -> list[Validity]:
     rows = []
     for group in groups.values():
         for method in dict.fromkeys(method for panel in group for method in panel.records):
-            own = [r for panel in group for r in panel.records.get(method, []) if "plan" in r]
+            own = [r for panel in group for r in panel.records.get(method, []) if r.plan]
             if own:
                 label = next(p.labels[method] for p in group if method in p.labels)
                 rows.append(_validity(group, label, method, own))
@@ -49,27 +50,28 @@ def validities(panels: Iterable[Panel]) -> list[Validity]:
 
 
 def _validity(
-    group: Sequence[Panel], label: str, method: Method, records: Sequence[Record]
+    group: Sequence[Panel], label: str, method: Method, records: Sequence[Finished]
 ) -> Validity:
     worlds: dict[int, list[dict[str, Floats]]] = {}
     for record in records:
-        worlds.setdefault(record["trial"]["trial"], []).append(_columns(record))
+        worlds.setdefault(record.trial.trial, []).append(_columns(record))
     by_world = [own for _, own in sorted(worlds.items())]
     names = [name for name in by_world[0][0] if name != "conflict"]
     signals = {name: auroc_of_steps([_steps(own, name) for own in by_world]) for name in names}
     return Validity(panels=group, label=label, method=method, signals=signals)
 
 
-def _columns(record: Record) -> dict[str, Floats]:
+def _columns(record: Finished) -> dict[str, Floats]:
     """The signals of a trial by name, (T,) each; NaN where there is none."""
-    columns = {name: np.array(values, np.float64) for name, values in record["plan"].items()}
+    plan = record.plan or {}
+    columns = {name: np.array(values, np.float64) for name, values in plan.items()}
     evidence = np.nan_to_num(columns["log_evidence"])
     total = np.concatenate(([0.0], np.cumsum(evidence)))
     last = np.arange(1, evidence.size + 1)
     first = np.maximum(last - RECENT, 0)
     columns[f"log_evidence_{RECENT}"] = (total[last] - total[first]) / (last - first)
-    if record["quality"] is not None:
-        columns["quality"] = np.array(record["quality"], np.float64)
+    if record.quality is not None:
+        columns["quality"] = np.array(record.quality, np.float64)
     return columns
 
 

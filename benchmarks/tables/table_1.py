@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from tabulate import tabulate
 
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.panels import short_name
-from benchmarks.tables.published import TABLE_1, Published
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import PRINTED, fixed, full_name, percent, short_name, state_name
 
 _VARIANCES = {  # score: words, digits
     "var_x": ("var x", 1),
@@ -18,17 +17,26 @@ _VARIANCES = {  # score: words, digits
     "var_sin": ("var sin θ", 3),
 }
 
-TITLES = {name: row.title for name, row in TABLE_1.items()} | {
-    "mcl-map": "map-based MCL",
-    "mcl-map-smoother": "map-based MCL with smoother",
-    "deq-mcl-rejuvenated": "rejuvenated DEQ-MCL",
-    "mcl-h": "map-based MCL with tabulated look-ahead",
-    "mcl-pilots": "map-based MCL with pilots",
-    "mcl-plan": "map-based MCL with the plan as a sensor",
-    "dead-reckoning": "dead reckoning on the plan",
-    "grid": "grid filter",
-    "amcl": "AMCL",
-    "ekf": "EKF",
+
+@dataclass(frozen=True)
+class Published:
+    """A row of the paper: error and its SD, entropy, variances of the four components."""
+
+    error: float
+    error_sd: float
+    entropy: float
+    var_x: float
+    var_y: float
+    var_cos: float
+    var_sin: float
+
+
+# as printed (Taniguchi, Fukawa & Yamakawa 2024)
+TABLE_1 = {
+    "deq-mcl": Published(20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
+    "mcl-smoother": Published(22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
+    "mcl-map": Published(25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
+    "mcl": Published(26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
 }
 
 
@@ -41,15 +49,15 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
             Markdown, with the methods' names as printed and the variances.
     """
     named, variances = (_name_as_printed, _VARIANCES) if style == "github" else (short_name, {})
-    baseline = named(rows[0].baseline.localizer) if rows else ""
+    baseline = named(rows[0].baseline.name) if rows else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
     header += [word for words, _ in variances.values() for word in (words, "paper")]
     lines = []
     for row in rows:
-        printed = TABLE_1.get(row.method.localizer) if row.offset <= 0 else None
+        printed = TABLE_1.get(row.method.name) if row.offset <= 0 else None
         line = [
-            named(row.method.localizer),
+            named(row.method.name),
             state_name(row.offset),
             "baseline" if row.is_baseline else _difference(row.diff),
             f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
@@ -71,20 +79,6 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     )
 
 
-def state_name(offset: int) -> str:
-    """x_t, x_{t-20}, … in plain characters."""
-    return f"x[t{offset:+d}]" if offset else "x[t]"
-
-
-def full_name(localizer: str) -> str:
-    """The method's name in words, if it has one."""
-    return TITLES.get(localizer, short_name(localizer))
-
-
-def _name_as_printed(localizer: str) -> str:
-    return TABLE_1[localizer].title if localizer in TABLE_1 else full_name(localizer)
-
-
 def reading(rows: Iterable[Comparison]) -> str:
     """Return one sentence on what the error of dead reckoning means for the others'.
 
@@ -92,12 +86,12 @@ def reading(rows: Iterable[Comparison]) -> str:
         rows: of one panel.
     """
     present = [row for row in rows if row.offset == 0]
-    filters = [row for row in present if row.method.localizer != "dead-reckoning"]
+    filters = [row for row in present if row.method.name != "dead-reckoning"]
     blind = next((row for row in present if row not in filters), None)
     if blind is None or not filters:
         return ""
     best = min(filters, key=lambda row: row.error.mean)
-    theirs = f"{full_name(best.method.localizer)}: {fixed(best.error.mean)}"
+    theirs = f"{full_name(best.method.name)}: {fixed(best.error.mean)}"
     if blind.error.mean < best.error.mean:
         return (
             f"Dead reckoning on the plan, which uses no scan, has a smaller error at x[t] than "
@@ -109,6 +103,10 @@ def reading(rows: Iterable[Comparison]) -> str:
         f"Dead reckoning on the plan (error {fixed(blind.error.mean)} at x[t]) is worse than the "
         f"best filter ({theirs})."
     )
+
+
+def _name_as_printed(localizer: str) -> str:
+    return PRINTED.get(localizer, full_name(localizer))
 
 
 def _printed(published: Published | None, name: str) -> str:

@@ -1,10 +1,44 @@
-"""Tables and numbers as text."""
+"""Names of methods and states, numbers and tables as text."""
 
 import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
+
+PRINTED = {  # in the paper's Table 1
+    "deq-mcl": "DEQ-MCL",
+    "mcl-smoother": "MCL with smoother",
+    "mcl-map": "MCL with map-based motion model",
+    "mcl": "MCL",
+}
+TITLES = PRINTED | {
+    "mcl-map": "map-based MCL",
+    "mcl-map-smoother": "map-based MCL with smoother",
+    "deq-mcl-rejuvenated": "rejuvenated DEQ-MCL",
+    "mcl-h": "map-based MCL with tabulated look-ahead",
+    "mcl-pilots": "map-based MCL with pilots",
+    "mcl-plan": "map-based MCL with the plan as a sensor",
+    "dead-reckoning": "dead reckoning on the plan",
+    "grid": "grid filter",
+    "amcl": "AMCL",
+    "ekf": "EKF",
+}
+
+
+def short_name(localizer: str) -> str:
+    """A name for pictures: a plug-in's class or file without the way to it."""
+    return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
+
+
+def full_name(localizer: str) -> str:
+    """The method's name in words, if it has one."""
+    return TITLES.get(localizer, short_name(localizer))
+
+
+def state_name(offset: int) -> str:
+    """x_t, x_{t-20}, … in plain characters."""
+    return f"x[t{offset:+d}]" if offset else "x[t]"
 
 
 def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:

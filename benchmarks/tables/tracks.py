@@ -14,13 +14,13 @@ import numpy as np
 
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import median, value_in
-from benchmarks.tables.pairing import Record
+from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.series import milliseconds_per_step
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.journeys import JOURNEY_SCORES
+from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.tracks import PoseErrors, Track, middle
 from deqmcl_gym.logs import Log
 from deqmcl_gym.numerics.types import Floats
@@ -40,21 +40,22 @@ _ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", 
 class Run:
     """A run that has come to its end: its record, and its track on the log."""
 
-    record: Record
+    record: Finished
     track: Track
 
     @property
     def seed(self) -> int:
         """Which run of the localizer it is."""
-        return int(self.record["trial"]["trial"])
+        return self.record.trial.trial
 
     @cached_property
     def scores(self) -> dict[str, float]:
         """Its numbers by column; NaN is not available."""
-        own = self.record["track"]["scores"] | {"ms_per_step": milliseconds_per_step([self.record])}
+        own = recorded(self.record).scores
         found = {name: math.nan if value is None else value for name, value in own.items()}
         journey = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
-        return found | {score.name: value_in(self.record, score) for score in journey}
+        found |= {score.name: value_in(self.record, score) for score in journey}
+        return found | {"ms_per_step": milliseconds_per_step([self.record])}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +136,7 @@ def worse(run: Run) -> tuple[float, ...]:
 
 
 def rows_of(
-    records: Mapping[str, Sequence[Record]], failed: Mapping[str, int], log: Log
+    records: Mapping[str, Sequence[Finished]], failed: Mapping[str, int], log: Log
 ) -> list[Row]:
     """Return a row for each of the records' labels.
 
@@ -145,13 +146,19 @@ def rows_of(
         log: that they were run on.
     """
 
-    def run(record: Record) -> Run:
-        return Run(record, Track(log, np.array(record["track"]["best"]).T))
+    def run(record: Finished) -> Run:
+        return Run(record, Track(log, np.array(recorded(record).best).T))
 
     return [
         Row(label=label, runs=list(map(run, own)), failed=failed.get(label, 0))
         for label, own in records.items()
     ]
+
+
+def recorded(record: Finished) -> RecordedTrack:
+    """Return the track in the record of a trial on a whole log."""
+    assert record.track is not None
+    return record.track
 
 
 def results_csv(rows: Iterable[Row], panel: Panel | None) -> str:

@@ -1,18 +1,20 @@
 """The scores of a whole run: is the robot found, found again, and does it arrive?
 
 Beside ``metrics``, which are of a belief at one offset. A run has those groups of scores that its
-scenario is about: see ``episode.groups_of``. Lengths are in m; a pixel of the paper's room is 2 cm.
+scenario is about: see ``Stage.groups``. Lengths are in m; a pixel of the paper's room is 2 cm.
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
+from msgspec import Struct
 
 from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Fixes
-from deqmcl_gym.numerics.types import Bools, Floats
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
 ARRIVED = 0.5  # m from the goal
 
@@ -213,6 +215,46 @@ GROUPS = (
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
 
+class WholeRun(Struct, frozen=True, kw_only=True):
+    """What a trial's record has of its whole run.
+
+    Attributes:
+        scores: by name; None is censored or not available.
+        curves: by name, each at the same steps; "way" is what was driven until then, m.
+    """
+
+    scores: dict[str, float | None]
+    curves: dict[str, list[float]]
+
+    def __post_init__(self) -> None:
+        if other := self.scores.keys() - JOURNEY_SCORES.keys():
+            raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
+        if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
+            raise ValueError("has curves of the whole run of different lengths")
+
+
+class RecordedTrack(Struct, frozen=True, kw_only=True):
+    """What the record of a trial on a whole log has of it; see ``tracks.TrackLog``.
+
+    Attributes:
+        best: means of the best clusters, x, y and θ at each record of the log.
+        scores: by name; None is not available.
+    """
+
+    best: tuple[list[float], list[float], list[float]]
+    scores: dict[str, float | None]
+
+
+def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Return scores as a record has them: an infinite one and an unknown one are None."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def four_digits(values: Iterable[float]) -> list[float]:
+    """Return a curve with four digits: that of a long run is many numbers."""
+    return [float(f"{value:.4g}") for value in values]
+
+
 def groups_named(names: Collection[str]) -> tuple[Group, ...]:
     """Return groups by name, in the order of ``GROUPS``."""
     return tuple(group for group in GROUPS if group.name in names)
@@ -221,3 +263,32 @@ def groups_named(names: Collection[str]) -> tuple[Group, ...]:
 def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
     """Return the scores of a run by name."""
     return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
+
+
+_SAMPLE = 4096  # points at which a map is compared with itself
+_ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
+
+
+def half_turned(floor_plan: Map, poses: Floats) -> Floats:
+    """Return poses (n, 3) turned by 180° about the middle of a map."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    return np.array([x0 + x1, y0 + y1, math.pi]) + np.array([-1.0, -1.0, 1.0]) * poses
+
+
+def is_symmetric(floor_plan: Map) -> bool:
+    """Whether a half turn about its middle gives the same map; asked at 4,096 points."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    points = np.random.default_rng(0).uniform((x0, y0), (x1, y1), (_SAMPLE, 2))
+    turned = np.array([x0 + x1, y0 + y1]) - points
+    same = floor_plan.free(points) == floor_plan.free(turned)
+    return float(same.mean()) >= _ALIKE
+
+
+def weight_near(poses: Reals, weights: Floats, pose: Floats, metre: float) -> float:
+    """Return the weight within 1 m and 30° of a pose."""
+    distance, angle = NEAR["1m"]
+    x, y, heading = poses.T
+    dx, dy = x - pose[0], y - pose[1]
+    close = np.flatnonzero(dx * dx + dy * dy <= (distance * metre) ** 2)
+    turned = np.abs((heading[close] - pose[2] + math.pi) % (2 * math.pi) - math.pi)
+    return float(weights[close[turned <= angle]].sum())

@@ -11,6 +11,7 @@ from deqmcl_gym.numerics.types import Floats, Reals
 from localizers.models.plan_sensor import PlanSensor
 
 SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
+PLAN_COLUMNS = ("conflict", *SIGNALS)
 
 
 def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
@@ -29,10 +30,10 @@ def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
     return [conflict, *(float(getattr(reading, name)) for name in SIGNALS)]
 
 
-def plan_record(rows: Sequence[Sequence[float]]) -> dict[str, dict[str, list[float | None]]]:
-    """Return the rows of the steps t = 1 … T as JSON-able columns; nothing if no plan was read."""
+def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None]] | None:
+    """Return the rows of the steps t = 1 … T as columns by name; None if no plan was read."""
     table: Floats = np.array(rows, np.float64).reshape(len(rows), 1 + len(SIGNALS))
     if np.isnan(table).all():
-        return {}
-    columns = zip(("conflict", *SIGNALS), table.T.tolist(), strict=True)
-    return {"plan": {name: [None if isnan(v) else v for v in own] for name, own in columns}}
+        return None
+    columns = zip(PLAN_COLUMNS, table.T.tolist(), strict=True)
+    return {name: [None if isnan(v) else v for v in own] for name, own in columns}

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable
 from functools import cache
 
 import localizers
+from benchmarks.setup.changes import file_digest
 from benchmarks.setup.names import plug_ins_of, scenario_digest
-from benchmarks.setup.world_files import file_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError

@@ -1,14 +1,16 @@
 """What computed a result: versions and a digest of the code."""
 
+import ast
 import hashlib
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from benchmarks.trials.spec import Trial
 
@@ -16,6 +18,7 @@ from benchmarks.trials.spec import Trial
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 # All that a trial runs: a new table or report makes no result out of date.
 _OURS = ("setup", "scenarios", "agents", "trials")
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
 
 
@@ -48,22 +51,55 @@ class Provenance:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the source that a trial's numbers depend on."""
-    return hashlib.sha256("".join(map(source_of, PACKAGES)).encode()).hexdigest()
+    """Return a digest of the code that a trial's numbers depend on, whatever its words and layout.
+
+    Comments, docstrings and formatting do not count.
+    """
+    digests = (source_of(package, _statements) for package in PACKAGES)
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def source_of(package: str) -> str:
-    """Return a digest of all source files of a package."""
-    digest, root = hashlib.sha256(), _folder(package)
-    for path in sorted(root.rglob("*.py")):
-        digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
-        digest.update(path.read_bytes())
+def source_of(package: str, read: Callable[[Path], bytes] = Path.read_bytes) -> str:
+    """Return a digest of what is ``read`` of all source files of a package, or of a module's."""
+    digest = hashlib.sha256()
+    for path, name in _files(package):
+        digest.update(f"{package}/{name}\0".encode())
+        digest.update(read(path))
     return digest.hexdigest()
 
 
-def _folder(package: str) -> Path:
+def _files(package: str) -> list[tuple[Path, str]]:
+    """Return the source files of a package or module, with their names in it."""
     spec = find_spec(package)
-    return Path(str(spec and spec.origin)).parent
+    origin = Path(str(spec and spec.origin))
+    if spec is None or spec.submodule_search_locations is None:
+        return [(origin, origin.name)]
+    root = origin.parent
+    return [(path, path.relative_to(root).as_posix()) for path in sorted(root.rglob("*.py"))]
+
+
+def _statements(path: Path) -> bytes:
+    """Return the syntax of a source file: each node's type and fields, docstrings left out."""
+    words: list[str] = []
+
+    def add(value: Any) -> None:
+        if isinstance(value, list):
+            words.append(f"{len(value)}")
+            for item in value:
+                add(item)
+        elif isinstance(value, ast.AST):
+            words.append(type(value).__name__)
+            if isinstance(value, _DOCUMENTED) and ast.get_docstring(value, clean=False) is not None:
+                del value.body[0]
+            for name in value._fields:
+                if (inner := getattr(value, name, None)) is not None and inner != []:
+                    words.append(name)
+                    add(inner)
+        else:
+            words.append(repr(value))
+
+    add(ast.parse(path.read_bytes()))
+    return "\0".join(words).encode(errors="surrogatepass")
 
 
 @cache

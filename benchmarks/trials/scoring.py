@@ -1,17 +1,91 @@
 """From a trace to the record of one trial: its scores, one row per offset, and its curves."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from benchmarks.setup.thresholds import Thresholds
+from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
-from benchmarks.trials.plans import plan_record
+from benchmarks.trials.plans import PLAN_COLUMNS, plan_columns
+from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
 from deqmcl_gym.numerics.types import Floats
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
+
+
+class ErrorCurve(Struct, frozen=True):
+    """Error e of the beliefs at one offset, by state; None where the truth is not known."""
+
+    first_state: int
+    error: list[float | None]
+
+
+class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What came of a trial: the shape of its file. T steps were done.
+
+    Attributes:
+        unit: of lengths.
+        thresholds: of the scenario.
+        scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available.
+        curves: by offset, for the same offsets.
+        quality: P(not lost) after t = 1 …; None where the belief gives none.
+        profile: mean error e by offset, each over the same states.
+        steps_done, scans_used: T, and scans with at least one beam in range.
+        events: the localizer's counts of trouble.
+        plan: ``PLAN_COLUMNS`` of the steps t = 1 … T; None if no plan was read.
+        journey: of the whole run; None if the scenario asks for nothing.
+        track: on a whole log; None of any other trial.
+
+    Raises:
+        ValueError: its parts do not belong together.
+    """
+
+    unit: str
+    thresholds: Thresholds
+    scores: list[dict[str, int | float | None]]
+    curves: dict[int, ErrorCurve]
+    quality: list[float | None] | None
+    profile: dict[int, float]
+    steps_done: int
+    scans_used: int
+    events: dict[str, int]
+    plan: dict[str, list[float | None]] | None = None
+    journey: WholeRun | None = None
+    track: RecordedTrack | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("offset", *SCORE_NAMES):
+            if any(name not in row for row in self.scores):
+                raise ValueError(f"has no {name} among its scores")
+        if set(self.offsets) != self.curves.keys() or not self.curves:
+            raise ValueError("has scores and curves of other offsets")
+        steps = self.steps_done
+        states = [len(curve.error) for curve in self.curves.values()]
+        states += [len(self.journey.curves["way"])] if self.journey else []
+        if not all(0 < length <= steps + 1 for length in states) or len(self.quality or ()) > steps:
+            raise ValueError(f"has a curve or qualities of another length than its {steps} steps")
+        if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
+            raise ValueError(f"has a track of another length than its {steps} steps")
+        if self.plan is not None and any(
+            len(self.plan.get(name, ())) != steps for name in {*PLAN_COLUMNS, *self.plan}
+        ):
+            raise ValueError(f"has readings of the plan of another length than its {steps} steps")
+
+    @property
+    def offsets(self) -> list[int]:
+        """The offsets scored, in their order."""
+        return [int(row["offset"] or 0) for row in self.scores]
+
+
+class Finished(Record, frozen=True, kw_only=True):
+    """A finished trial: its record, the trial, its key, and its seconds (None: not known)."""
+
+    trial: Trial
+    key: str
+    seconds: float | None
 
 
 def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any]]:
@@ -32,29 +106,28 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
     ]
 
 
-def record(trace: Trace, lag: int, thresholds: Thresholds) -> dict[str, Any]:
-    """Return a trial's result as JSON-able values: scores, curves, qualities, counts, plans.
-
-    What not every trial has stands only where it has it: ``plan``, ``journey``, ``track``. An error
-    is null where the truth is unknown; the scores are of the states where it is known.
-    """
-    return {
-        "unit": trace.unit,
-        "thresholds": asdict(thresholds),
-        "scores": [_finite(row) for row in scores(trace, lag, thresholds)],
-        "curves": {
-            str(offset): {
-                "first_state": int(kept.states[0]),
-                "error": _unless_unknown(state_error(kept.means, trace.truth[kept.states])),
-            }
+def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
+    """Return a trial's result; its scores are of the states whose truth is known."""
+    return Record(
+        unit=trace.unit,
+        thresholds=thresholds,
+        scores=[_finite(row) for row in scores(trace, lag, thresholds)],
+        curves={
+            offset: ErrorCurve(
+                first_state=int(kept.states[0]),
+                error=_unless_unknown(state_error(kept.means, trace.truth[kept.states])),
+            )
             for offset, kept in trace.offsets.items()
         },
-        "quality": _rated(trace.quality),
-        "profile": {str(k): _sig(e) for k, e in sorted(profile(trace, lag).items())},
-        "steps_done": trace.steps,
-        "scans_used": trace.scans_used,
-        "events": trace.events,
-    } | (plan_record(trace.plans[1:]) | trace.whole)
+        quality=_rated(trace.quality),
+        profile={k: _sig(e) for k, e in profile(trace, lag).items()},
+        steps_done=trace.steps,
+        scans_used=trace.scans_used,
+        events=trace.events,
+        plan=plan_columns(trace.plans[1:]),
+        journey=trace.journey,
+        track=trace.track,
+    )
 
 
 def profile(trace: Trace, lag: int) -> dict[int, float]:

@@ -2,18 +2,48 @@
 
 import hashlib
 import json
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.world_files import files_of
-
-Params = tuple[tuple[str, Any], ...]
+from benchmarks.setup.changes import NOTHING, Changes, jsonable
 
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
+
+
+Run = tuple[int, int]  # world, filter seed
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What trials share that may be compared.
+
+    Attributes:
+        scenario: name of the world and of what the filters assume.
+        world, assumed: changes to both, by dotted name.
+        disturbance: wrappers around the world, innermost first.
+        lag: L.
+        seed: root of all randomness.
+    """
+
+    scenario: str
+    world: Changes
+    assumed: Changes
+    disturbance: tuple[Changes, ...]
+    lag: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Method:
+    """A localizer by name, with its parameters."""
+
+    name: str
+    params: Changes = NOTHING
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "params", Changes(self.params))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +52,11 @@ class Trial:
 
     Attributes:
         scenario: name of the world and of what the filters assume of it.
-        world: changes to the scenario's world, by dotted name: ("lidar.beams", 9).
-        assumed: changes to what the filters assume, by dotted name: ("scan.sigma", 50.0).
-        disturbance: wrappers around the world, innermost first: (("kind", "kidnap"), …).
+        world: changes to the scenario's world: {"lidar.beams": 9}.
+        assumed: changes to what the filters assume: {"scan.sigma": 50.0}.
+        disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         localizer: name of the localizer.
-        params: its parameters, sorted by name.
+        params: its parameters.
         lag: L, the offsets scored are -L, 0 and L.
         seed: root of all randomness.
         trial: number of the world; trials of the same number are paired.
@@ -34,15 +64,34 @@ class Trial:
     """
 
     scenario: str
-    world: Params = ()
-    assumed: Params = ()
-    disturbance: tuple[Params, ...] = ()
+    world: Changes = NOTHING
+    assumed: Changes = NOTHING
+    disturbance: tuple[Changes, ...] = ()
     localizer: str
-    params: Params
+    params: Changes
     lag: int
     seed: int
     trial: int
     filter_seed: int = 0
+
+    def __post_init__(self) -> None:
+        changes_of(self)
+
+    @property
+    def setting(self) -> Setting:
+        """What it shares with the trials that it is compared with."""
+        changes = self.world, self.assumed, self.disturbance
+        return Setting(self.scenario, *changes, self.lag, self.seed)
+
+    @property
+    def method(self) -> Method:
+        """What is compared."""
+        return Method(self.localizer, self.params)
+
+    @property
+    def run(self) -> Run:
+        """The world and the filter seed."""
+        return self.trial, self.filter_seed
 
     @property
     def offsets(self) -> tuple[int, ...]:
@@ -58,7 +107,7 @@ class Trial:
     @property
     def files(self) -> list[str]:
         """Paths of what its world is read from, besides those that its scenario names."""
-        return files_of(dict(self.world))
+        return self.world.files
 
     def filter_rng(self) -> np.random.Generator:
         """Return the localizer's stream: a function of (seed, trial, filter_seed).
@@ -70,26 +119,15 @@ class Trial:
 
     def canonical(self) -> dict[str, Any]:
         """Return the trial as JSON-able values in a fixed order."""
-        return {
-            "scenario": self.scenario,
-            "world": thawed(self.world),
-            "assumed": thawed(self.assumed),
-            "disturbance": [thawed(wrapper) for wrapper in self.disturbance],
-            "localizer": self.localizer,
-            "params": thawed(self.params),
-            "lag": self.lag,
-            "seed": self.seed,
-            "trial": self.trial,
-            "filter_seed": self.filter_seed,
-        }
+        return {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
 
     def cell(self) -> str:
         """Return its setting and method in words: what trials are counted by."""
-        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world)]
-        parts += [f"assumed {name}={value}" for name, value in self.assumed]
-        parts += [str(dict(wrapper).get("kind")) for wrapper in self.disturbance]
+        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.items())]
+        parts += [f"assumed {name}={value}" for name, value in self.assumed.items()]
+        parts += [str(wrapper.get("kind")) for wrapper in self.disturbance]
         parts += [f"L={self.lag}", self.localizer]
-        return " ".join([*parts, *(f"{name}={value}" for name, value in self.params)])
+        return " ".join([*parts, *(f"{name}={value}" for name, value in self.params.items())])
 
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
@@ -97,33 +135,8 @@ class Trial:
         return hashlib.sha256(words.encode()).hexdigest()[:32]
 
 
-def frozen(values: Mapping[str, Any]) -> Params:
-    """Return a mapping as pairs sorted by name, its lists as tuples."""
-    return tuple(sorted((name, tuples(value)) for name, value in values.items()))
-
-
-def thawed(params: Params) -> dict[str, Any]:
-    """Return pairs as JSON-able values; JSON has no infinity: it is the word "inf"."""
-    return {name: _jsonable(value) for name, value in sorted(params)}
-
-
-def unworded(value: Any) -> Any:
-    """Return a value read from JSON with "inf" as the number again."""
-    if isinstance(value, dict):
-        return {name: unworded(inner) for name, inner in value.items()}
-    if isinstance(value, list):
-        return [unworded(inner) for inner in value]
-    return float(value) if value in ("inf", "-inf") else value
-
-
-def tuples(value: Any) -> Any:
-    """Return a value with its lists as tuples."""
-    return tuple(tuples(item) for item in value) if isinstance(value, list | tuple) else value
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, float) and math.isinf(value):
-        return str(value)
-    return value
+def changes_of(given: Any) -> None:
+    """Let what a trial or a sweep is made of be ``Changes``, however they were given."""
+    for name in ("world", "assumed", "params"):
+        object.__setattr__(given, name, Changes(getattr(given, name)))
+    object.__setattr__(given, "disturbance", tuple(map(Changes, given.disturbance)))

@@ -9,22 +9,19 @@ import numpy as np
 
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import Group
+from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.models.scan import count_usable
+from localizers.models.scan import Scan
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
 _CALIBRATION = ("energy", "rank", "nees")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
-
-Table = Floats  # one row per state, (k, c)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +55,7 @@ class Trace:
         plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
-        whole: what collectors of the whole run keep, as parts of the record; {} if none is asked.
+        journey, track: what is kept of the whole run; None if that is not asked for.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -71,7 +68,8 @@ class Trace:
     quality: Floats
     plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
-    whole: dict[str, Any] = field(default_factory=dict)
+    journey: WholeRun | None = None
+    track: RecordedTrack | None = None
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
@@ -87,14 +85,14 @@ class Trace:
 
 
 class Collector(Protocol):
-    """Sees a run step by step, and keeps parts of its record."""
+    """Sees a run step by step; keeps what its record has of the whole of it."""
 
     def see(self, moment: Moment) -> None:
         """Take in a step."""
         ...
 
-    def kept(self) -> dict[str, Any]:
-        """Return parts of the record, JSON-able and a function of the run alone."""
+    def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
+        """Return the journey and the track."""
         ...
 
 
@@ -102,23 +100,19 @@ def trace_of(
     episode: Iterable[Moment],
     offsets: Iterable[int],
     task: Task,
-    groups: Sequence[Group] = (),
-    collectors: Sequence[Collector] = (),
+    whole: Collector | None = None,
 ) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and its scores of groups.
-
-    ``collectors`` keep further parts of its record.
-    """
+    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
     asked = tuple(offsets)
     lap = _Lap(task)
-    whole: list[Collector] = [JourneyLog(task, groups), *collectors]
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for seeing in (lap, scored, sampled):
-            seeing.see(moment)
-        for collector in whole:  # they trust the form of a belief
+        for collector in (lap, scored, sampled):
             collector.see(moment)
+        if whole is not None:  # it trusts the form of a belief
+            whole.see(moment)
+    journey, track = (None, None) if whole is None else whole.kept()
     return Trace(
         unit=task.floor_plan.unit,
         truth=np.array(lap.truth, np.float64),
@@ -128,7 +122,8 @@ def trace_of(
         quality=np.array(lap.quality),
         plans=lap.plans,
         events=_events(lap.belief),
-        whole={name: part for one in whole for name, part in one.kept().items()},
+        journey=journey,
+        track=track,
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 
@@ -153,7 +148,7 @@ class _Lap:
         if moment.step > 0:
             self.seconds += moment.seconds
             ranges = np.asarray(moment.ranges, np.float64)
-            self.scans_used += count_usable(ranges, self._task.max_range) > 0
+            self.scans_used += Scan.of(ranges, self._task.max_range).beams > 0
 
 
 class _Beliefs:
@@ -167,7 +162,7 @@ class _Beliefs:
         self,
         offsets: Iterable[int],
         truth: Sequence[Reals],
-        measure: Callable[[Clouds], Table],
+        measure: Callable[[Clouds], Floats],
         stride: int = 1,
     ) -> None:
         self._offsets, self._truth = tuple(offsets), truth
@@ -176,7 +171,7 @@ class _Beliefs:
         self._due: list[Cloud] = []
         self._points = 0  # of those due
         self._labels: list[tuple[int, int]] = []
-        self._tables: list[Table] = []
+        self._tables: list[Floats] = []
 
     def see(self, moment: Moment) -> None:
         for offset in self._offsets:
@@ -194,8 +189,8 @@ class _Beliefs:
         if self._points >= _BATCH:
             self._measure_due()
 
-    def tables(self) -> dict[int, tuple[Indices, Table]]:
-        """By offset: the states and a row of each; what is held of no state is left out."""
+    def tables(self) -> dict[int, tuple[Indices, Floats]]:
+        """By offset: the states and a row of each, (k, c); what is held of no state is out."""
         self._measure_due()
         if not self._tables:
             return {}
@@ -212,7 +207,7 @@ class _Beliefs:
             self._due, self._points = [], 0
 
 
-def _measured(clouds: Clouds, task: Task) -> Table:
+def _measured(clouds: Clouds, task: Task) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = moments(clouds)
     asked = [each(clouds, task) for each in _EACH.values()]
@@ -221,7 +216,7 @@ def _measured(clouds: Clouds, task: Task) -> Table:
     )
 
 
-def _offset_trace(states: Indices, table: Table) -> OffsetTrace:
+def _offset_trace(states: Indices, table: Floats) -> OffsetTrace:
     return OffsetTrace(
         states=states,
         means=table[:, :4].copy(),

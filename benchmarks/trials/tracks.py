@@ -5,10 +5,9 @@ lengths of scores are in m.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -16,8 +15,15 @@ from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.clouds import calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import NEAR, Fixes, metre
-from benchmarks.trials.journey_log import short
-from benchmarks.trials.journeys import Journey, groups_named, scores_of
+from benchmarks.trials.journeys import (
+    Journey,
+    RecordedTrack,
+    WholeRun,
+    finite,
+    four_digits,
+    groups_named,
+    scores_of,
+)
 from benchmarks.trials.metrics import LEVELS, mean
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import relative
@@ -211,35 +217,26 @@ class TrackLog:
             **dict(zip(AGREEMENTS, agreement(played, self._map, track.best), strict=True)),
         }
 
-    def kept(self) -> dict[str, Any]:
-        """Return the parts of a record about this run: its track and, with a reference, a journey.
-
-        An infinite score and an unknown one are null.
-        """
+    def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
+        """Return the parts of a record about this run: a journey, with a reference, and a track."""
         track = self.track
-        found: dict[str, Any] = {
-            "track": {"best": track.best.T.tolist(), "scores": _finite(self.scores())}
-        }
-        if track.known.size:
-            fixes = track.fixes(np.array(self._rows)[:, 2])
-            run = Journey(fixes=fixes, driven=track.way, truth=track.best)
-            found["journey"] = {
-                "scores": _finite(scores_of(run, _GROUPS)),
-                "curves": {
-                    name: [short(value) for value in getattr(fixes, name)]
-                    for name in ("way", "distance", "angle")
-                },
-            }
-        return found
+        x, y, heading = track.best.T.tolist()
+        recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
+        if not track.known.size:
+            return None, recorded
+        fixes = track.fixes(np.array(self._rows)[:, 2])
+        run = Journey(fixes=fixes, driven=track.way, truth=track.best)
+        curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+        journey = WholeRun(
+            scores=finite(scores_of(run, _GROUPS)),
+            curves={name: four_digits(values) for name, values in curves.items()},
+        )
+        return journey, recorded
 
 
 def middle(values: Floats) -> float:
     """Median; NaN of nothing."""
     return float(np.median(values)) if values.size else math.nan
-
-
-def _finite(scores: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
 def _errors(off: Floats) -> PoseErrors:

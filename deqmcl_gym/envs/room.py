@@ -1,57 +1,21 @@
 """RoomEnv: the Gymnasium environment, wired from the parts in ``deqmcl_gym.world``."""
 
-from collections.abc import Mapping
-from typing import Any, NotRequired, SupportsFloat, TypedDict, cast
+from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.course import MAX_STEPS, Course, Pose, check_free
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode
 from deqmcl_gym.world.physics import contacts_of
+from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
 from deqmcl_gym.world.sensor import Stream
-from deqmcl_gym.world.setting import Setting
-
-
-class RoomInfo(TypedDict):
-    """The ``info`` channel. Arrays are fresh copies of fixed shape.
-
-    Attributes:
-        planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
-            distance, turn.
-        planned_count: number of rows of ``planned_actions`` that are actions.
-        action: the command carried out in this step, before motion noise and contact, (2,)
-            float32; zeros at reset.
-        collided: whether the step was stopped by a wall.
-        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
-            it.
-        goal: the end of the route (x, y), (2,) float64; only in a world with a route.
-        route: corners (x, y) of the planned route, from the expected start to the goal; only in a
-            world with a route. Routes differ in length, so it is a tuple, not an array: Gymnasium's
-            vector envs keep one per env. For whoever drives: its beginning is the answer at reset.
-    """
-
-    planned_actions: Singles
-    planned_count: int
-    action: Singles
-    collided: bool
-    truth: Floats
-    goal: NotRequired[Floats]
-    route: NotRequired[tuple[tuple[float, ...], ...]]
-
-
-def check_no_options(options: object) -> None:
-    """Refuse options of a ``reset`` that takes none."""
-    if options is not None and not isinstance(options, Mapping):
-        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
-    for key in options or ():
-        one_of("reset option", key, ())
 
 
 class RoomEnv(gym.Env[Any, Singles]):
@@ -138,20 +102,20 @@ class RoomEnv(gym.Env[Any, Singles]):
         render_mode: str | None = None,
         **unknown: Any,
     ) -> None:
-        self._setting = setting = Setting.of(
+        self._rules = rules = RoomRules.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
             driver=driver, route=route, observation=observation, **unknown,
         )  # fmt: skip
-        self.world = setting.world
+        self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = contacts_of(self.world)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
-            setting.drawing()  # refuses a room too large for a picture
+            rules.drawing()  # refuses a room too large for a picture
         self.render_mode = render_mode
-        self.observation_space = setting.observation_space
-        self.action_space = setting.commands.space
+        self.observation_space = rules.observation_space
+        self.action_space = rules.commands.space
         self._begun: Episode | None = None
         self._number = -1  # of the episode since the last seed
 
@@ -174,7 +138,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         Raises:
             RuntimeError: the world has a route, and no episode has begun.
         """
-        plan = self._setting.plan if self._is_lap_ahead else self._episode.plan
+        plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
 
     @property
@@ -182,7 +146,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         """The steps after which the plan ends an episode; a driver without noise needs fewer."""
         if self.world.route is not None:  # routes differ in length
             return MAX_STEPS
-        return self._setting.plan.limit
+        return self._rules.plan.limit
 
     @property
     def course(self) -> Course:
@@ -191,7 +155,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         Raises:
             RuntimeError: the world has a route, and no episode has begun.
         """
-        return self._setting.course if self._is_lap_ahead else self._episode.course
+        return self._rules.course if self._is_lap_ahead else self._episode.course
 
     @property
     def elapsed_steps(self) -> int:
@@ -218,7 +182,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         """
         check_no_options(options)
         root, number = self._next_episode() if seed is None else (integer("seed", seed), 0)
-        episode = Episode(self._setting, self._walls, seed=root, number=number)
+        episode = Episode(self._rules, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
         nothing = np.zeros(2, np.float32)
@@ -231,7 +195,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         if episode is None or episode.ended:
             state = "has not begun" if episode is None else "has ended"
             raise RuntimeError(f"the episode {state}: call reset() before step().")
-        command = self._setting.commands.checked(action)
+        command = self._rules.commands.checked(action)
         reward, collided = episode.advance(*command.tolist())
         info = _info(episode, command, collided)
         given_up = info["planned_count"] == 0 and not episode.done
@@ -256,7 +220,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         Raises:
             InputError: no free pose was found.
         """
-        return self._setting.elsewhere(self.course, rng)
+        return self._rules.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
@@ -283,7 +247,7 @@ class RoomEnv(gym.Env[Any, Singles]):
                 "a driver makes the plan at every step, so it cannot be replaced: "
                 "choose a world without a driver."
             )
-        return self._setting.commands.checked_plan(what, actions)
+        return self._rules.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the world as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -293,7 +257,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
-        return self._setting.picture(episode.course, episode.pose, episode.scan, episode.step)
+        return self._rules.picture(episode.course, episode.pose, episode.scan, episode.step)
 
     def _next_episode(self) -> tuple[int, int]:
         """Seed and number of the next episode if no seed is given."""
@@ -303,13 +267,13 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     @property
     def _is_lap_ahead(self) -> bool:
-        return self._begun is None and self._setting.journeys is None
+        return self._begun is None and self._rules.journeys is None
 
     def _seen(self, info: dict[str, Any]) -> Any:
         episode = self._episode
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
-        return self._setting.seen(episode.scan, info["planned_actions"], covered, elapsed)
+        return self._rules.seen(episode.scan, info["planned_actions"], covered, elapsed)
 
     @property
     def _episode(self) -> Episode:

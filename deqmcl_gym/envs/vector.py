@@ -11,28 +11,27 @@ from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs import vector_kernels as kernels
-from deqmcl_gym.envs.room import RoomInfo
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.grid_kernels import NO_CELLS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
 from deqmcl_gym.world.driver import FixedPlan
+from deqmcl_gym.world.rules import RoomInfo, RoomRules
 from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_stream
-from deqmcl_gym.world.setting import Setting
 
 
 class Rooms:
     """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time."""
 
-    def __init__(self, setting: Setting, number: int, limit: int) -> None:
+    def __init__(self, rules: RoomRules, number: int, limit: int) -> None:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
-        world, course = setting.world, setting.course
-        self._setting = setting
+        world, course = rules.world, rules.course
+        self._rules = rules
         ground = world.floor_plan
         cells = ground.cells if isinstance(ground, GridMap) else NO_CELLS
         noise, most = world.noise, len(course.actions)
-        rules = kernels.Rules(
+        numbers = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
             cells=cells,
@@ -41,7 +40,7 @@ class Rooms:
             reach=world.reach,
             edges=course.path.edges,
             length=course.path.length,
-            rewards=setting.rewards,
+            rewards=rules.rewards,
             most=most,
             limit=limit,
         )
@@ -55,15 +54,15 @@ class Rooms:
             progress=progress,
             steps=np.zeros(number, np.intp),
         )
-        self._fixed = tuple(self._robots), tuple(rules)  # as the kernel takes them
+        self._fixed = tuple(self._robots), tuple(numbers)  # as the kernel takes them
         self._every = np.arange(number)
 
     @staticmethod
-    def bytes_each(setting: Setting) -> int:
+    def bytes_each(rules: RoomRules) -> int:
         """Approximate memory of a room: its random numbers, its scan and the plan shown."""
-        beams, steps = setting.world.lidar.beams, len(setting.course.actions)
+        beams, steps = rules.world.lidar.beams, len(rules.course.actions)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
-        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * setting.plan.horizon + 64
+        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * rules.plan.horizon + 64
         return 8 * numbers
 
     @property
@@ -92,13 +91,11 @@ class Rooms:
         Raises:
             InputError: no drawn start is free. All rooms are then unchanged.
         """
-        setting = self._setting
-        starts = [setting.start(setting.course, *episode) for episode in episodes]
+        rules = self._rules
+        starts = [rules.start(rules.course, *episode) for episode in episodes]
         robots = self._robots
         robots.poses[rooms] = np.array(starts)
-        robots.arcs[rooms] = np.array(
-            [setting.first_arc(setting.course, (x, y)) for x, y, _ in starts]
-        )
+        robots.arcs[rooms] = np.array([rules.first_arc(rules.course, (x, y)) for x, y, _ in starts])
         robots.gaps[rooms] = robots.progress[rooms] = 0.0
         robots.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
@@ -170,10 +167,10 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         self._mode = _MODES[
             one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
         ]
-        self._setting = setting = Setting.of(**room)
-        self._plan = _same_for_all(setting)
-        self.num_envs = _number(num_envs, setting)
-        self.world, self.course = setting.world, setting.course
+        self._rules = rules = RoomRules.of(**room)
+        self._plan = _same_for_all(rules)
+        self.num_envs = _number(num_envs, rules)
+        self.world, self.course = rules.world, rules.course
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self.metadata = {
             "render_modes": ["rgb_array"],
@@ -182,13 +179,13 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         }
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
-            setting.drawing()  # refuses a room too large for a picture
+            rules.drawing()  # refuses a room too large for a picture
         self.render_mode = render_mode
-        self.single_observation_space = setting.observation_space
-        self.single_action_space = setting.commands.space
+        self.single_observation_space = rules.observation_space
+        self.single_action_space = rules.commands.space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._rooms = Rooms(setting, self.num_envs, self._limit)
+        self._rooms = Rooms(rules, self.num_envs, self._limit)
         # seed and number since the seed of each room's episode
         self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
         self._all_begun = False
@@ -242,7 +239,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
                 f"the episode in room {again[0]} has ended: call reset() with its "
                 "reset_mask before step()."
             )
-        commands = self._setting.commands.checked_each(actions, resting)
+        commands = self._rules.commands.checked_each(actions, resting)
         if again.size:
             self._begin(again)
             commands[again] = 0.0
@@ -263,7 +260,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         self._check_begun("render")
         rooms = self._rooms
         seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
-        return tuple(self._setting.picture(self.course, *room) for room in seen)
+        return tuple(self._rules.picture(self.course, *room) for room in seen)
 
     def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
         """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
@@ -303,11 +300,11 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     def _seen(self) -> Any:
         """Return the observations of all rooms, as fresh arrays."""
         rooms, plan = self._rooms, self._plan
-        if self._setting.observation == "scan":
+        if self._rules.observation == "scan":
             return rooms.scans.copy()
         planned, _ = plan.after_each(rooms.steps)
-        covered = rooms.progress / self._setting.course.path.length
-        return self._setting.seen(rooms.scans, planned, covered, rooms.steps / plan.limit)
+        covered = rooms.progress / self._rules.course.path.length
+        return self._rules.seen(rooms.scans, planned, covered, rooms.steps / plan.limit)
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
@@ -373,8 +370,8 @@ def _limit(steps: int | None) -> int:
     return min(integer("max_episode_steps", given, low=1), never)
 
 
-def _number(rooms: int, setting: Setting) -> int:
-    given, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(setting)
+def _number(rooms: int, rules: RoomRules) -> int:
+    given, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(rules)
     if given > (most := MAX_BYTES // each):
         raise InputError(
             f"num_envs is {shown(given)}, but a room takes {each:,} bytes, and all may take "
@@ -383,12 +380,12 @@ def _number(rooms: int, setting: Setting) -> int:
     return given
 
 
-def _same_for_all(setting: Setting) -> FixedPlan:
+def _same_for_all(rules: RoomRules) -> FixedPlan:
     part, others = "a driver", ""
-    if setting.journeys is not None:
+    if rules.journeys is not None:
         part, others = "a route", ", horizon=50"
-    elif isinstance(setting.plan, FixedPlan):
-        return setting.plan
+    elif isinstance(rules.plan, FixedPlan):
+        return rules.plan
     raise InputError(
         f"the rooms of a world with {part} have plans of their own, so they run one by one: "
         f'give gym.make_vec(..., vectorization_mode="sync"{others}).'

@@ -51,7 +51,7 @@ class Rules(NamedTuple):
     Attributes:
         noise: σ_dd, σ_φφ, σ_φd.
         walls: as :func:`sides` returns them, free space to their left; empty for a grid.
-        cells: a ``disc_kernels.Terrain`` as a plain tuple: a grid, or ``NO_CELLS``.
+        cells: a ``grid_kernels.CellGrid`` as a plain tuple: a grid, or ``NO_CELLS``.
         radius: of the robots.
         skin: distance at which they stop before a contact.
         reach: a length that no drive can have without contact.

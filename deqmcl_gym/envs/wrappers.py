@@ -16,8 +16,8 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, boolean, integer, number, shown
 from deqmcl_gym.world.course import Pose
+from deqmcl_gym.world.rules import scan_space
 from deqmcl_gym.world.sensor import Stream
-from deqmcl_gym.world.setting import scan_space
 
 Action = Singles
 StepResult = tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]

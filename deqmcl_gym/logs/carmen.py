@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.found import UNREADABLE, Found, LogWarning, usable
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import composed, relative
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.validation import InputError, LogWarning, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
@@ -50,7 +50,7 @@ class _Messages:
         others: how many there are of each kind that is not among those known here.
     """
 
-    scans: dict[str, Found]
+    scans: dict[str, RawRecords]
     others: Counter[str] = field(default_factory=Counter)
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
@@ -152,7 +152,7 @@ def read_carmen(path: Path, scan_topic: str | None = None, max_gap: float | None
     Raises:
         InputError: there is no scan, a choice of two kinds, or no usable record.
     """
-    messages = _Messages({kind: Found(str(path)) for kind in SCANS})
+    messages = _Messages({kind: RawRecords(str(path)) for kind in SCANS})
     for line in text_of(path).splitlines():
         if line.strip():
             messages.read(line)

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from deqmcl_gym.logs import carmen, ros, tables
+from deqmcl_gym.logs import carmen, csv_npz, ros
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.ros_writing import write_bag
 from deqmcl_gym.logs.trajectory import Trajectory, referenced
@@ -17,20 +17,20 @@ from deqmcl_gym.validation import InputError, array, number, shown
 _TEXT = (".log", ".clf", ".carmen", ".txt")
 _READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
     dict.fromkeys(_TEXT, carmen.read_carmen)
-    | {".csv": tables.read_csv, ".npz": tables.read_npz}
+    | {".csv": csv_npz.read_csv, ".npz": csv_npz.read_npz}
     | dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag)
 )
 _WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
     dict.fromkeys(_TEXT[:3], carmen.write_carmen)
-    | {".csv": tables.write_csv, ".npz": tables.write_npz}
+    | {".csv": csv_npz.write_csv, ".npz": csv_npz.write_npz}
     | dict.fromkeys(("", ".bag", ".mcap"), write_bag)
 )
 _TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
     {
         carmen.read_carmen: ("scan_topic", "max_gap"),
         ros.read_bag: ("scan_topic", "odometry_topic", "reference_topic", "base_frame", "max_gap"),
-        tables.read_csv: ("scanner",),
-        tables.read_npz: ("scanner",),
+        csv_npz.read_csv: ("scanner",),
+        csv_npz.read_npz: ("scanner",),
     }
 )
 
@@ -52,8 +52,8 @@ def read(
     """Read a log; the ending of its name determines the format.
 
     ``.log``, ``.clf``, ``.carmen``, ``.txt``, also with ``.gz``: CARMEN. ``.csv`` (``.csv.gz``),
-    ``.npz``: see ``logs.tables``. ``.bag``: ROS 1. ``.mcap``, ``.db3`` or a folder: ROS 2. ROS bags
-    need ``pip install "deqmcl-gym[ros]"``. Damaged records are skipped, and a ``LogWarning`` counts
+    ``.npz``: see ``logs.csv_npz``. ``.bag``: ROS 1. ``.mcap``, ``.db3`` or a folder: ROS 2. Bags
+    need ``pip install "deqmcl-gym[ros]"``. Damaged records are skipped; a ``LogWarning`` counts
     them.
 
     Args:

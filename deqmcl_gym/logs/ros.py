@@ -14,14 +14,24 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.files import opened_log
-from deqmcl_gym.logs.found import NO_ODOMETRY, UNREADABLE, Found, LogWarning
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import heading_of
+from deqmcl_gym.logs.raw_records import NO_ODOMETRY, UNREADABLE, RawRecords
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, LogWarning
 
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSES: dict[str, Callable[[Any], Any]] = {
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+    ODOMETRY: lambda message: message.pose.pose,
+}
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
+_GAP = 1.0  # s without odometry beyond which the pose in between is unknown
 _ODOMETRY_FRAME = "odom"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
 
@@ -109,19 +119,6 @@ def _matrix(values: Floats) -> Floats:
     return matrix
 
 
-SCAN = "sensor_msgs/msg/LaserScan"
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSES: dict[str, Callable[[Any], Any]] = {
-    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
-    ODOMETRY: lambda message: message.pose.pose,
-}
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_WORDS = "std_msgs/msg/String"
-UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
-_GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-
-
 def require_rosbags() -> None:
     """Check that ``rosbags`` is installed.
 
@@ -175,7 +172,7 @@ class _Messages:
 
     def __init__(self, path: Path, scans: str, odometry: str | None, reference: str | None) -> None:
         self.path, self.scans, self.odometry, self.reference = path, scans, odometry, reference
-        self.found = Found(str(path))
+        self.scanned = RawRecords(str(path))
         self.transforms = Transforms()
         self.frames: Counter[str] = Counter()  # of the scanner
         self.base = "base_link"
@@ -193,7 +190,7 @@ class _Messages:
             try:
                 message = bag.deserialize(raw, connection.msgtype)
             except Exception:  # damaged bytes can raise anything
-                self.found.damage[UNREADABLE] += 1
+                self.scanned.damage[UNREADABLE] += 1
                 continue
             self._take(connection, message)
 
@@ -209,7 +206,7 @@ class _Messages:
                 float(getattr(message, name))
                 for name in ("angle_min", "angle_increment", "range_min", "range_max")
             )
-            self.found.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
+            self.scanned.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
             row = _row(message.header.stamp, POSES[connection.msgtype](message))
             if connection.topic == self.reference:
@@ -229,7 +226,6 @@ class _Messages:
                     f"{self.path} has no odometry: give the topic of a {ODOMETRY} by "
                     "odometry_topic; there is no moving transform from the frame odom either."
                 )
-        self._place(_poses(rows))
         (frame, _), *_ = self.frames.most_common(1) or [("", 0)]
 
         def scanner_of(beams: int, geometry: tuple[float, ...]) -> Scanner:
@@ -239,33 +235,27 @@ class _Messages:
             )
             return Scanner(angles=angles, mounting=mounting, min_range=least, max_range=most)
 
-        log = self.found.log(scanner_of, unit=self.unit)
+        log = self._placed(_poses(rows)).log(scanner_of, unit=self.unit)
         return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)), max_gap)
 
-    def _place(self, odometry: Floats) -> None:
-        """Fill in the odometry at each scan; leave out scans without it."""
+    def _placed(self, odometry: Floats) -> RawRecords:
+        """Return the records of scans with the odometry at their times, of those that have one."""
         odometry = odometry[np.isfinite(odometry).all(axis=1)]
         odometry = odometry[np.argsort(odometry[:, 0], kind="stable")]
-        found, times = self.found, np.array(self.found.times)
-        if not len(odometry):
-            found.damage[NO_ODOMETRY] += times.size
-            found.times.clear()
-            return
-        at = odometry[:, 0]
-        after = np.clip(np.searchsorted(at, times), 0, at.size - 1)
-        before = np.maximum(after - 1, 0)
-        known = (times >= at[0]) & (times <= at[-1])
-        known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
-        x, y, heading = odometry[:, 1:].T
-        columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
-        poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])]).tolist()
+        at, times = odometry[:, 0], np.array(self.scanned.times)
+        known, poses = np.zeros(times.size, np.bool_), np.empty((times.size, 3))
+        if len(odometry):
+            after = np.clip(np.searchsorted(at, times), 0, at.size - 1)
+            before = np.maximum(after - 1, 0)
+            known = (times >= at[0]) & (times <= at[-1])
+            known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
+            x, y, heading = odometry[:, 1:].T
+            columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
+            poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
         if lost := int((~known).sum()):
-            found.damage[NO_ODOMETRY] += lost
-        chosen = np.flatnonzero(known).tolist()
-        found.times = [found.times[i] for i in chosen]
-        found.odometry = [poses[i] for i in chosen]
-        found.ranges = [found.ranges[i] for i in chosen]
-        found.geometry = [found.geometry[i] for i in chosen]
+            self.scanned.damage[NO_ODOMETRY] += lost
+        self.scanned.odometry = list(poses)
+        return self.scanned.kept(np.flatnonzero(known).tolist())
 
 
 @contextmanager

@@ -12,20 +12,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.found import (
+from deqmcl_gym.logs.log import Log, said_of_skipped
+from deqmcl_gym.logs.motion import composed, heading_of, relative
+from deqmcl_gym.logs.raw_records import (
     NOT_FINITE,
     UNREADABLE,
-    LogWarning,
     in_order,
     usable,
     warn_of_few,
 )
-from deqmcl_gym.logs.log import Log, said_of_skipped
-from deqmcl_gym.logs.motion import composed, heading_of, relative
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError, array, number, shown
+from deqmcl_gym.validation import InputError, LogWarning, array, number, shown
 
 MAX_GAP = 2.0  # m
 

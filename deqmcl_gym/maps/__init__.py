@@ -1,12 +1,11 @@
 """Maps: the walls of a world, and the only part of it that a localizer may know.
 
-``Map`` is the interface of a map, ``RollOuts`` an optional extension; ``PolygonMap`` and
-``GridMap`` implement both. ``Office`` generates buildings from a seed. ``Lidar`` is the geometry of
-the sensor. Needs only numpy and numba.
+``Map`` is the interface of a map; ``PolygonMap`` and ``GridMap`` implement it. ``Office`` generates
+buildings from a seed. ``Lidar`` is the geometry of the sensor. Needs only numpy and numba.
 """
 
 from deqmcl_gym.maps.grid_map import GridMap
-from deqmcl_gym.maps.map import Box, Caster, Lidar, Map, RollOuts
+from deqmcl_gym.maps.map import Box, Caster, Lidar, Map
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.maps.polygon_map import PolygonMap, driven
 from deqmcl_gym.maps.polygons import Polygon
@@ -20,6 +19,5 @@ __all__ = [
     "Office",
     "Polygon",
     "PolygonMap",
-    "RollOuts",
     "driven",
 ]

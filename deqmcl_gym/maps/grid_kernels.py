@@ -185,7 +185,7 @@ Reached = NDArray[np.int16]
 _ROUNDING = 1e-9  # cells, far above errors of float64
 
 
-class Terrain(NamedTuple):
+class CellGrid(NamedTuple):
     """A grid for kernels that drive robots.
 
     Attributes:
@@ -201,7 +201,9 @@ class Terrain(NamedTuple):
 
 
 _NO_RUNS = np.empty((0, 0), np.int16)
-NO_CELLS = tuple(Terrain(np.empty((0, 0), np.uint8), _NO_RUNS, _NO_RUNS, (0.0, 0.0, 1.0, 0.0, 1.0)))
+NO_CELLS = tuple(
+    CellGrid(np.empty((0, 0), np.uint8), _NO_RUNS, _NO_RUNS, (0.0, 0.0, 1.0, 0.0, 1.0))
+)
 
 
 @compiled

@@ -187,7 +187,7 @@ class GridMap:
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """See ``RollOuts.rolled_out``."""
+        """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
@@ -196,7 +196,7 @@ class GridMap:
         return paths, hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """See ``RollOuts.collisions_along``."""
+        """See ``Map.collisions_along``."""
         check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         grid_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
@@ -236,7 +236,7 @@ class GridMap:
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``disc_kernels.Terrain``, as a plain tuple, for kernels that drive robots."""
+        """A ``grid_kernels.CellGrid``, as a plain tuple, for kernels that drive robots."""
         return (self._reach, *self._runs, self._frame)
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:

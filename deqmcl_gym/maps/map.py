@@ -9,13 +9,14 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps.drive_kernels import mounted
+from deqmcl_gym.maps.drive_kernels import drive, laid, mounted
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of
@@ -43,6 +44,8 @@ class Map(Protocol):
     """The map m. Lengths are in its :attr:`unit`, y points up, headings in rad from +x.
 
     All methods take many items at once and compute in float32, in coordinates about :attr:`datum`.
+    A class derived from ``Map`` inherits ``rolled_out`` and ``collisions_along``, which ask its
+    ``collides``; ``PolygonMap`` and ``GridMap`` do either in one pass, with the same bits.
     """
 
     @property
@@ -116,15 +119,10 @@ class Map(Protocol):
         """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
         ...
 
-
-@runtime_checkable
-class RollOuts(Protocol):
-    """Optional methods of a map: ``collides`` for many steps in one pass, with the same bits."""
-
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides`` for each, in one pass.
+        """Drive poses through several moves: ``driven`` and ``collides`` for each.
 
         Args:
             poses: rows x, y, θ, (3, n) float32.
@@ -135,10 +133,16 @@ class RollOuts(Protocol):
         Returns:
             The poses, (kept, 3, n), and how many steps of each collide, (n,).
         """
-        ...
+        path, hits = [poses], np.zeros(poses.shape[1], np.int32)
+        for move in moves:
+            after = np.empty_like(poses)
+            drive(path[-1], move, after)
+            hits += self.collides(path[-1].T, after.T, radius)
+            path.append(after)
+        return np.stack(path[-kept:]), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """Number of steps that collide on a path laid from each pose: ``collides``, in one pass.
+        """Number of steps that collide on a path laid from each pose.
 
         Args:
             poses: rows x, y, θ, (3, n) float32.
@@ -148,7 +152,12 @@ class RollOuts(Protocol):
         Returns:
             (n,).
         """
-        ...
+        points = np.empty((len(path), 2, poses.shape[1]), np.float32)
+        laid(poses, path, points)
+        hits = np.zeros(poses.shape[1], np.int32)
+        for start, end in pairwise(points):
+            hits += self.collides(start.T, end.T, radius)
+        return hits
 
 
 T = TypeVar("T")
@@ -179,7 +188,7 @@ def scaled(part: T, factor: float) -> T:
         value = getattr(part, own.name)
         if dataclasses.is_dataclass(value):
             changes[own.name] = scaled(value, factor)
-        elif value is not None and (power := field.metadata.get("length")):
+        elif value is not None and (power := own.metadata.get("length")):
             changes[own.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]
 

@@ -128,7 +128,7 @@ class PolygonMap:
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """See ``RollOuts.rolled_out``."""
+        """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
@@ -138,7 +138,7 @@ class PolygonMap:
         return _moved(paths, self.datum, -1), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """See ``RollOuts.collisions_along``."""
+        """See ``Map.collisions_along``."""
         check_path(poses, path)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)

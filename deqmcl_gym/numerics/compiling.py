@@ -12,20 +12,11 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-# numba keys its cache by a kernel's own file, but kernels call those of other files. A digest of
-# all files of kernels becomes part of every kernel's name, so that an edit in any of them is seen.
-_ROOT = Path(__file__).parents[2]
-_KERNELS = sorted(
-    path
-    for package in ("deqmcl_gym", "localizers", "benchmarks")
-    for path in (_ROOT / package).rglob("*.py")
-    if b"@compiled" in path.read_bytes()
-)
-_SHARED = hashlib.sha256(b"".join(path.read_bytes() for path in _KERNELS)).hexdigest()[:8]
 
 
 def compiled(function: F) -> F:
@@ -37,12 +28,35 @@ def compiled(function: F) -> F:
     IEEE arithmetic as written: no fastmath (it changes results between processors), and division
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
     """
-    function.__qualname__ += f"_{_SHARED}"
+    function.__qualname__ += f"_{_digest(function)}"
     kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False)(function)
     if not cast(Any, numba.config).DISABLE_JIT:
         with contextlib.suppress(RuntimeError):  # no folder can be written to
             kernel._cache = _Cache(function)
     return cast(F, kernel)
+
+
+def _digest(function: Callable[..., Any]) -> str:
+    """Return a digest of what a kernel is made from, which becomes part of its name.
+
+    numba keys its cache by the kernel's own file, but a kernel has those that it calls in it, and
+    constants: so what its file has imported counts, kernels by their names, which have digests too.
+    """
+    file = function.__code__.co_filename
+    digest = hashlib.sha256(_source(file))
+    for name, value in sorted(function.__globals__.items()):
+        if isinstance(value, CPUDispatcher):
+            if value.py_func.__code__.co_filename != file:
+                digest.update(f"{name} {value.py_func.__qualname__}\0".encode())
+        elif isinstance(value, bool | int | float | tuple | np.ndarray):
+            content = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+            digest.update(name.encode() + content)
+    return digest.hexdigest()[:8]
+
+
+@cache
+def _source(file: str) -> bytes:
+    return Path(file).read_bytes()
 
 
 class _PrivateFolder(UserProvidedCacheLocator):  # type: ignore[misc]

@@ -6,8 +6,8 @@ from deqmcl_gym.world.course import Pose, wrapped
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import judged
 from deqmcl_gym.world.physics import Contacts, Physics
+from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
-from deqmcl_gym.world.setting import Setting
 
 
 class Episode:
@@ -26,22 +26,22 @@ class Episode:
         scan: the last one, (B,).
     """
 
-    def __init__(self, setting: Setting, walls: Contacts, *, seed: int, number: int) -> None:
+    def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
         """Begin the ``number``-th episode after seeding, and take its first scan.
 
         Raises:
             InputError: no drawn start is free, or no route was found.
         """
-        world = setting.world
-        self._setting = setting
-        self.course, self.plan = setting.begun(seed, number)
+        world = rules.world
+        self._rules = rules
+        self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
         self._noise = world.noise
         self._motion = self.stream(Stream.MOTION)
         self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        self.pose = setting.start(self.course, seed, number)
+        self.pose = rules.start(self.course, seed, number)
         self._physics = Physics(walls, self.pose[:2])
-        self.arc = setting.first_arc(self.course, self.pose[:2])
+        self.arc = rules.first_arc(self.course, self.pose[:2])
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
         self.scan = self._sensor.scan(self.pose)
@@ -60,7 +60,7 @@ class Episode:
         Raises:
             InputError: a driver on a route is already at its goal there.
         """
-        journeys, goal, onwards = self._setting.journeys, self.course.goal, None
+        journeys, goal, onwards = self._rules.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
                 self.plan = self.plan.left_as_it_is(self)
@@ -70,7 +70,7 @@ class Episode:
         self._physics.place(pose[:2])
         if onwards is not None:
             self.course = onwards
-            self.plan = self._setting.plan_for(self.course, self.step)
+            self.plan = self._rules.plan_for(self.course, self.step)
             self.arc = self.way = 0.0
             return
         path = self.course.path
@@ -89,7 +89,7 @@ class Episode:
         self.arc, progress = self.course.path.follow(before, self._physics.position, self.arc)
         self.way += progress
         self.progress += progress
-        rewards = self._setting.rewards
+        rewards = self._rules.rewards
         reward, self.done = judged(progress, self.progress, collided, *rewards)
         if self._is_at_goal():
             reward, self.done = reward + rewards[1], True
@@ -98,8 +98,8 @@ class Episode:
 
     def _is_at_goal(self) -> bool:
         """Whether the robot is at the end of its route, if that ends the episode."""
-        route, goal = self._setting.world.route, self.course.goal
-        if route is None or goal is None or not self._setting.ends_at_goal:
+        route, goal = self._rules.world.route, self.course.goal
+        if route is None or goal is None or not self._rules.ends_at_goal:
             return False
         dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
         return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)

@@ -62,10 +62,8 @@ class Routes:
         from scipy.sparse.csgraph import dijkstra
 
         self.check("goal", goal)
-        costs, following = dijkstra(
-            self._graph, directed=False, indices=self.cell(goal), return_predecessors=True
-        )
-        return RoutesTo(self, goal, costs, following)
+        costs: Floats = dijkstra(self._graph, directed=False, indices=self.cell(goal))
+        return RoutesTo(self, goal, costs, self._following(costs))
 
     def check(self, what: str, at: Point) -> None:
         """Refuse a place where the robot does not fit."""
@@ -102,6 +100,24 @@ class Routes:
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
         seen: Bools = nearest.min(axis=0) >= np.maximum(room - self._cell, self.radius)
         return seen
+
+    def _following(self, costs: Floats) -> Indices:
+        """Return the next cell of the route from each cell to the goal; -1 at it, or without one.
+
+        Of those that lead there at equal cost it is the nearest to the goal, and of these the last:
+        SciPy's choice, which depends on its heap, could be another in another version.
+        """
+        graph = self._graph.tocoo()
+        here, there = np.hstack([(graph.row, graph.col), (graph.col, graph.row)])
+        leads = costs[there] + np.tile(graph.data, 2) == costs[here]
+        leads &= np.isfinite(costs[here])
+        here, there = here[leads], there[leads]
+        least = np.full(len(costs), np.inf)
+        np.minimum.at(least, here, costs[there])
+        following = np.full(len(costs), -1)
+        nearest = costs[there] == least[here]
+        np.maximum.at(following, here[nearest], there[nearest])
+        return following
 
     @cached_property
     def _cell(self) -> float:
@@ -166,7 +182,7 @@ class RoutesTo:
         routes: of the map.
         goal: where they end.
         costs: least weighted length from each free cell to the goal, ∞ without a route, (n,).
-        following: the next cell of the route from each cell, (n,).
+        following: the next cell of the route from each cell, -1 without one, (n,).
     """
 
     routes: Routes

@@ -14,8 +14,7 @@ import matplotlib.pyplot as plt
 from benchmarks.execution.engines import Where
 from benchmarks.files import write_part
 from benchmarks.report.latex import latex_files, pdf_files
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Axis, Method
+from benchmarks.sweeps.design import Axis, Method, Sweep
 from benchmarks.sweeps.running import Options, begun
 
 sweep = Sweep(
@@ -32,7 +31,7 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
     results = running.results()
 
 # %%
-# To read the results of an earlier sweep, use ``benchmarks.sweeps.collecting.results_in``. Eight
+# To read the results of an earlier sweep, use ``benchmarks.sweeps.results.results_in``. Eight
 # worlds are few: the report says how many a paper needs.
 
 files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))
@@ -48,7 +47,7 @@ figure, axes = plt.subplots(figsize=(3.4, 2.2), layout="constrained")
 for method in ("mcl-map", "mcl-plan"):
     found = []
     for panel in results.panels:
-        row = next(row for row in panel.present if row.method.localizer == method)
+        row = next(row for row in panel.present if row.method.name == method)
         found.append((dict(panel.swept)["particles"], *row.error))
     particles, mean, low, high = zip(*found, strict=True)
     axes.plot(particles, mean, "o-", label=method)

@@ -14,7 +14,8 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from localizers.api import Belief, mean_pose
+from localizers.api import Belief
+from localizers.beliefs import mean_pose
 from localizers.checks.subject import (
     OFFSETS,
     LawBrokenError,

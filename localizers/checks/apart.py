@@ -7,10 +7,10 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from deqmcl_gym.validation import InputError, in_words, number
-from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
 from localizers.checks.spawned import Spawned
 from localizers.checks.subject import LawBrokenError
+from localizers.models.robot import RobotModel
 from localizers.naming.isolation import enter
 
 

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from deqmcl_gym.validation import number, one_of
-from localizers.api import RobotModel
 from localizers.checks import answers, lifecycle, randomness
 from localizers.checks.lifecycle import state_of_process
 from localizers.checks.subject import (
@@ -21,6 +20,7 @@ from localizers.checks.subject import (
     default_robot,
     random_drive,
 )
+from localizers.models.robot import RobotModel
 from localizers.naming.isolation import is_ctrl_c
 from localizers.naming.plugins import absolute_name, raised
 from localizers.naming.registry import Factory, is_registered, parameters_of, resolve

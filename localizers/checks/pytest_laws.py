@@ -5,10 +5,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from deqmcl_gym.validation import one_of
-from localizers.api import RobotModel
 from localizers.checks.laws import LAWS, Law
 from localizers.checks.run import Examination, examined
 from localizers.checks.subject import LawBrokenError
+from localizers.models.robot import RobotModel
 from localizers.naming.registry import Factory
 
 if TYPE_CHECKING:

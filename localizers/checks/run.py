@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from localizers.api import RobotModel
 from localizers.checks.apart import Apart
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
+from localizers.models.robot import RobotModel
 from localizers.naming.registry import Factory, is_plug_in
 
 

@@ -11,10 +11,11 @@ from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, digits
-from localizers.api import Belief, Localizer, Prior, RobotModel
+from localizers.api import Belief, Localizer, Prior
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior
+from localizers.models.robot import RobotModel
 from localizers.naming.registry import Factory, made_by
 
 STEPS = 12

@@ -4,18 +4,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from localizers.inference import weight_kernels
-from localizers.inference.adaptive import Watch
-from localizers.inference.parts import Actions, LogWeights, States
+from localizers.inference import weights
+from localizers.inference.loss_detector import LossDetector
+from localizers.inference.parts import Actions, LogWeights, Memory, States
 from localizers.inference.queue import Queue
-from localizers.inference.trust import Trust
-from localizers.inference.weight_kernels import effective_sample_size, log_sum_exp, normalized
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+from localizers.models.scan import Scan
 
+M = TypeVar("M", bound=Memory)
 _EVIDENCE_PARTICLES = 256
 
 
@@ -44,14 +45,16 @@ class Events:
         """Return these counts, increased by ``counts``."""
         return replace(self, **{name: getattr(self, name) + n for name, n in counts.items()})
 
-    def of_scan(self, beams: int, usable: int) -> Self:
+    def of_scan(self, scan: Scan) -> Self:
         """Return these counts with the unusable beams of a scan added."""
-        if usable == beams:
+        unusable = scan.ranges.size - scan.beams
+        if unusable == 0:
             return self
-        return self.plus(skipped_beams=beams - usable, blind_scans=int(usable == 0))
+        return self.plus(skipped_beams=unusable, blind_scans=int(scan.beams == 0))
 
 
-class PlanReading(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class PlanReading(Memory):
     """What the latest plan said about the present.
 
     Attributes:
@@ -79,32 +82,24 @@ class _Cloud(NamedTuple):
         log_weights: not normalised, (n,).
         drawn: the actions with which the states after the present were drawn, (F_t, k).
         log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
-        events: counts since reset.
-        scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
-        trust: evidence for and against this belief; None: none is kept.
         log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
             computed instead of queued, (n,). It multiplies the reported weights, not those
             that are carried on; None: no look-ahead.
-        plan_reading: what the latest plan said, if plans are used as evidence.
-        valid: P(plans are about this robot) given the path of each particle, (n,), if that is
-            estimated; see ``plan_validity``.
+        events: counts since reset.
+        scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         scan_power: λ_t, the exponent of the latest scan's likelihood.
-        watch: averages of scan likelihoods, if they control the injection of poses; see
-            ``injection``.
+        memory: what the filter's parts remember.
     """
 
     queue: Queue
     log_weights: LogWeights
     drawn: Actions
     log_normalizer: float = 0.0
+    log_h: LogWeights | None = None
     events: Events = Events()
     scan_log_evidence: float = math.nan
-    trust: Trust | None = None
-    log_h: LogWeights | None = None
-    plan_reading: PlanReading | None = None
-    valid: Floats | None = None
     scan_power: float = 1.0
-    watch: Watch | None = None
+    memory: tuple[Memory, ...] = ()
 
 
 class ParticleBelief(_Cloud):
@@ -113,10 +108,28 @@ class ParticleBelief(_Cloud):
     A named tuple: several are made at every step, and a frozen dataclass takes three times as long.
     """
 
+    def recall(self, kind: type[M]) -> M | None:
+        """Return the memory of this class, None if there is none."""
+        return next((memory for memory in self.memory if isinstance(memory, kind)), None)
+
+    def remembering(self, memory: Memory) -> "ParticleBelief":
+        """Return this belief with a memory, in the place of one of the same class."""
+        return self._replace(memory=(*self.forgetting(type(memory)).memory, memory))
+
+    def forgetting(self, kind: type[Memory]) -> "ParticleBelief":
+        """Return this belief without the memory of this class."""
+        return self._replace(memory=tuple(m for m in self.memory if not isinstance(m, kind)))
+
     @property
     def quality(self) -> float | None:
         """P(not lost | o_{1:t}), in [0, 1]; None if no evidence is kept."""
-        return None if self.trust is None else self.trust.quality
+        detector = self.recall(LossDetector)
+        return None if detector is None else detector.quality
+
+    @property
+    def plan_reading(self) -> PlanReading | None:
+        """What the latest plan said, if plans are used as evidence."""
+        return self.recall(PlanReading)
 
     @property
     def present(self) -> States:
@@ -169,7 +182,7 @@ class ParticleBelief(_Cloud):
             log_weights=left,
             log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
             log_h=None,
-            valid=None if self.valid is None else self.valid[ancestors],
+            memory=tuple([memory.resampled(ancestors) for memory in self.memory]),
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
@@ -202,7 +215,7 @@ class ParticleBelief(_Cloud):
         model alone until some particle explains the evidence.
         """
         total = np.empty(self.log_weights.size)
-        if math.isfinite(weight_kernels.shifted(self.log_weights, log_factor, total)):
+        if math.isfinite(weights.shifted(self.log_weights, log_factor, total)):
             return self._replace(log_weights=total)
         return self._collapsed()
 
@@ -222,26 +235,24 @@ class ParticleBelief(_Cloud):
 
     def scanned(
         self,
-        ranges: Floats,
+        scan: Scan,
         log_likelihood: LogWeights,
         most: int = _EVIDENCE_PARTICLES,
         power: float = 1.0,
     ) -> "ParticleBelief":
-        """Weight by a scan (B,) of log-likelihoods (n,); record how well this belief predicted it.
+        """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.
 
         The record is taken from at most ``most`` evenly spaced particles and does not depend on
-        ``power``, the exponent of the likelihood. The scan is kept, not copied. The weights change
-        as in ``reweighted``.
+        ``power``, the exponent of the likelihood. The weights change as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
-        top, evidence = weight_kernels.absorbed(
-            self.log_weights, log_likelihood, most, power, total
-        )
-        trust = None if self.trust is None else self.trust.after(ranges, evidence)
+        top, evidence = weights.absorbed(self.log_weights, log_likelihood, most, power, total)
         belief = self if math.isfinite(top) else self._collapsed()
-        weights = total if math.isfinite(top) else self.log_weights
         return belief._replace(
-            log_weights=weights, scan_log_evidence=evidence, trust=trust, scan_power=power
+            log_weights=total if math.isfinite(top) else self.log_weights,
+            scan_log_evidence=evidence,
+            scan_power=power,
+            memory=tuple([memory.scanned(scan, evidence) for memory in self.memory]),
         )
 
     def _collapsed(self) -> "ParticleBelief":

@@ -14,31 +14,23 @@ from typing import Protocol
 import numpy as np
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Floats, Indices
-from localizers.inference import weight_kernels
+from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, Feasibility, LogWeights, Motion, States, Walk
-
-
-@dataclass(frozen=True)
-class Unconstrained:
-    """g = 1: the map does not restrict where the robot can go."""
-
-    def log_g(self, before: States, after: States) -> LogWeights:
-        """Zero for each step, (n,)."""
-        return np.zeros(after.shape[1])
+from localizers.inference.parts import Actions, Feasibility, LogWeights, States, Walk
 
 
 @dataclass(frozen=True)
 class Rollout:
     """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
 
-    A feasibility that can process all steps of a motion in one pass has a method ``walk(motion)``,
-    which returns a ``Walk``, or None for a motion it does not support.
+    Without a feasibility g = 1. One that can process all steps of a motion in one pass has a method
+    ``walk(motion)``, which returns a ``Walk``, or None for a motion it does not support.
     """
 
     motion: Motion
-    feasibility: Feasibility
+    feasibility: Feasibility | None = None
 
     def futures(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
@@ -66,6 +58,8 @@ class Rollout:
     def log_g_of(self, path: Sequence[States]) -> LogWeights:
         """Log Π g of a path of states, (d, n) each, (n,)."""
         total = np.zeros(path[0].shape[1])
+        if self.feasibility is None:
+            return total
         for before, after in pairwise(path):
             total += self.feasibility.log_g(before, after)
         return total
@@ -82,7 +76,7 @@ class StepByStep:
     """The ``Walk`` of any motion and any feasibility."""
 
     motion: Motion
-    feasibility: Feasibility
+    feasibility: Feasibility | None = None
 
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
@@ -92,7 +86,8 @@ class StepByStep:
         path = []
         for action in actions:
             before, states = states, self.motion.sample(states, action, rng)
-            log_g += self.feasibility.log_g(before, states)
+            if self.feasibility is not None:
+                log_g += self.feasibility.log_g(before, states)
             if keep:
                 path.append(states)
         return path, log_g
@@ -104,6 +99,16 @@ def log_mean(log_values: Floats) -> LogWeights:
     base = np.where(np.isfinite(top), top, 0.0)
     total: LogWeights = base + arrays.log(arrays.exp(log_values - base).sum(axis=0))
     return total - math.log(len(log_values))
+
+
+@compiled
+def agreeing(first: Floats, second: Floats) -> int:
+    """How many leading rows of two tables (·, k) are the same, by exact comparison."""
+    for row in range(min(len(first), len(second))):
+        for column in range(first.shape[1]):
+            if first[row, column] != second[row, column]:
+                return row
+    return min(len(first), len(second))
 
 
 @dataclass(frozen=True)
@@ -131,7 +136,7 @@ class Redraw:
         A future that merely ends earlier than ``actions`` is left alone; it is extended later.
         """
         held = belief.queue.ahead
-        shared = weight_kernels.agreeing(belief.drawn, actions) if held else 0
+        shared = agreeing(belief.drawn, actions) if held else 0
         if shared == held:
             return belief
         anchor = belief.queue.at(shared)
@@ -175,17 +180,6 @@ class Move(Protocol):
     ) -> ParticleBelief:
         """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
         ...
-
-
-@dataclass(frozen=True)
-class Stay:
-    """No move: the queue stays as it was drawn, as published."""
-
-    def __call__(
-        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief."""
-        return belief
 
 
 @dataclass(frozen=True)

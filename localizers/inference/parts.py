@@ -1,15 +1,16 @@
-"""The parts of a particle filter, as protocols over any state space.
+"""The parts of a particle filter over any state space, as protocols, and what parts remember.
 
 States are columns, (d, n): row i holds component i of all n particles. On a map they are poses,
 d = 3 (x, y, heading); the tests of exactness use a ring of five states.
 """
 
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.types import Floats, Indices, Ints
+from deqmcl_gym.numerics.types import Floats, Indices
+from localizers.models.scan import Scan
 
 States = NDArray[Any]  # (d, n)
 LogWeights = Floats  # (n,)
@@ -26,18 +27,10 @@ class Initial(Protocol):
         ...
 
 
-class Motion(Protocol):
-    """p(x_t | x_{t-1}, a_t)."""
-
-    def sample(self, states: States, action: Action, rng: np.random.Generator) -> States:
-        """Draw one successor of each state, (d, n)."""
-        ...
-
-
-class Scan(Protocol):
+class ScanModel(Protocol):
     """p(o_t | x_t, m)."""
 
-    def log_likelihood(self, states: States, ranges: Floats) -> LogWeights:
+    def log_likelihood(self, states: States, scan: Scan) -> LogWeights:
         """Log-density of the observation at each state, up to one common constant, (n,)."""
         ...
 
@@ -47,19 +40,6 @@ class Feasibility(Protocol):
 
     def log_g(self, before: States, after: States) -> LogWeights:
         """Log g of each step, (n,)."""
-        ...
-
-
-class PlanModel(Protocol):
-    """p(π_t | x_t, m) ∝ exp(-β C(x_t, π_t)): how likely a plan is to be shown at a state."""
-
-    @property
-    def beta(self) -> float:
-        """β ≥ 0; inf rules out states from which a planned step collides."""
-        ...
-
-    def collisions(self, states: States, plan: Actions, first: int = 0) -> Ints:
-        """Return C of each state, (n,): planned steps that collide, from step ``first`` on."""
         ...
 
 
@@ -87,3 +67,19 @@ class Resampling(Protocol):
         The weights have sum 1, (n,).
         """
         ...
+
+
+class Memory:
+    """What a part remembers from step to step.
+
+    A belief carries one of each class: ``ParticleBelief.remembering`` adds it,
+    ``ParticleBelief.recall`` returns it.
+    """
+
+    def resampled(self, ancestors: Indices) -> Self:
+        """Return what is remembered of the particles kept, (n,)."""
+        return self
+
+    def scanned(self, scan: Scan, log_evidence: float) -> Self:
+        """Return what is remembered after a scan of evidence log Σ w p(o | x)."""
+        return self

@@ -11,12 +11,14 @@ from typing import Protocol
 import numpy as np
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Ints
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.exponential_kernels import exp64, log64
+from deqmcl_gym.numerics.types import Floats, Indices, Ints
 from deqmcl_gym.validation import number
-from localizers.inference import weight_kernels
 from localizers.inference.belief import ParticleBelief, PlanReading
-from localizers.inference.futures import Rollout, log_mean
-from localizers.inference.parts import Actions, LogWeights, PlanModel, States
+from localizers.inference.futures import Rollout, agreeing, log_mean
+from localizers.inference.parts import Actions, LogWeights, Memory, States
+from localizers.models.plan_sensor import PlanSensor
 
 
 class Lookahead(Protocol):
@@ -31,20 +33,6 @@ class Lookahead(Protocol):
     ) -> ParticleBelief:
         """Return the belief, looking ahead along the plan (h, k)."""
         ...
-
-
-@dataclass(frozen=True)
-class Myopic:
-    """h = 1: nothing is looked ahead for."""
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, without a reading of an earlier plan."""
-        reading = belief.plan_reading
-        if reading is None or reading.shown is plan:  # the start was chosen by it
-            return belief
-        return belief._replace(plan_reading=None)
 
 
 class Table(Protocol):
@@ -114,7 +102,7 @@ def nothing_known(last: Actions | None, plan: Actions) -> int:
 
 def steps_known(last: Actions | None, plan: Actions) -> int:
     """Charge each planned step once: a plan that merely continues the last one adds nothing."""
-    return 0 if last is None else weight_kernels.agreeing(last[1:], plan)
+    return 0 if last is None else agreeing(last[1:], plan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +123,7 @@ class PlanEvidence:
         known: how many first steps of a plan are already charged, given those of the last one.
     """
 
-    sensor: PlanModel
+    sensor: PlanSensor
     steps: int | None = None
     keep: float = 0.0
     known: Known = nothing_known
@@ -153,26 +141,83 @@ class PlanEvidence:
         seen = plan[: self.steps]
         first = self.known(None if last is None else last.seen, plan)
         if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
-            return belief._replace(plan_reading=PlanReading(plan, plan[:first]))
+            return belief.remembering(PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
-        tempering, feasible, log_evidence = weight_kernels.tempering(
+        power, feasible, log_evidence = tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
         )
-        read = belief.reweighted(_charges(tempering, self.sensor.beta, collisions))
+        read = belief.reweighted(_charges(power, self.sensor.beta, collisions))
         if feasible == 0.0:
             read = read._replace(events=read.events.plus(infeasible_plans=1))
-        return read._replace(
-            plan_reading=PlanReading(plan, seen, tempering, feasible, log_evidence)
-        )
+        return read.remembering(PlanReading(plan, seen, power, feasible, log_evidence))
 
 
-def _charges(tempering: float, beta: float, collisions: Ints) -> Floats:
+@compiled
+def tempering(
+    weights: Floats, collisions: Ints, beta: float, keep: float
+) -> tuple[float, float, float]:
+    """Return λ, the largest of 0 … 1 at which exp(-λ β C) leaves ``keep`` of the sample size.
+
+    By bisection, to 2⁻⁴⁰; the effective sample size is never less. It is one of weight and squared
+    weight at each value of C.
+
+    Args:
+        weights: with sum 1, (n,).
+        collisions: C, (n,).
+        beta: β ≥ 0, may be infinite: then λ is 1, or 0 as a limit.
+        keep: share of the effective sample size.
+
+    Returns:
+        λ, the weight where C is 0, and log Σ w exp(-λ β C).
+    """
+    sums, squares = np.zeros((2, collisions.max() + 1))
+    for i in range(weights.size):
+        sums[collisions[i]] += weights[i]
+        squares[collisions[i]] += weights[i] * weights[i]
+    least = 0
+    while not sums[least] > 0.0:
+        least += 1
+    wanted = keep / np.sum(squares)
+    factor = np.ones(sums.size)
+    low, high, power = 0.0, 1.0, 1.0
+    for _ in range(40):
+        total, square = sums[least], squares[least]
+        for c in range(least + 1, sums.size):
+            factor[c] = exp64(-power * (beta * (c - least)))
+            total += factor[c] * sums[c]
+            square += factor[c] * factor[c] * squares[c]
+        if total * total >= wanted * square:
+            low = power
+        else:
+            high = power
+        if low == 1.0:
+            break
+        power = 0.5 * (low + high)
+    total = sums[least]
+    for c in range(least + 1, sums.size):
+        total += sums[c] * (exp64(-low * (beta * (c - least))) if low > 0.0 else 1.0)
+    shift = low * (beta * least) if least > 0 and low > 0.0 else 0.0
+    return low, sums[0], log64(total) - shift
+
+
+def _charges(power: float, beta: float, collisions: Ints) -> Floats:
     """-λ β C of each state, (n,); 0 at λ = 0, even if β is infinite."""
     per_count = np.zeros(int(collisions.max()) + 1)
-    if tempering > 0.0:
-        per_count[1:] = -(tempering * beta) * np.arange(1.0, per_count.size)
+    if power > 0.0:
+        per_count[1:] = -(power * beta) * np.arange(1.0, per_count.size)
     charges: Floats = per_count[collisions]
     return charges
+
+
+@dataclass(frozen=True)
+class PlanValidity(Memory):
+    """v = P(plans are about this robot) given the path of each particle, (n,)."""
+
+    valid: Floats
+
+    def resampled(self, ancestors: Indices) -> "PlanValidity":
+        """Return that of the particles kept, (n,)."""
+        return PlanValidity(self.valid[ancestors])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +236,7 @@ class DoubtedPlans:
         steps: L, how many planned steps are read; None: all.
     """
 
-    sensor: PlanModel
+    sensor: PlanSensor
     anywhere: States
     switching: float
     steps: int | None = None
@@ -206,10 +251,11 @@ class DoubtedPlans:
         last, seen = belief.plan_reading, plan[: self.steps]
         if last is not None and last.shown is plan:  # the start was chosen by it
             return belief
-        before = np.ones(belief.log_weights.size) if belief.valid is None else belief.valid
+        doubt = belief.recall(PlanValidity)
+        before = np.ones(belief.log_weights.size) if doubt is None else doubt.valid
         valid: Floats = before * (1.0 - self.switching) + (1.0 - before) * self.switching
         if len(seen) == 0:
-            return belief._replace(valid=valid, plan_reading=PlanReading(plan, seen))
+            return belief.remembering(PlanValidity(valid)).remembering(PlanReading(plan, seen))
         collisions = self.sensor.collisions(belief.present, seen)
         right = valid * self._likelihoods(collisions)
         factor = right + (1.0 - valid) * self._likelihoods(self._elsewhere(seen)).mean()
@@ -224,7 +270,7 @@ class DoubtedPlans:
         evidence = float(arrays.log((prior * factor).sum())) if told.any() else -np.inf
         share = float((read.weights * valid).sum())  # no BLAS: the same bits everywhere
         reading = PlanReading(plan, seen, 1.0, feasible, evidence, share)
-        return read._replace(valid=valid, plan_reading=reading)
+        return read.remembering(PlanValidity(valid)).remembering(reading)
 
     def _elsewhere(self, seen: Actions) -> Ints:
         return self.sensor.collisions(self.anywhere, seen)

@@ -1,59 +1,110 @@
-"""When to resample (always, or by effective sample size) and how (systematic, …).
+"""When to resample (always, or by effective sample size), how (systematic, …), and by what weights.
 
 A scan's likelihood may be tempered before, so that a coarse cloud survives a sharp sensor.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.exponential_kernels import exp64
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import number, one_of
-from localizers.inference import weight_kernels
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import LogWeights, Weights
-from localizers.inference.weight_kernels import effective_sample_size
+from localizers.inference.weights import effective_sample_size, largest
 
 
-class Tempering(Protocol):
-    """The exponent λ of p(o_t | x_t, m)."""
+@compiled
+def _systematic(weights: Floats, offset: float, out: Indices) -> None:
+    """Do the same as ``_pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
 
-    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
-        """Return λ in [0, 1], given the weights before the scan, (n,), and its likelihoods."""
-        ...
-
-
-@dataclass(frozen=True)
-class Untempered:
-    """λ = 1: Bayes' rule."""
-
-    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
-        """Return 1."""
-        return 1.0
-
-
-@dataclass(frozen=True)
-class KeepsSampleSize:
-    """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
-
-    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
-    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
-    the cloud, so the filter is exact only at ``keep`` = 0.
-
-    Attributes:
-        keep: κ in [0, 1].
+    Each particle is written at its first pointer, over those before it that get none; the other
+    pointers repeat the last one written. A search would mispredict a branch at every pointer.
     """
+    n = weights.size
+    before = np.empty(n)  # the weight of the particles before each
+    total = 0.0
+    for i in range(n):
+        before[i] = total
+        total += weights[i]
+    last = n - 1  # of weight above zero
+    while last > 0 and not weights[last] > 0.0:
+        last -= 1
+    per_weight = n / total
+    for i in range(n):
+        before[i] = np.ceil(before[i] * per_weight - offset)
+    written = np.zeros(n)
+    for i in range(last + 1):
+        first = int(before[i])
+        if 0 <= first < n:
+            written[first] = i
+    furthest = 0.0  # not an int: of its maximum the compiler would make a branch
+    for k in range(n):
+        furthest = max(furthest, written[k])
+        out[k] = int(furthest)
 
-    keep: float
 
-    def __post_init__(self) -> None:
-        number("scan_keep", self.keep, low=0, high=1)
+@compiled
+def _strata(offsets: Floats, out: Floats) -> None:
+    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``."""
+    n = out.size
+    for k in range(n):
+        out[k] = (k + offsets[k]) / n
 
-    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
-        """Return λ; 1 if no particle explains the scan."""
-        return weight_kernels.power_that_keeps(log_weights, log_likelihood, self.keep)
+
+@compiled
+def _pointed_at(weights: Floats, pointers: Floats, out: Indices) -> None:
+    """Fill in which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+    total = 0.0
+    last = 0  # of weight above zero
+    for i in range(weights.size):
+        total += weights[i]
+        last = i if weights[i] > 0.0 else last
+    reached = weights[0]
+    particle = 0
+    for k in range(pointers.size):
+        goal = pointers[k] * total
+        while reached <= goal and particle < last:
+            particle += 1
+            reached += weights[particle]
+        out[k] = particle
+
+
+def pointed_at(weights: Floats, pointers: Floats) -> Indices:
+    """Return which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+    chosen = np.empty(pointers.size, np.intp)
+    _pointed_at(weights, pointers, chosen)
+    return chosen
+
+
+@compiled
+def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
+    """Fill in the first particle whose cumulative weight is above each pointer, in any order.
+
+    By an index table (Chen & Asau 1974): each search starts at the first possible particle.
+
+    Args:
+        cumulative: ascending, (n,).
+        pointers: in [0, cumulative[-1]], (k,).
+        out: (k,).
+    """
+    n = cumulative.size
+    per_weight = n / cumulative[-1]
+    table = np.full(n + 2, n - 1)
+    filled = 0
+    for i in range(n):
+        slot = int(cumulative[i] * per_weight)  # computed as for pointers: monotone
+        while filled <= slot:
+            table[filled] = i
+            filled += 1
+    for k in range(pointers.size):
+        i = table[int(pointers[k] * per_weight)]
+        while i < n - 1 and cumulative[i] <= pointers[k]:
+            i += 1
+        out[k] = i
 
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
@@ -66,20 +117,20 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
     """
     chosen = np.empty(weights.size, np.intp)
-    weight_kernels.systematic(weights, rng.random(), chosen)
+    _systematic(weights, rng.random(), chosen)
     return chosen
 
 
 def stratified(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
     pointers = np.empty(weights.size)
-    weight_kernels.strata(rng.random(weights.size), pointers)
-    return _pointed_at(weights, pointers)
+    _strata(rng.random(weights.size), pointers)
+    return pointed_at(weights, pointers)
 
 
 def multinomial(weights: Weights, rng: np.random.Generator) -> Indices:
     """N independent draws by weight (Gordon, Salmond & Smith 1993)."""
-    return _pointed_at(weights, np.sort(rng.random(weights.size)))
+    return pointed_at(weights, np.sort(rng.random(weights.size)))
 
 
 SCHEMES: dict[str, Scheme] = {
@@ -139,7 +190,59 @@ def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDege
     return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
 
 
-def _pointed_at(weights: Floats, pointers: Floats) -> Indices:
-    chosen = np.empty(weights.size, np.intp)
-    weight_kernels.pointed_at(weights, pointers, chosen)
-    return chosen
+@dataclass(frozen=True)
+class KeepsSampleSize:
+    """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
+
+    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
+    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
+    the cloud, so the filter is exact only at ``keep`` = 0.
+
+    Attributes:
+        keep: κ in [0, 1].
+    """
+
+    keep: float
+
+    def __post_init__(self) -> None:
+        number("scan_keep", self.keep, low=0, high=1)
+
+    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
+        """Return λ; 1 if no particle explains the scan."""
+        return power_that_keeps(log_weights, log_likelihood, self.keep)
+
+
+@compiled
+def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> float:
+    """Return the largest λ in [0, 1] at which w f^λ has ``keep`` of the sample size of w.
+
+    By bisection, to 2⁻²⁰; the effective sample size is never less. 1 if no weight is left by f, or
+    one is infinite.
+    """
+    scaled = log_weights + log_factor
+    if not abs(largest(scaled)) < np.inf:
+        return 1.0
+    wanted = keep * _sample_size(log_weights)
+    low, high, power = 0.0, 1.0, 1.0
+    for _ in range(20):
+        for i in range(scaled.size):
+            scaled[i] = log_weights[i] + power * log_factor[i]
+        if _sample_size(scaled) >= wanted:
+            low = power
+        else:
+            high = power
+        if low == 1.0:
+            break
+        power = 0.5 * (low + high)
+    return low
+
+
+@compiled
+def _sample_size(log_weights: Floats) -> float:
+    """(Σ w)² / Σ w²."""
+    top, total, square = largest(log_weights), 0.0, 0.0
+    for i in range(log_weights.size):
+        weight = exp64(log_weights[i] - top)
+        total += weight
+        square += weight * weight
+    return total * total / square

@@ -1,35 +1,21 @@
 """The particles at t = 0, and poses from anywhere for a filter that is lost."""
 
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.numerics.types import Floats
-from localizers.inference import weight_kernels
-from localizers.inference.adaptive import Recovery, Watch
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.validation import InputError, digits, number
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, Initial, States
+from localizers.inference.futures import agreeing
+from localizers.inference.parts import Actions, Initial, Memory, States
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.queue import Queue
-from localizers.inference.weight_kernels import normalized_with_log_sum
-from localizers.models.scan import count_usable
-
-
-class Start(Protocol):
-    """Chooses the first particles among draws from the prior."""
-
-    @property
-    def draws(self) -> int:
-        """K, draws for each particle."""
-        ...
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return a belief of n particles, of K n draws from the prior."""
-        ...
+from localizers.inference.resampling import pointed_at
+from localizers.inference.weights import normalized_with_log_sum
+from localizers.models.scan import Scan
 
 
 def drawn(
@@ -38,19 +24,6 @@ def drawn(
     """Return draws from a prior as a belief without a queued future."""
     states = np.ascontiguousarray(prior.sample(count, rng).T, dtype=dtype)
     return ParticleBelief(Queue((states,)), np.zeros(count), drawn=plan[:0])
-
-
-@dataclass(frozen=True)
-class FromPrior:
-    """All draws from the prior."""
-
-    draws: int = 1
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief."""
-        return belief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +53,7 @@ class InformedStart:
         read = self.evidence(belief, plan, rng)
         by, n = read.log_weights, read.log_weights.size // self.draws
         weights, log_sum = normalized_with_log_sum(by)
-        chosen = np.empty(n, np.intp)
-        weight_kernels.pointed_at(weights, (np.arange(n) + rng.random()) / n, chosen)
+        chosen = pointed_at(weights, (np.arange(n) + rng.random()) / n)
         states = read.present.take(chosen, axis=1)
         if self.jitter > 0:
             states = states + self._noise(states, plan, rng)
@@ -94,41 +66,87 @@ class InformedStart:
         return noise.astype(states.dtype)
 
 
-class Injection(Protocol):
-    """Mixes poses into a belief."""
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """max(0, 1 - w_fast / w_slow) of the draws are random poses (Thrun et al. 2005, table 8.3).
 
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief of a step that is to be scanned, in part from anywhere."""
-        ...
+    w_slow and w_fast are exponential averages of how likely the scans were; over the first
+    1 / α scans they are plain means, so that the first scan, which the particles of a lost robot
+    hardly explain, is soon outweighed. With both rates 0 there are no random poses.
 
-    def noted(
-        self, belief: ParticleBelief, plan: Actions, ranges: Floats | None = None
-    ) -> ParticleBelief:
-        """Return the belief, remembering how likely its scan (B,) was; None: it has had none."""
-        ...
+    Attributes:
+        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
+        slow, fast: w_slow and w_fast; 0 before the first scan.
+        scans: how many were averaged.
+    """
+
+    alpha_slow: float = 0.0
+    alpha_fast: float = 0.0
+    slow: float = 0.0
+    fast: float = 0.0
+    scans: int = 0
+
+    def __post_init__(self) -> None:
+        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
+        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
+        if self.alpha_fast < self.alpha_slow:
+            raise InputError(
+                f"recovery_alpha_fast is {digits(self.alpha_fast)}, but must be at least "
+                f"recovery_alpha_slow, {digits(self.alpha_slow)}."
+            )
+
+    @property
+    def share(self) -> float:
+        """Probability that a draw is a random pose."""
+        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+    def after(self, log_evidence: float, beams: int) -> "Recovery":
+        """Return the averages after a scan.
+
+        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
+        with lost beams are comparable.
+
+        Args:
+            log_evidence: log p(o | belief); NaN changes nothing.
+            beams: how many beams it is made of; 0 changes nothing.
+        """
+        if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
+            return self
+        # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
+        log_beam = log_evidence / beams
+        size = float(arrays.exp(-abs(log_beam)))
+        likelihood = size if log_beam <= 0 else 1.0 / size
+        scans = self.scans + 1
+        slow, fast = max(self.alpha_slow, 1 / scans), max(self.alpha_fast, 1 / scans)
+        return replace(
+            self,
+            slow=self.slow + slow * (likelihood - self.slow),
+            fast=self.fast + fast * (likelihood - self.fast),
+            scans=scans,
+        )
 
 
 @dataclass(frozen=True)
-class Nothing:
-    """No pose is mixed in."""
+class Watch(Memory):
+    """What an injection remembers of scans and plans.
 
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief."""
-        return belief
+    Attributes:
+        recovery: averages of how likely the scans were.
+        plan: the latest, (h, k).
+        news: for how many more steps, this one included, the route counts as new.
+    """
 
-    def noted(
-        self, belief: ParticleBelief, plan: Actions, ranges: Floats | None = None
-    ) -> ParticleBelief:
-        """Return the belief."""
-        return belief
+    recovery: Recovery
+    plan: Actions
+    news: int = 0
+
+    def scanned(self, scan: Scan, log_evidence: float) -> "Watch":
+        """Return the same with the averages after a scan."""
+        return replace(self, recovery=self.recovery.after(log_evidence, scan.beams))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Anywhere:
+class Injection:
     """bel ← (1 - s) bel + s p_anywhere before each scan, s = max(0, 1 - w_fast / w_slow).
 
     Thrun et al. 2005, table 8.3. w_slow and w_fast are averages of how likely scans are at the
@@ -142,53 +160,43 @@ class Anywhere:
     Attributes:
         recovery: the rates.
         poses: p_anywhere.
-        start: chooses among its draws by a new route.
-        max_range: of a beam.
+        start: chooses among its draws by a new route; None: the plan is not looked at.
     """
 
     recovery: Recovery
     poses: Initial
-    start: Start
-    max_range: float
+    start: InformedStart | None = None
+
+    def begun(self, belief: ParticleBelief, plan: Actions) -> ParticleBelief:
+        """Return the first belief, which remembers its plan."""
+        return belief.remembering(Watch(self.recovery, plan))
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, in part from anywhere; draws from a stream of its own."""
-        watch = belief.watch
-        assert watch is not None  # noted at the start
-        if watch.recovery.share == 0.0:
+        last = belief.recall(Watch)
+        assert last is not None, "begun at the start"
+        news = max(0, last.news - 1)
+        if is_new(last.plan, plan):
+            news = math.ceil(1 / self.recovery.alpha_fast)
+        belief, share = belief.remembering(Watch(last.recovery, plan, news)), last.recovery.share
+        if share == 0.0:
             return belief
         stream = rng.spawn(1)[0]
-        chosen = stream.random(belief.log_weights.size) < watch.recovery.share
+        chosen = stream.random(belief.log_weights.size) < share
         count = int(np.count_nonzero(chosen))
         if count == 0:
             return belief
-        start = self.start if self._news(watch, plan) else FromPrior()
         dtype = belief.present.dtype
-        return belief.exchanged(
-            chosen, start(drawn(self.poses, start.draws * count, dtype, plan, stream), plan, stream)
-        )
-
-    def noted(
-        self, belief: ParticleBelief, plan: Actions, ranges: Floats | None = None
-    ) -> ParticleBelief:
-        """Return the belief, with the averages after its scan."""
-        watch = belief.watch
-        if watch is None or ranges is None:
-            return belief._replace(watch=Watch(self.recovery, plan))
-        beams = count_usable(ranges, self.max_range)
-        recovery = watch.recovery.after(belief.scan_log_evidence, beams)
-        return belief._replace(watch=Watch(recovery, plan, max(0, self._news(watch, plan) - 1)))
-
-    def _news(self, watch: Watch, plan: Actions) -> int:
-        if not is_new(watch.plan, plan):
-            return watch.news
-        return math.ceil(1 / self.recovery.alpha_fast)
+        if self.start is None or news == 0:
+            return belief.exchanged(chosen, drawn(self.poses, count, dtype, plan, stream))
+        candidates = drawn(self.poses, self.start.draws * count, dtype, plan, stream)
+        return belief.exchanged(chosen, self.start(candidates, plan, stream))
 
 
 def is_new(last: Actions, plan: Actions) -> bool:
     """Whether a plan is not the last one without its first action, but longer or shorter."""
     if len(last) <= 1:
         return len(plan) > 1
-    return weight_kernels.agreeing(last[1:], plan) < min(len(last) - 1, len(plan))
+    return agreeing(last[1:], plan) < min(len(last) - 1, len(plan))

@@ -14,14 +14,20 @@ from deqmcl_gym.maps.map import pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
-from localizers.api import Prior, RobotModel, checked_plan, checked_rng, checked_step, require_reset
-from localizers.inference import adaptive
-from localizers.inference.adaptive import KldSampling
+from localizers.api import Motion, Prior
+from localizers.inference.bayes_filter import (
+    checked_plan,
+    checked_rng,
+    checked_step,
+    require_reset,
+)
 from localizers.inference.belief import Events, ParticleBelief
+from localizers.inference.kld_sampling import KldSampling
+from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import Motion, States
+from localizers.inference.parts import Memory, States
 from localizers.inference.queue import Queue
-from localizers.inference.trust import Trust
+from localizers.inference.resampling import searched
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -31,7 +37,8 @@ from localizers.models.nav2_scan import (
     metres_in,
 )
 from localizers.models.prior import GaussianPrior, random_poses
-from localizers.models.scan import LidarScan
+from localizers.models.robot import RobotModel
+from localizers.models.scan import LidarScan, Scan
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
@@ -182,7 +189,7 @@ class AdaptiveLocalizer:
         self._motion, self._scan, self._skipping = motion, scan, skipping
         self._kld, self._averages = kld, averages
         self._resampling, self._gate = resampling, gate
-        self._trust = Trust.of(scan, robot.floor_plan)
+        self._detector = LossDetector.of(scan, robot.floor_plan)
         self._running: _Running | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
@@ -192,17 +199,17 @@ class AdaptiveLocalizer:
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
-        belief = _cloud(cloud, Events(), self._trust)
+        belief = _cloud(cloud, Events(), (self._detector,))
         self._running = _Running(belief, np.zeros(3), 0.0, self._averages, 0, False, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
-        scan, command, _, usable = checked_step(ranges, action, plan, self.robot.lidar)
+        scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
         since = composed(now.since, command)
         belief = now.belief
-        belief = belief._replace(events=belief.events.of_scan(scan.size, usable))
+        belief = belief._replace(events=belief.events.of_scan(scan))
         if now.updates and not self._gate.opens(since, now.heading):
             self._running = replace(now, belief=belief, since=since)
             return belief._replace(queue=Queue((moved(belief.present, since),)))
@@ -210,12 +217,13 @@ class AdaptiveLocalizer:
         used = scan
         if now.converged and self._skipping is not None:
             assert isinstance(self._scan, LikelihoodFieldProb)
-            used = self._skipping.kept(self._scan, cloud, scan)
+            kept = self._skipping.kept(self._scan, cloud, scan.ranges)
+            used = Scan.of(kept, self.robot.lidar.max_range)
         weighed = belief._replace(queue=Queue((cloud,))).scanned(
             used, self._scan.log_likelihood(cloud, used), most=cloud.shape[1]
         )
         averages = now.averages
-        if usable:
+        if scan.beams > 0:
             averages = averages.after(weighed.scan_log_evidence, cloud.shape[1])
         heading = float(arrays.wrapped([now.heading + float(since[2])])[0])
         running = _Running(
@@ -233,7 +241,7 @@ class AdaptiveLocalizer:
         pointers = now.rng.random(self._kld.most) * cumulative[-1]
         anywhere = now.rng.random(self._kld.most) < share
         chosen = np.empty(pointers.size, np.intp)
-        adaptive.drawn(cumulative, pointers, chosen)
+        searched(cumulative, pointers, chosen)
         drawn = belief.present.take(chosen, axis=1)
         if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)
@@ -242,7 +250,7 @@ class AdaptiveLocalizer:
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
         kept = np.ascontiguousarray(drawn[:, :enough])
-        cloud = _cloud(kept, events, belief.trust)._replace(
+        cloud = _cloud(kept, events, belief.memory)._replace(
             scan_log_evidence=belief.scan_log_evidence
         )
         return replace(
@@ -392,7 +400,7 @@ def amcl(
     )
 
 
-def _cloud(states: States, events: Events, trust: Trust | None) -> ParticleBelief:
-    """Equally weighted particles (3, n), with the events and the trust since reset."""
+def _cloud(states: States, events: Events, memory: tuple[Memory, ...]) -> ParticleBelief:
+    """Equally weighted particles (3, n), with the events and the evidence since reset."""
     even = np.zeros(states.shape[1])
-    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, trust=trust)
+    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, memory=memory)

@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.api import (
-    Prior,
-    RobotModel,
+from localizers.api import Prior
+from localizers.inference.bayes_filter import (
     checked_action,
     checked_plan,
     checked_rng,
     require_reset,
 )
+from localizers.models.robot import RobotModel
 
 Pose = tuple[float, float, float]
 

@@ -21,12 +21,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from deqmcl_gym.validation import integer, one_of
-from localizers.api import RobotModel
 from localizers.inference.futures import Move, RenewedFuture, Sometimes, WhenResampled
+from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.trust import Trust
 from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.plan_sensor import FreeSpace
+from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan
 
 
@@ -39,7 +39,7 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
         scan=scan,
         resampling=shared.resampling,
         particles=shared.particles,
-        trust=Trust.of(scan, robot.floor_plan),
+        detector=LossDetector.of(scan, robot.floor_plan),
     )
 
 

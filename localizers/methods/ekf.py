@@ -14,15 +14,17 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
-from localizers.api import Points, Prior, RobotModel, mean_pose
+from localizers.api import Points, Prior
+from localizers.beliefs import mean_pose
 from localizers.inference import gaussian as kernels
+from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
 from localizers.inference.gaussian import gaussian_points, sigma_points
-from localizers.inference.particle_filter import FilterLocalizer
-from localizers.inference.trust import Trust
-from localizers.inference.weight_kernels import log_evidence
+from localizers.inference.loss_detector import LossDetector
+from localizers.inference.weights import log_evidence
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
-from localizers.models.scan import LidarScan, usable_beams
+from localizers.models.robot import RobotModel
+from localizers.models.scan import LidarScan, Scan
 
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
 # Half-widths of the central differences: px (scaled to the map's unit), px, rad. Above the float32
@@ -59,13 +61,13 @@ class GaussianBelief(NamedTuple):
     Attributes:
         mean: x, y, θ rad, (3,).
         covariance: (3, 3).
-        trust: evidence for and against this belief.
+        detector: evidence for and against this belief.
         events: counts since reset.
     """
 
     mean: Floats
     covariance: Floats
-    trust: Trust
+    detector: LossDetector
     events: GaussianEvents = GaussianEvents()
 
     def points(self, offset: int = 0) -> Points | None:
@@ -81,7 +83,7 @@ class GaussianBelief(NamedTuple):
     @property
     def quality(self) -> float:
         """P(not lost | o_{1:t}), in [0, 1]."""
-        return self.trust.quality
+        return self.detector.quality
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,49 +95,48 @@ class KalmanFilter:
         scan: p(o_t | x_t, m), from which the quality is computed.
         beam: mean and variance of a beam.
         gate: largest ν² / S of a beam that is used.
-        trust: evidence for and against its beliefs at t = 0.
+        detector: evidence for and against its beliefs at t = 0.
     """
 
     motion: OdometryMotion
     scan: LidarScan
     beam: HitMoments
     gate: float
-    trust: Trust
+    detector: LossDetector
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GaussianBelief:
         """Return the Gaussian of the prior's moments. The plan is not used."""
-        return GaussianBelief(*_moments(prior, rng.spawn(1)[0]), self.trust)
+        return GaussianBelief(*_gaussian(prior, rng.spawn(1)[0]), self.detector)
 
     def step(
         self,
         belief: GaussianBelief,
-        ranges: Floats,
+        scan: Scan,
         action: Floats,
         plan: Floats,
         rng: np.random.Generator,
     ) -> GaussianBelief:
-        """Return the belief after one increment (3,) and one scan (B,)."""
+        """Return the belief after one increment (3,) and one scan."""
         mean, covariance = belief.mean.copy(), belief.covariance.copy()
         way, turn = distance_and_bearing(action), float(action[2])
         kernels.predict(mean, covariance, *way, turn, *self.motion.spread(action))
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
-        likelihoods = self.scan.log_likelihood(predicted, ranges)
-        trust = belief.trust.after(ranges, log_evidence(np.zeros(6), likelihoods, 6))
-        gated, unpredicted = self._corrected(mean, covariance, ranges)
+        likelihoods = self.scan.log_likelihood(predicted, scan)
+        detector = belief.detector.scanned(scan, log_evidence(np.zeros(6), likelihoods, 6))
+        gated, unpredicted = self._corrected(mean, covariance, scan)
         events = belief.events
         if gated or unpredicted:
             events = events.plus(gated_beams=gated, unpredicted_beams=unpredicted)
         mean[2] = float(arrays.arctan2(arrays.sin(mean[2]), arrays.cos(mean[2])))
-        return GaussianBelief(mean, covariance, trust, events)
+        return GaussianBelief(mean, covariance, detector, events)
 
-    def _corrected(self, mean: Floats, covariance: Floats, ranges: Floats) -> tuple[int, int]:
+    def _corrected(self, mean: Floats, covariance: Floats, scan: Scan) -> tuple[int, int]:
         """Correct by a scan, in place; return the numbers of gated and of unpredicted beams."""
         floor_plan, lidar = self.scan.floor_plan, self.scan.lidar
-        usable = usable_beams(ranges, lidar.max_range)
         steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
         shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
         origins = lidar.origins((mean + shifts).T).T
-        seen = floor_plan.ranges(origins, lidar.bearings[usable])
+        seen = floor_plan.ranges(origins, lidar.bearings[scan.usable])
         predicted = np.isfinite(seen).all(axis=0)
         expected, variances = self.beam.hit_moments(
             seen[:, predicted].astype(np.float64), lidar.max_range
@@ -144,7 +145,7 @@ class KalmanFilter:
         gated = kernels.correct(
             mean,
             covariance,
-            ranges[usable][predicted] - expected[0],
+            scan.ranges[scan.usable][predicted] - expected[0],
             np.ascontiguousarray(slopes.T),
             variances[0],
             self.gate,
@@ -178,12 +179,12 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
         scan=scan,
         beam=robot.scan,
         gate=bound,
-        trust=Trust.of(scan, robot.floor_plan),
+        detector=LossDetector.of(scan, robot.floor_plan),
     )
     return FilterLocalizer(robot, kalman)
 
 
-def _moments(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Mean of a prior (that of its draws, if it has none) and covariance about it.
 
     The headings are taken as differences in [-π, π].

@@ -6,16 +6,16 @@ from inspect import Parameter, Signature, signature
 from typing import Any
 
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.api import RobotModel
-from localizers.inference.adaptive import Recovery
+from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.particle_filter import FilterLocalizer, ParticleFilter
+from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.parts import Resampling
 from localizers.inference.plan_evidence import PlanEvidence
-from localizers.inference.resampling import KeepsSampleSize, Tempering, Untempered, resampling
-from localizers.inference.start import Anywhere, FromPrior, InformedStart, Injection, Nothing, Start
+from localizers.inference.resampling import KeepsSampleSize, resampling
+from localizers.inference.start import InformedStart, Injection, Recovery
 from localizers.models.plan_sensor import PlanSensor
 from localizers.models.prior import UniformPrior
+from localizers.models.robot import RobotModel
 
 FOR_THE_LOST = (
     "plan_beta",
@@ -83,32 +83,28 @@ class Shared:
         """The sensor model of plans."""
         return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=self.plan_beta)
 
-    def start(self, robot: RobotModel) -> Start:
+    def start(self, robot: RobotModel) -> InformedStart | None:
         """How the first particles are chosen."""
         if self.start_draws == 1:
-            return FromPrior()
+            return None
         evidence = PlanEvidence(sensor=self.sensor(robot))
         return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
 
     @property
-    def tempering(self) -> Tempering:
+    def tempering(self) -> KeepsSampleSize | None:
         """The exponent of scan likelihoods."""
         kept = KeepsSampleSize(self.scan_keep)
-        return kept if self.scan_keep > 0 else Untempered()
+        return kept if self.scan_keep > 0 else None
 
-    def injection(self, robot: RobotModel) -> Injection:
+    def injection(self, robot: RobotModel) -> Injection | None:
         """Which random poses are mixed in, and when."""
         recovery = Recovery(
             alpha_slow=self.recovery_alpha_slow, alpha_fast=self.recovery_alpha_fast
         )
         if recovery.alpha_fast == 0:
-            return Nothing()
-        return Anywhere(
-            recovery=recovery,
-            poses=UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius),
-            start=self.start(robot),
-            max_range=robot.lidar.max_range,
-        )
+            return None
+        poses = UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius)
+        return Injection(recovery=recovery, poses=poses, start=self.start(robot))
 
 
 Build = Callable[..., ParticleFilter]

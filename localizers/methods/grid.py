@@ -14,16 +14,17 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.api import Points, Prior, RobotModel
+from localizers.api import Points, Prior
 from localizers.inference import grid_motion
+from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
-from localizers.inference.particle_filter import FilterLocalizer
-from localizers.inference.trust import Trust
-from localizers.inference.weight_kernels import pointed_at
+from localizers.inference.loss_detector import LossDetector
+from localizers.inference.resampling import pointed_at
 from localizers.models.lookahead_grid import PoseGrid
 from localizers.models.motion import odometry
-from localizers.models.scan import LidarScan, ScanTable
+from localizers.models.robot import RobotModel
+from localizers.models.scan import LidarScan, Scan, ScanTable
 
 LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
@@ -36,13 +37,13 @@ class GridBelief(NamedTuple):
 
     Attributes:
         mass: with sum 1, (H, Y, X).
-        trust: evidence for and against this belief.
+        detector: evidence for and against this belief.
         events: counts since reset.
     """
 
     grid: PoseGrid
     mass: Floats
-    trust: Trust
+    detector: LossDetector
     events: Events = Events()
 
     def points(self, offset: int = 0) -> Points | None:
@@ -58,8 +59,7 @@ class GridBelief(NamedTuple):
         cells = np.flatnonzero(mass > LEAST * mass.max())
         weights = mass[cells]
         if cells.size > MOST_POINTS:
-            chosen = np.empty(MOST_POINTS, np.intp)
-            pointed_at(weights, (np.arange(MOST_POINTS) + 0.5) / MOST_POINTS, chosen)
+            chosen = pointed_at(weights, (np.arange(MOST_POINTS) + 0.5) / MOST_POINTS)
             kept, counts = np.unique(chosen, return_counts=True)
             cells, weights = cells[kept], counts.astype(np.float64)
         return self.grid.centres(cells).T, weights / weights.sum()
@@ -67,7 +67,7 @@ class GridBelief(NamedTuple):
     @property
     def quality(self) -> float:
         """P(not lost | o_{1:t}), in [0, 1]."""
-        return self.trust.quality
+        return self.detector.quality
 
 
 @dataclass(frozen=True)
@@ -78,38 +78,38 @@ class GridFilter:
         grid: the cells.
         motion: p(x_t | x_{t-1}, a_t), from cell to cell.
         scan: p(o_t | x_t, m).
-        trust: evidence for and against its beliefs at t = 0.
+        detector: evidence for and against its beliefs at t = 0.
     """
 
     grid: PoseGrid
     motion: GridMotion
     scan: LidarScan
-    trust: Trust
+    detector: LossDetector
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GridBelief:
         """Return the prior's probability of each cell. Nothing is drawn, the plan is not used."""
-        return GridBelief(self.grid, prior_mass(self.grid, prior), self.trust)
+        return GridBelief(self.grid, prior_mass(self.grid, prior), self.detector)
 
     def step(
         self,
         belief: GridBelief,
-        ranges: Floats,
+        scan: Scan,
         action: Floats,
         plan: Floats,
         rng: np.random.Generator,
     ) -> GridBelief:
-        """Return the belief after one increment (3,) and one scan (B,)."""
+        """Return the belief after one increment (3,) and one scan."""
         events = belief.events
         mass = self.motion.predicted(belief.mass, action)
         if not mass.any():  # all of it has left the map
             mass, events = belief.mass, events.plus(weight_collapses=1)
         after = np.empty_like(mass)
         log_evidence = grid_motion.reweight(
-            mass.reshape(-1), self._table.log_likelihood(ranges), after.reshape(-1)
+            mass.reshape(-1), self._table.log_likelihood(scan), after.reshape(-1)
         )
         if log_evidence == -np.inf:
             after, events = mass / mass.sum(), events.plus(weight_collapses=1)
-        return GridBelief(self.grid, after, belief.trust.after(ranges, log_evidence), events)
+        return GridBelief(self.grid, after, belief.detector.scanned(scan, log_evidence), events)
 
     @cached_property
     def _table(self) -> ScanTable:
@@ -134,8 +134,8 @@ def grid(
     )
     motion = GridMotion(cells, odometry(robot.motion, "grid"))
     scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
-    trust = Trust.of(scan, robot.floor_plan)
-    return FilterLocalizer(robot, GridFilter(cells, motion, scan, trust))
+    detector = LossDetector.of(scan, robot.floor_plan)
+    return FilterLocalizer(robot, GridFilter(cells, motion, scan, detector))
 
 
 def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:

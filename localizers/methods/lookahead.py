@@ -10,7 +10,6 @@ from dataclasses import replace
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.validation import integer, one_of
-from localizers.api import RobotModel
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import Pilots, Tabulated
 from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
@@ -18,6 +17,7 @@ from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import Shared, method
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import odometry
+from localizers.models.robot import RobotModel
 
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
 

@@ -9,7 +9,6 @@ filter's own estimate merely confirms it, and a stale one misleads.
 from dataclasses import replace
 
 from deqmcl_gym.validation import InputError, one_of
-from localizers.api import RobotModel
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
     DoubtedPlans,
@@ -22,6 +21,7 @@ from localizers.inference.plan_evidence import (
 from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.prior import even_poses
+from localizers.models.robot import RobotModel
 
 _ANYWHERE = 512  # poses that represent free space
 

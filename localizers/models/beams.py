@@ -26,6 +26,7 @@ def normal_cdf(z: Floats) -> Floats:
     return arrays.normal_cdf(z)
 
 
+METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
 _STEPS = 400  # the uniform share's mass at an end of the range is that of 1 step: 1 px of 400 px
 _NEAREST = 1e-6  # steps: least expected range, to avoid a division by 0
 _WIDEST = 1e4  # ranges: largest σ; it is flat, and the share of a wider one would lose its digits

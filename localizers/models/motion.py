@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import RollOuts
+from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.drive_kernels import drive as drive_poses
 from deqmcl_gym.maps.map import PER_LENGTH
 from deqmcl_gym.numerics import arrays
@@ -237,7 +237,7 @@ class ChargedDrives:
     """
 
     motion: OdometryMotion
-    floor_plan: RollOuts
+    floor_plan: Map
     radius: float
     beta: float
 

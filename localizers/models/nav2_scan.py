@@ -22,6 +22,7 @@ from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.exponential_kernels import exp64, log64
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer, number
+from localizers.models.scan import Scan
 
 
 @compiled
@@ -270,9 +271,9 @@ class LikelihoodField(_Field):
     Source: likelihood_field_model.cpp. Attributes as ``_Field``.
     """
 
-    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
-        return _in_blocks(self, sum_of_cubes, states, ranges)
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
+        return _in_blocks(self, sum_of_cubes, states, scan.ranges)
 
 
 @final
@@ -288,9 +289,9 @@ class LikelihoodFieldProb(_Field):
         """Every step-th beam is looked at; this model alone rounds up."""
         return max(1, math.ceil(self.lidar.beams / self.max_beams))
 
-    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
-        return _in_blocks(self, log_product, states, ranges)
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
+        return _in_blocks(self, log_product, states, scan.ranges)
 
 
 @final
@@ -373,8 +374,9 @@ class BeamCubes:
         counted &= ~np.isnan(ranges)
         return counted
 
-    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan (B,), (n,)."""
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
+        ranges = scan.ranges
         counted = self.informative(ranges)
         max_range = self.lidar.max_range
         # below the sensor's least range is as no return, and so is infinitely far

@@ -9,8 +9,7 @@ from typing import final
 
 import numpy as np
 
-from deqmcl_gym.maps import Map, RollOuts
-from deqmcl_gym.maps.drive_kernels import laid
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import number
@@ -45,14 +44,11 @@ class FreeSpace:
 
     def walk(self, motion: object) -> ChargedDrives | None:
         """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        if not isinstance(motion, OdometryMotion) or not isinstance(self.floor_plan, RollOuts):
+        if not isinstance(motion, OdometryMotion):
             return None
         return ChargedDrives(
             motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
         )
-
-
-_BLOCK = 2**18  # points laid at one time
 
 
 @final
@@ -97,20 +93,7 @@ class PlanSensor:
         poses, path = np.ascontiguousarray(states, np.float32), path_of(plan)[first:]
         if len(path) < 2:
             return np.zeros(poses.shape[1], np.int32)
-        if isinstance(self.floor_plan, RollOuts):
-            return self.floor_plan.collisions_along(poses, path, self.radius)
-        block = max(1, _BLOCK // len(path))
-        starts = range(0, poses.shape[1], block)
-        return np.concatenate([self._asked(poses[:, s : s + block].copy(), path) for s in starts])
-
-    def _asked(self, poses: Singles, path: Singles) -> Ints:
-        """Count with ``Map.collides``, all steps at once."""
-        points = np.empty((len(path), 2, poses.shape[1]), np.float32)
-        laid(poses, path, points)
-        starts, ends = (p.transpose(1, 0, 2).reshape(2, -1) for p in (points[:-1], points[1:]))
-        collides = self.floor_plan.collides(starts.T, ends.T, self.radius)
-        count: Ints = collides.reshape(len(path) - 1, -1).sum(axis=0, dtype=np.int32)
-        return count
+        return self.floor_plan.collisions_along(poses, path, self.radius)
 
 
 def path_of(plan: Floats) -> Singles:

@@ -2,48 +2,46 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError
 from localizers.models.beams import BeamDensity
 
-LARGEST_ACTION = FARTHEST  # length or turn: the sine of a larger angle is NaN
-
 
 @compiled
-def count_usable(ranges: Floats, max_range: float) -> int:
-    """How many ranges (B,) are usable."""
+def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
+    """Fill in which ranges are usable; return how many are."""
     count = 0
     for i in range(ranges.size):
-        count += (ranges[i] >= 0.0) & (ranges[i] <= max_range)  # both are false for NaN
+        out[i] = 0.0 <= ranges[i] <= max_range  # false for NaN
+        count += out[i]
     return count
 
 
-@compiled
-def usable_if_sound(
-    ranges: Floats, action: Floats, plan: Floats, beams: int, max_range: float
-) -> int:
-    """``count_usable`` of a valid step, else -1.
+class Scan(NamedTuple):
+    """A scan o_t.
 
-    A step is valid if it has ``beams`` ranges, and if the action (k,) and the plan (h, k') have two
-    or three numbers a row, of size ``LARGEST_ACTION`` at most.
+    Attributes:
+        ranges: (B,).
+        usable: which beams are numbers in [0, max_range], (B,).
+        beams: how many these are.
     """
-    if ranges.size != beams or not 2 <= action.size <= 3 or not 2 <= plan.shape[1] <= 3:
-        return -1
-    amiss = 0
-    for i in range(action.size):
-        amiss += not abs(action[i]) <= LARGEST_ACTION
-    planned = plan.ravel()
-    for i in range(planned.size):
-        amiss += not abs(planned[i]) <= LARGEST_ACTION
-    return count_usable(ranges, max_range) if amiss == 0 else -1
+
+    ranges: Floats
+    usable: Bools
+    beams: int
+
+    @classmethod
+    def of(cls, ranges: Floats, max_range: float) -> "Scan":
+        """Return a scan; the ranges (B,) are kept, not copied."""
+        usable = np.empty(ranges.size, np.bool_)
+        return cls(ranges, usable, _mark_usable(ranges, max_range, usable))
 
 
 @compiled
@@ -81,22 +79,17 @@ class LidarScan:
                 "max_range) and least_density(max_range)."
             )
 
-    def informative(self, ranges: Floats) -> Bools:
-        """Which beams of a scan count, (B,)."""
-        return usable_beams(ranges, self.lidar.max_range)
-
-    def log_likelihood(self, states: Singles, ranges: Floats) -> Floats:
-        """Log-likelihood of the scan (B,) at each pose (3, n), (n,)."""
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log-likelihood of a scan at each pose (3, n), (n,)."""
         n = states.shape[1]
         if n > _BLOCK:
             blocks = [states[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-            return np.concatenate([self.log_likelihood(block, ranges) for block in blocks])
-        measured, bearings = ranges, self._bearings
-        if count_usable(ranges, self.lidar.max_range) < ranges.size:
-            usable = usable_beams(ranges, self.lidar.max_range)
-            measured, bearings = ranges[usable], bearings[usable]
-        if measured.size == 0:
+            return np.concatenate([self.log_likelihood(block, scan) for block in blocks])
+        if scan.beams == 0:
             return np.zeros(n)
+        measured, bearings = scan.ranges, self._bearings
+        if scan.beams < measured.size:
+            measured, bearings = measured[scan.usable], bearings[scan.usable]
         expected = np.empty((measured.size, n), np.float32)
         poses = np.ascontiguousarray(self.lidar.origins(states), dtype=np.float32)
         self.floor_plan.caster.cast(poses, bearings, expected)
@@ -126,13 +119,13 @@ class ScanTable:
         origins = scan.lidar.origins(states)
         self._expected = scan.floor_plan.ranges(origins.T, scan.lidar.bearings).T  # (B, n)
 
-    def log_likelihood(self, ranges: Floats) -> Floats:
-        """Log-likelihood of the scan (B,) at each pose, (n,)."""
-        usable, n = usable_beams(ranges, self._scan.lidar.max_range), self._expected.shape[1]
-        if not usable.any():
+    def log_likelihood(self, scan: Scan) -> Floats:
+        """Log-likelihood of a scan at each pose, (n,)."""
+        n, usable = self._expected.shape[1], scan.usable
+        if scan.beams == 0:
             return np.zeros(n)
         blocks = [self._expected[usable, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-        return np.concatenate([self._scan.weighed(ranges[usable], block) for block in blocks])
+        return np.concatenate([self._scan.weighed(scan.ranges[usable], block) for block in blocks])
 
 
 def outside(least: float) -> float:
@@ -142,9 +135,3 @@ def outside(least: float) -> float:
     number of its beams. ``least`` is the lower bound of the model's density of one beam.
     """
     return min(OUTSIDE, float(arrays.log(least)))
-
-
-def usable_beams(ranges: Floats, max_range: float) -> Bools:
-    """Which beams are numbers in [0, max_range], (B,)."""
-    usable: Bools = (ranges >= 0.0) & (ranges <= max_range)  # both are false for NaN
-    return usable

@@ -2,12 +2,13 @@
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 from deqmcl_gym.validation import InputError, one_of
-from localizers.api import Localizer, RobotModel
+from localizers.api import Localizer
 from localizers.methods.amcl import amcl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import (
@@ -22,10 +23,11 @@ from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
 from localizers.methods.lookahead import mcl_h, mcl_pilots
 from localizers.methods.mcl_plan import mcl_plan
+from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
 from localizers.naming.installed import installed, unreadable
-from localizers.naming.written import is_file, localizers_in
+from localizers.naming.parsed import is_file, localizers_in
 
 Factory = Callable[..., Localizer]
 
@@ -63,6 +65,20 @@ def register(name: str, factory: Factory) -> None:
     if plugins.is_reference(name):
         raise InputError(f"the localizer name {name!r} has a colon: choose one without.")
     _FACTORIES[name] = factory
+
+
+@contextmanager
+def registered(name: str, factory: Factory) -> Iterator[None]:
+    """Know ``factory`` as ``name`` in a ``with`` block, or while a function runs that it decorates.
+
+    Raises:
+        InputError: see ``register``.
+    """
+    register(name, factory)
+    try:
+        yield
+    finally:
+        del _FACTORIES[name]
 
 
 def is_registered(name: str) -> bool:

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.trials.episode import Moment, room_of, task_of
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
 
-TASK = task_of(room_of("paper"))
+TASK = Stage.of(Trial(scenario="paper", localizer="mcl", params={}, lag=0, seed=0, trial=0)).task
 FREE, IN_WALL = (50.0, 50.0, 0.0), (175.0, 150.0, 0.0)  # a corner of the loop; the inner rectangle
 USABLE = np.array([100.0])
 

@@ -6,54 +6,59 @@ import io
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
-from benchmarks.report import animations, story, write_report
+from benchmarks.report import story, write_report
+from benchmarks.setup.changes import Changes
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.panels import panels
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
+from benchmarks.trials.spec import Trial
 
 STEPS = 60
 
 
-def trial_of(localizer, number, *, filter_seed=0, params=None, **setting):
-    """A canonical trial."""
-    return {
-        "scenario": "paper",
-        "world": {},
-        "assumed": {},
-        "disturbance": [],
-        "localizer": localizer,
-        "params": params or {},
-        "lag": 20,
-        "seed": 0,
-        "trial": number,
-        "filter_seed": filter_seed,
-    } | setting
+def trial_of(localizer, number, *, params=None, world=None, assumed=None, disturbance=(), **given):
+    """A trial of the paper's scenario, unless another one is given."""
+    base = {"scenario": "paper", "lag": 20, "seed": 0} | given
+    return Trial(
+        localizer=localizer,
+        trial=number,
+        params=Changes(params or {}),
+        world=Changes(world or {}),
+        assumed=Changes(assumed or {}),
+        disturbance=tuple(map(Changes, disturbance)),
+        **base,
+    )
 
 
 def finished(localizer, number, error, *, offsets=(0,), scores=None, quality=None, **setting):
     """A finished trial whose error is the same at every state; by offset, or at all ``offsets``."""
     errors = error if isinstance(error, dict) else dict.fromkeys(offsets, error)
     values = dict.fromkeys(SCORE_NAMES, 0.5) | {"lost": 0.0} | (scores or {})
-    return {
-        "trial": trial_of(localizer, number, **setting),
-        "scores": [values | {"offset": k, "error": e} for k, e in errors.items()],
-        "curves": {
-            str(k): {"first_state": max(k, 0), "error": [e] * (STEPS + 1 - abs(k))}
-            for k, e in errors.items()
-        },
-        "profile": {str(k): errors[0] for k in range(min(errors), max(errors) + 1, 5)}
-        if 0 in errors
-        else {},
-        "quality": quality and [quality] * STEPS,
-        "steps_done": STEPS,
-        "scans_used": STEPS,
-        "events": {},
-        "key": f"{localizer}-{number}-{setting.get('filter_seed', 0)}",
-        "seconds": 0.06 * len(localizer),
-        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
-        "unit": "px",
-    }
+    return Finished(
+        trial=trial_of(localizer, number, **setting),
+        scores=[values | {"offset": k, "error": e} for k, e in errors.items()],
+        curves={k: ErrorCurve(max(k, 0), [e] * (STEPS + 1 - abs(k))) for k, e in errors.items()},
+        profile={k: errors[0] for k in range(min(errors), max(errors) + 1, 5) if 0 in errors},
+        quality=quality and [quality] * STEPS,
+        steps_done=STEPS,
+        scans_used=STEPS,
+        events={},
+        key=f"{localizer}-{number}-{setting.get('filter_seed', 0)}",
+        seconds=0.06 * len(localizer),
+        thresholds=Thresholds(),
+        unit="px",
+    )
+
+
+def whole(record, scores, way):
+    """The same trial with these scores of the whole run, and a way driven of so many metres."""
+    curves = {"way": [0.0, way], "distance": [3.0, 0.0], "angle": [0.0, 0.0]}
+    return changed(record, journey=WholeRun(scores=scores, curves=curves))
 
 
 def trials(localizer, errors, **how):
@@ -84,8 +89,8 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
 def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(story, "laps", lambda panel: [*laps])
-        patch.setattr(animations, "drawn", copy.copy)  # they have their pictures
+        patch.setattr(story, "animations_of", lambda panel: [*laps])
+        patch.setattr(drawing, "drawn", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

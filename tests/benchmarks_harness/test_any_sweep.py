@@ -12,7 +12,6 @@ from benchmarks.report.error_tables import offsets_table, verdict_table
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import holm
-from benchmarks.tables.verdict import ranked
 
 NAMES = ("mcl", "mcl-map", "deq-mcl", "ekf")
 
@@ -41,10 +40,10 @@ def errors(records, row):
     """Errors of a method of a panel, by offset, world and filter seed."""
     found = {}
     for record in records:
-        trial = record["trial"]
-        if (trial["scenario"], trial["localizer"]) == row[:2] and trial["params"] == row[2]:
-            for score in record["scores"]:
-                found[score["offset"], trial["trial"], trial["filter_seed"]] = score["error"]
+        trial = record.trial
+        if (trial.scenario, trial.localizer) == row[:2] and dict(trial.params) == row[2]:
+            for score in record.scores:
+                found[score["offset"], *trial.run] = score["error"]
     return found
 
 
@@ -70,15 +69,15 @@ def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tes
     found = panels(records, baseline)
     seen = set()
     for panel in found:
-        names = [method.localizer for method in panel.labels]
+        names = [method.name for method in panel.labels]
         for row in panel.rows:
             scenario = panel.setting.scenario
             params, base = (dict(m.params) for m in (row.method, row.baseline))
-            assert row.baseline.localizer == (baseline if baseline in names else names[0])
-            same = [m for m in panel.labels if m.localizer == row.baseline.localizer]
+            assert row.baseline.name == (baseline if baseline in names else names[0])
+            same = [m for m in panel.labels if m.name == row.baseline.name]
             assert agreed(base, params) or not any(agreed(dict(m.params), params) for m in same)
-            own = errors(records, (scenario, row.method.localizer, params))
-            theirs = errors(records, (scenario, row.baseline.localizer, base))
+            own = errors(records, (scenario, row.method.name, params))
+            theirs = errors(records, (scenario, row.baseline.name, base))
             seen.add((scenario, row.method, row.offset))
             if row.is_baseline:
                 assert math.isnan(row.diff.mean)
@@ -91,11 +90,11 @@ def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tes
             corrected = holm([row.p for row in family])
             assert [r.p_holm for r in family] == pytest.approx(corrected, rel=1e-5, nan_ok=True)
     of_records = {
-        (panel.setting.scenario, method, score["offset"])
+        (panel.setting.scenario, method, offset)
         for panel in found
         for method, runs in panel.records.items()
         for record in runs
-        for score in record["scores"]
+        for offset in record.offsets
     }
     assert seen == of_records
     assert sum(len(runs) for panel in found for runs in panel.records.values()) >= len(records)
@@ -110,7 +109,7 @@ def test_the_tables_have_the_digits_of_results_csv(given_sweep):
     by_error = []
     for panel in found:
         own = [next(present) for _ in panel.present]
-        by_error += [own[panel.present.index(row)] for row in ranked(panel)]
+        by_error += [own[panel.present.index(row)] for row in panel.ranked]
     shown = [line for panel in found for line in verdict_table(panel).lines]
     for line, told in zip(by_error, shown, strict=True):
         assert told[1].startswith(f"{float(line['error']):.2f} (")

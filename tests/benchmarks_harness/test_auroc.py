@@ -6,26 +6,31 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import comparisons, finished
+from report_cases import changed, comparisons, finished
 
 from benchmarks.report.tables import detection_glance, detection_table
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.auroc import auroc_of, rated_steps
 from benchmarks.tables.panels import panels
+from benchmarks.trials.scoring import ErrorCurve
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
 
 
 def trial(number, steps, *, first_state=0, at_start=NEAR, filter_seed=0):
     """A record of (quality, error) at t = 1, 2, …"""
+    return rated(finished("x", number, 20.0, filter_seed=filter_seed), steps, first_state, at_start)
+
+
+def rated(record, steps, first_state=0, at_start=NEAR):
+    """The same trial with these steps of (quality, error)."""
     errors = [at_start, *(error for _, error in steps)][first_state:]
-    return {
-        "trial": {"trial": number, "filter_seed": filter_seed},
-        "curves": {"0": {"first_state": first_state, "error": errors}},
-        "quality": [quality for quality, _ in steps],
-        "thresholds": {"far": 50.0, "lost": 50.0, "lost_steps": 20},
-        "unit": "px",
-        "steps_done": len(steps),
-    }
+    return changed(
+        record,
+        curves={0: ErrorCurve(first_state, errors)},
+        quality=[quality for quality, _ in steps],
+        steps_done=len(steps),
+    )
 
 
 def random_trials(worlds, *, seed=0, steps=30, seeds=1):
@@ -42,11 +47,7 @@ def random_trials(worlds, *, seed=0, steps=30, seeds=1):
 
 def counted(records):
     """AUROC by looking at every pair; None without one."""
-    rated = [
-        pair
-        for r in records
-        for pair in zip(r["quality"], r["curves"]["0"]["error"][1:], strict=True)
-    ]
+    rated = [pair for r in records for pair in zip(r.quality, r.curves[0].error[1:], strict=True)]
     far = [q for q, e in rated if e > 50]
     others = [q for q, e in rated if e <= 50]
     wins = sum((a < b) + 0.5 * (a == b) for a in far for b in others)
@@ -81,7 +82,7 @@ def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
 
     @cache
     def resampled(worlds):
-        return counted([r for w in worlds for r in records if r["trial"]["trial"] == w])
+        return counted([r for w in worlds for r in records if r.trial.trial == w])
 
     rng = np.random.default_rng(0)
     drawn = (tuple(sorted(rng.integers(5, size=5).tolist())) for _ in range(10_000))
@@ -95,8 +96,8 @@ def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
 def test_far_is_above_the_threshold_of_the_record_and_not_at_it():
     one = trial(0, [(0.5, 50.0), (0.5, 50.1)])
     assert rated_steps(one)[1].tolist() == [False, True]
-    metres = {"thresholds": {"far": 1.0, "lost": 1.0, "lost_steps": 20}, "unit": "m"}
-    assert rated_steps(trial(0, [(0.5, 1.0), (0.5, 1.1)]) | metres)[1].tolist() == [False, True]
+    metres = changed(trial(0, [(0.5, 1.0), (0.5, 1.1)]), thresholds=Thresholds(far=1.0), unit="m")
+    assert rated_steps(metres)[1].tolist() == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -139,8 +140,10 @@ KINDS = {
 
 def reported(methods):
     """Trials whose steps are of these kinds, or without a quality."""
-    own = {name: {k: v for k, v in trial(0, KINDS[name]).items() if k != "trial"} for name in KINDS}
-    return [finished(name, w, 20.0) | own.get(name, {}) for name in methods for w in range(3)]
+    runs = [finished(name, world, 20.0) for name in methods for world in range(3)]
+    return [
+        rated(run, KINDS[name]) if (name := run.trial.localizer) in KINDS else run for run in runs
+    ]
 
 
 def test_the_table_says_the_auroc_or_why_there_is_none():

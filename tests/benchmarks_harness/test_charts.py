@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from report_cases import THREE, finished, trials
+from report_cases import THREE, changed, finished, trials
 
 from benchmarks.report import charts, curves
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE, canvas, picture
+from benchmarks.report.svg import HOUSE_STYLE, canvas, looks, picture
+from benchmarks.tables.pairing import profile
 from benchmarks.tables.panels import panels
-from benchmarks.tables.series import profile
 
 
 @settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
@@ -25,8 +24,8 @@ def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     errors = [size * (1 + share) for share in shares]
     records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
     for record in records:
-        share = shares[record["trial"]["trial"]]
-        for score in record["scores"]:
+        share = shares[record.trial.trial]
+        for score in record.scores:
             score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
     (panel,) = panels(records)
     seen = []
@@ -114,7 +113,7 @@ def panel():
             error = {k: 2.0 + place + world**2 + abs(k) / 10 + (k > 0) for k in offsets}
             scores = {f"coverage_{at}": (at + world - place) / 100 for at in (50, 80, 95)}
             one = finished(name, world, error, scores=scores)
-            records.append(one | {"seconds": 0.06 * (1 + place) * (1 + world**2)})
+            records.append(changed(one, seconds=0.06 * (1 + place) * (1 + world**2)))
     (made,) = panels(records)
     return made
 
@@ -200,7 +199,7 @@ def test_curves_draw_the_rows_of_each_panel_over_the_value_that_was_swept(values
         drawn = estimates_in(axes)
         assert sorted(drawn) == labels
         for label in labels:
-            rows = [row for one in found for row in one.present if row.method.localizer == label]
+            rows = [row for one in found for row in one.present if row.method.name == label]
             assert drawn[label] == told(values, [quantity.of(row) for row in rows])
         assert axes.get_xscale() == scale
         zero = [line for line in axes.lines if set(line.get_ydata()) == {0}]

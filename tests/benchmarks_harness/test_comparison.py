@@ -4,19 +4,19 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import comparisons, finished, parsed, trials
+from report_cases import changed, comparisons, finished, parsed, trials
 
+from benchmarks.setup.changes import Changes
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import baseline_of
 from benchmarks.tables.csv_files import results_csv
-from benchmarks.tables.pairing import Method, method_of, setting_of
 from benchmarks.tables.panels import panels
-from benchmarks.trials.spec import frozen
+from benchmarks.trials.spec import Method
 
 
 def by_name(records):
     """Rows by localizer and offset, where nothing else differs."""
-    return {(row.method.localizer, row.offset): row for row in comparisons(records)}
+    return {(row.method.name, row.offset): row for row in comparisons(records)}
 
 
 def test_runs_on_a_world_are_averaged_before_worlds_are():
@@ -49,8 +49,8 @@ def test_a_difference_is_significant_if_its_interval_excludes_0_and_the_test_con
     records = trials("mcl", base)
     for name, errors in apart.items():
         rows = by_name(records + trials(name, errors))
-        assert rows[name, 0].significant == (name == "both")
-    assert rows["mcl", 0].significant is False
+        assert rows[name, 0].standing.significant == (name == "both")
+    assert rows["mcl", 0].standing.significant is False
 
 
 def test_the_baseline_is_not_compared_with_itself_but_its_past_is():
@@ -61,15 +61,14 @@ def test_the_baseline_is_not_compared_with_itself_but_its_past_is():
     assert rows["mcl", -20].diff.mean == -3.0
 
 
-@pytest.mark.parametrize("other", [{"world": {"noise.drive": 0.2}}, {"trial": 1}])
-def test_only_trials_of_the_same_setting_and_world_are_compared(other):
-    records = [finished("mcl", 0, 1.0), finished("x", 0, 5.0)]
-    records[1]["trial"] |= other
+@pytest.mark.parametrize(("world", "number"), [({"noise.drive": 0.2}, 0), ({}, 1)])
+def test_only_trials_of_the_same_setting_and_world_are_compared(world, number):
+    records = [finished("mcl", 0, 1.0), finished("x", number, 5.0, world=world)]
     assert all(math.isnan(row.diff.mean) for row in comparisons(records))
 
 
 def method(localizer, **params):
-    return Method(localizer, frozen(params))
+    return Method(localizer, Changes(params))
 
 
 VARIANTS = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", kind="b")]
@@ -125,7 +124,7 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
 
 def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number():
     records = [finished("mcl", 0, 1.0, params={"particles": 100})]
-    for beta in (0.0, "inf"):
+    for beta in (0.0, math.inf):
         records += [finished("deq-mcl", 0, 1.0, params={"particles": 100, "beta": beta})]
     found = panels(records)
     assert [panel.title for panel in found] == [f"scenario paper, beta {b}" for b in (0.0, "inf")]
@@ -203,12 +202,12 @@ def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine()
         ('{"particles":300}', "ekf", "-3.0"),
     ]
     assert (lines[0]["params"], lines[0]["world"]) == ('{"particles":100}', "{}")
-    assert text == results_csv(panels([one | {"seconds": 99.0} for one in records]))
+    assert text == results_csv(panels([changed(one, seconds=99.0) for one in records]))
 
 
 def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
     one = finished("x", 0, 1.0, params={"a": 1, "b": [1, 2]}, world={"p": 1, "q": 2})
     other = finished("x", 0, 1.0, params={"b": [1, 2], "a": 1}, world={"q": 2, "p": 1})
-    assert setting_of(one) == setting_of(other)
-    assert {method_of(one): "found"}[method_of(other)] == "found"
+    assert one.trial.setting == other.trial.setting
+    assert {one.trial.method: "found"}[other.trial.method] == "found"
     assert '"{""a"":1,""b"":[1,2]}"' in results_csv(panels([one]))

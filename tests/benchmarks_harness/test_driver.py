@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from benchmarks.execution.driver import TRIES, outcomes
-from benchmarks.execution.engines import Engine, ThisProcess
+from benchmarks.execution.engines import TRIES, Engine, ThisProcess, outcomes
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome
 

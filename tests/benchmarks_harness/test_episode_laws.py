@@ -1,19 +1,21 @@
 """What a localizer may see, and what the methods of a trial share."""
 
+from dataclasses import replace
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
+import localizers
 from benchmarks.setup.names import make_agent, scenario, scenario_names
-from benchmarks.setup.priors import Uniform
+from benchmarks.setup.scenario import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
-from benchmarks.trials.attempt import trial_trace
-from benchmarks.trials.episode import moments, room_of, scenario_of, task_of, trial_moments
-from benchmarks.trials.trace import trace_of
+from benchmarks.trials.episode import moments
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.wrappers import PlanChange
 from localizers import PoseBelief, make, names, parameters
 from localizers.models.motion import increments
-from localizers.naming import registry
 
 LAG, PARTICLES, SEED = 4, 30, 11
 OFFSETS = (0, -LAG, LAG)
@@ -66,7 +68,8 @@ def beliefs(env, name):
     localizer, agent = make(name, robot, **params), make_agent(ours.agent, robot)
     rng = np.random.default_rng(3)
     believed, truth = [], []
-    for moment in moments(env, agent, localizer, ours.prior_in(room), rng, seed=SEED):
+    prior = partial(ours.prior_in, room)
+    for moment in moments(env, agent, localizer, prior, rng, seed=SEED):
         points = {k: moment.belief.points(k) for k in OFFSETS}
         believed.append(
             {k: None if p is None else (p[0].tobytes(), p[1].tobytes()) for k, p in points.items()}
@@ -77,7 +80,7 @@ def beliefs(env, name):
 
 def short_lap():
     """Six steps of the lap, then twelve of another plan."""
-    return PlanChange(room_of("paper"), 6, np.array([[3.0, 0.1]] * 12))
+    return PlanChange(scenario("paper").room(), 6, np.array([[3.0, 0.1]] * 12))
 
 
 @pytest.mark.parametrize("name", names())
@@ -136,20 +139,17 @@ class Vandal:
 
 
 @pytest.mark.parametrize("name", BLINDLY_DRIVEN)
-def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(
-    name, monkeypatch
-):
-    monkeypatch.setitem(registry._FACTORIES, "vandal", Vandal)
+@localizers.registered("vandal", Vandal)
+def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_score(name):
     honest, vandal = trials([*fitting(["dead-reckoning", "mcl"], name)[:1], "vandal"], name)
-    room = scenario(name).room()
-    before = trial_trace(honest)
-    after = trace_of(trial_moments(vandal, room), vandal.offsets, task_of(room))
+    before, stage = Stage.of(honest).trace(), Stage.of(vandal)
+    after = stage.trace()
     assert np.array_equal(after.truth, before.truth)
     assert after.scans_used == before.scans_used > 0
     present = after.offsets[0]
     distance = np.hypot(*after.truth[present.states, :2].T)
     assert present.values["energy"] == pytest.approx(distance, rel=1e-12)
-    again = trace_of(trial_moments(honest, room), honest.offsets, task_of(room))  # in its room
+    again = replace(stage, trial=honest).trace()  # in its room
     assert np.array_equal(again.offsets[0].means, before.offsets[0].means)
 
 
@@ -157,7 +157,8 @@ def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_
 def test_all_methods_of_a_trial_see_the_same_world(name):
     worlds = {
         trial.localizer: [
-            (moment.truth.tobytes(), moment.ranges.tobytes()) for moment in trial_moments(trial)
+            (moment.truth.tobytes(), moment.ranges.tobytes())
+            for moment in Stage.of(trial).moments()
         ]
         for trial in trials(fitting(PAPER_METHODS, name), name)
     }
@@ -165,14 +166,14 @@ def test_all_methods_of_a_trial_see_the_same_world(name):
 
 
 def test_different_trials_see_different_worlds_and_start_from_different_clouds():
-    first, second = (next(iter(trial_moments(t))) for t in trials(["mcl"], count=2))
+    first, second = (next(iter(Stage.of(t).moments())) for t in trials(["mcl"], count=2))
     assert (first.ranges != second.ranges).any()
     assert (first.belief.points(0)[0] != second.belief.points(0)[0]).all()
 
 
 def start_of(name):
     (trial,) = trials([name])
-    return next(iter(trial_moments(trial))).belief.points(0)
+    return next(iter(Stage.of(trial).moments())).belief.points(0)
 
 
 @pytest.mark.parametrize("name", ["mcl-smoother", "mcl-map", "mcl-map-smoother"])
@@ -192,8 +193,8 @@ def test_deq_mcl_starts_from_the_same_draws_resampled():
 @pytest.mark.parametrize("name", BLINDLY_DRIVEN)
 def test_an_episode_runs_every_planned_step_once(name):
     (trial,) = trials(fitting(["dead-reckoning", "mcl"], name)[:1], name)
-    steps = [moment.step for moment in trial_moments(trial)]
-    room = scenario_of(trial).room()
+    steps = [moment.step for moment in Stage.of(trial).moments()]
+    room = Stage.of(trial).room
     room.reset(seed=trial.world_seed)
     if scenario(name).disturbance:  # another plan from there on
         assert steps == list(range(len(steps)))
@@ -234,7 +235,7 @@ class Listener:
 def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_truth():
     ours = scenario("paper")
     room, agent, localizer = ours.room(), Planner(), Listener()
-    seen = list(moments(room, agent, localizer, ours.prior_in(room), RNG, seed=SEED))
+    seen = list(moments(room, agent, localizer, partial(ours.prior_in, room), RNG, seed=SEED))
     steps = len(room.plan)
     assert len(seen) == len(localizer.plans) == steps + 1
     assert np.array_equal(localizer.plans[0], room.plan)  # nobody has believed anything yet
@@ -249,15 +250,15 @@ def test_in_open_loop_the_plan_of_the_env_is_carried_out_and_told():
     ours = scenario("paper")
     room, localizer = ours.room(), Listener()
     agent = make_agent("open-loop", ours.robot_model(room))
-    list(moments(room, agent, localizer, ours.prior_in(room), RNG, seed=SEED))
+    list(moments(room, agent, localizer, partial(ours.prior_in, room), RNG, seed=SEED))
     for step, plan in enumerate(localizer.plans):
         assert np.array_equal(plan, room.plan[step:])
 
 
 def test_an_author_who_shows_plans_of_its_own_does_so_from_the_start():
     (trial,) = trials(["mcl-plan"], "guided-stale")
-    seen = [moment.belief.plan_reading.shown for moment in trial_moments(trial)]
-    room = room_of("guided")
+    seen = [moment.belief.plan_reading.shown for moment in Stage.of(trial).moments()]
+    room = scenario("guided").room()
     info = room.reset(seed=trial.world_seed)[1]
     planned = info["planned_actions"][: info["planned_count"]]
     other = np.roll(planned, -(len(planned) // 8), axis=0)
@@ -266,6 +267,6 @@ def test_an_author_who_shows_plans_of_its_own_does_so_from_the_start():
 
 def test_driven_on_the_estimate_the_plan_starts_from_there_and_none_is_known_before():
     (trial,) = trials(["mcl-plan"], "guided-estimate")
-    first, second, *_ = trial_moments(trial)
+    first, second, *_ = Stage.of(trial).moments()
     assert len(first.belief.plan_reading.shown) == 0
     assert len(second.belief.plan_reading.shown) > LAG

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from fake_episode import FakeBelief
 
-from benchmarks.pictures.film import Film, laid
-from benchmarks.pictures.frames import Camera
+from benchmarks.pictures.film import Camera, Film, laid
 from benchmarks.trials.episode import Moment
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.drawing import View

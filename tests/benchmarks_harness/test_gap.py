@@ -5,18 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import finished, parsed, results, trials
+from report_cases import changed, finished, parsed, results, trials
 
-from benchmarks.sweeps.collecting import of_sweep
-from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.factors import Limit, Method
+from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.sweeps.design import Limit, Sweep
+from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.csv_files import gaps_csv
 from benchmarks.tables.gap import LimitRuns, limit_of
-from benchmarks.tables.pairing import Method as Named
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import paired_bootstrap
-from benchmarks.trials.spec import frozen
+from benchmarks.trials.spec import Method
 from deqmcl_gym.validation import InputError
 
 MANY = {"particles": 100_000}
@@ -38,15 +37,15 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     )
     records = [r for name in ("mcl", "mcl-h", "mcl-plan") for r in trials(name, [12.0] * 3)]
     for order in ((unnamed, own), (own, unnamed)):
-        found = {r.method: (r.limit.localizer, r.gap.mean, r.worlds) for r in gaps(records, *order)}
+        found = {r.method: (r.limit.name, r.gap.mean, r.worlds) for r in gaps(records, *order)}
         assert found == {
-            Named("mcl-pilots", frozen(MANY)): ("mcl-pilots", 0.0, 3),
-            Named("mcl-h"): ("mcl-pilots", 2.0, 3),
-            Named("mcl-plan", frozen(MANY)): ("mcl-plan", 0.0, 2),
-            Named("mcl"): ("mcl-plan", 8.0, 2),
-            Named("mcl-plan"): ("mcl-plan", 8.0, 2),
+            Method("mcl-pilots", Changes(MANY)): ("mcl-pilots", 0.0, 3),
+            Method("mcl-h"): ("mcl-pilots", 2.0, 3),
+            Method("mcl-plan", Changes(MANY)): ("mcl-plan", 0.0, 2),
+            Method("mcl"): ("mcl-plan", 8.0, 2),
+            Method("mcl-plan"): ("mcl-plan", 8.0, 2),
         }
-    assert {row.method.localizer for row in gaps(records, own)} == {"mcl", "mcl-plan"}
+    assert {row.method.name for row in gaps(records, own)} == {"mcl", "mcl-plan"}
 
 
 def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
@@ -60,7 +59,7 @@ def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before()
     records = [finished("mcl", w, 10.0 * w + 4.0 + w) for w in (1, 2, 3, 4)]
     _, row = gaps(records, limits)
     differences = np.array([15.0 - 10.5, 26.0 - 20.5])
-    assert (row.method.localizer, row.worlds) == ("mcl", 2)
+    assert (row.method.name, row.worlds) == ("mcl", 2)
     assert row.error == (15.0 + 26.0) / 2
     assert row.gap == pytest.approx((differences.mean(), *paired_bootstrap(differences)))
 
@@ -76,17 +75,20 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
     limits = [limit_run(0, 1.0, offsets=(0, -20))]
     records = [finished("deq-mcl", 0, 2.0, offsets=(0, -20, 20))]
     records += [finished("deq-mcl", 0, 2.0, scenario="sharp"), finished("mcl", 7, 2.0)]
-    found = [(row.method.localizer, row.offset) for row in gaps(records, limits)]
+    found = [(row.method.name, row.offset) for row in gaps(records, limits)]
     assert found == [("mcl-pilots", 0), ("mcl-pilots", -20), ("deq-mcl", 0), ("deq-mcl", -20)]
 
 
 def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
-    limits = [Named("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
-    assert limit_of((), Named("mcl-map", (("beta", 10), ("particles", 300))), limits) == limits[1]
-    assert limit_of((), Named("mcl-map", (("beta", 5),)), limits) is None
-    assert limit_of((), Named("mcl", (("particles", 300),)), limits) == limits[0]
-    assert limit_of((("beta", 10),), Named("mcl"), limits) == limits[1]  # the panel's
-    assert limit_of((), Named("mcl"), []) is None
+    limits = [Method("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
+    assert (
+        limit_of(NOTHING, Method("mcl-map", (("beta", 10), ("particles", 300))), limits)
+        == limits[1]
+    )
+    assert limit_of(NOTHING, Method("mcl-map", (("beta", 5),)), limits) is None
+    assert limit_of(NOTHING, Method("mcl", (("particles", 300),)), limits) == limits[0]
+    assert limit_of(Changes({"beta": 10}), Method("mcl"), limits) == limits[1]  # the panel's
+    assert limit_of(NOTHING, Method("mcl"), []) is None
 
 
 def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels_limit():
@@ -109,18 +111,21 @@ SWEEP = Sweep(
     localizers=(Method(name="mcl"), Method(name="dead-reckoning")),
     trials=5,
     filter_seeds=3,
-    params=frozen({"particles": 10}),
-    limits=(Limit(method=Method(name="mcl", params=frozen(MANY)), trials=2, filter_seeds=4),),
+    params=Changes({"particles": 10}),
+    limits=(Limit(method=Method(name="mcl", params=Changes(MANY)), trials=2, filter_seeds=4),),
 )
+
+
+def ran(sweep):
+    return [changed(finished("x", 0, 1.0), trial=trial) for trial in sweep.distinct()]
 
 
 def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
-    assert {t.params for t in limits} == {frozen(MANY)}
-    records = [{"trial": t.canonical(), "scores": []} for t in SWEEP.distinct()]
-    apart = of_sweep(SWEEP, results(records))
+    assert {t.params for t in limits} == {Changes(MANY)}
+    apart = of_sweep(SWEEP, results(ran(SWEEP)))
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
@@ -134,8 +139,7 @@ def test_an_axis_over_what_the_limit_fixes_runs_it_once():
 
 def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
     sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
-    records = [{"trial": t.canonical(), "scores": []} for t in sweep.distinct()]
-    apart = of_sweep(sweep, results(records))
+    apart = of_sweep(sweep, results(ran(sweep)))
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]
 

@@ -6,16 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from report_cases import finished, parsed, trial_of
-from test_store import TRIAL  # a canonical trial
+from report_cases import changed, finished, parsed, trial_of, whole
+from test_store import TRIAL, record_of
 
+from benchmarks.report.animations import animations_of
 from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.findings import findings
 from benchmarks.report.journeys import WORDS, journey_charts, journey_table
-from benchmarks.report.laps import laps
 from benchmarks.report.leaderboard import Source, boards
-from benchmarks.report.style import looks
-from benchmarks.report.verdicts import power_hint, runner_up, spoken
+from benchmarks.report.svg import looks
+from benchmarks.report.words import findings, power_hint, runner_up, spoken
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate
@@ -70,16 +69,8 @@ def run(method, world, metres, *, way=10.0, success=None, filter_seed=0, **score
     """A finished trial that localizes after so many metres of a way."""
     found = math.isfinite(metres)
     record = finished(method, world, 1.0 + world, filter_seed=filter_seed)
-    return record | {
-        "journey": {
-            "scores": {
-                "success_1m": float(found if success is None else success),
-                "metres_to_localize": metres if found else None,
-            }
-            | scores,
-            "curves": {"way": [0.0, way], "distance": [3.0, 0.0], "angle": [0.0, 0.0]},
-        }
-    }
+    scores |= {"success_1m": float(found if success is None else success)}
+    return whole(record, scores | {"metres_to_localize": metres if found else None}, way)
 
 
 BLIND = [run("mcl-map", world, metres) for world, metres in enumerate([4.0, NEVER, 8.0, NEVER])]
@@ -163,11 +154,7 @@ WORLDS = 12
 def sought(method, found, error=2.0, score="success_1m"):
     """Runs of which the first ``found`` succeed."""
     records = [finished(method, world, error + 0.1 * world) for world in range(WORLDS)]
-    way = {"way": [0.0, 1.0], "distance": [3.0, 0.0], "angle": [0.0, 0.0]}
-    return [
-        record | {"journey": {"scores": {score: float(world < found)}, "curves": way}}
-        for world, record in enumerate(records)
-    ]
+    return [whole(one, {score: float(w < found)}, 1.0) for w, one in enumerate(records)]
 
 
 @pytest.mark.parametrize(
@@ -262,7 +249,7 @@ def test_a_glance_at_settings_shows_shares_beside_errors():
 
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
-    best, median_one, worst = laps(compared())
+    best, median_one, worst = animations_of(compared())
     shown = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
     assert shown == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
@@ -270,17 +257,17 @@ def test_lost_robots_are_shown_by_when_they_were_localized():
 
 def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_path):
     store, key = Store(tmp_path), TRIAL.key("code")
-    kept = BLIND[1] | {"trial": TRIAL.canonical()}
-    kept = {name: value for name, value in kept.items() if name not in ("key", "seconds")}
-    store.put(key, kept, 1.0)
-    assert store.get(key, TRIAL)["journey"] == kept["journey"]
-    scores, curves = kept["journey"]["scores"], kept["journey"]["curves"]
-    for spoilt in (
-        {"scores": scores | {"fame": 1.0}, "curves": curves},
-        {"scores": scores | {"success_1m": "yes"}, "curves": curves},
-        {"scores": scores, "curves": curves | {"way": [0.0]}},
-        {"scores": scores, "curves": {"way": [0.0] * 100}},
-        {"scores": scores, "curves": {}},
+    store.put(key, TRIAL, kept := record_of(BLIND[1]), 1.0)
+    assert store.get(key, TRIAL).journey == kept.journey
+    spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
+    with pytest.raises(ValueError, match=r"str instead of float \| null at journey.scores"):
+        store.put(key, TRIAL, spoilt, 1.0)
+    scores, curves = kept.journey.scores, kept.journey.curves
+    for parts in (
+        {"scores": scores | {"fame": 1.0}},
+        {"curves": curves | {"way": [0.0]}},
+        {"curves": {"way": [0.0] * 100}},
+        {"curves": {}},
     ):
-        with pytest.raises(ValueError, match=r"whole run|journey"):
-            store.put(key, kept | {"journey": spoilt}, 1.0)
+        with pytest.raises(ValueError, match=r"whole run|its 60 steps"):
+            changed(kept, journey=changed(kept.journey, **parts))

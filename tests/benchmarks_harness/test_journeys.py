@@ -7,13 +7,22 @@ import numpy as np
 import pytest
 from test_fixes import fixes
 
+from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import scenario
-from benchmarks.trials.episode import groups_of, moments, scenario_of, task_of, trial_moments
+from benchmarks.trials.episode import moments
 from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import GROUPS, Journey, groups_named, scores_of
+from benchmarks.trials.journeys import (
+    GROUPS,
+    Journey,
+    groups_named,
+    half_turned,
+    is_symmetric,
+    scores_of,
+    weight_near,
+)
 from benchmarks.trials.scoring import record
-from benchmarks.trials.spec import Trial, frozen
-from benchmarks.trials.symmetry import half_turned, is_symmetric, weight_near
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.maps import PolygonMap
 from localizers import make
@@ -105,11 +114,11 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 
 def trial(**parts):
     given = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
-    return Trial(**given | {"params": frozen({"particles": 300})} | parts)
+    return Trial(**given | {"params": Changes({"particles": 300})} | parts)
 
 
 ANYWHERE = (("prior.kind", "uniform"),)
-KIDNAP = (frozen({"kind": "kidnap", "step": 40}),)
+KIDNAP = (Changes({"kind": "kidnap", "step": 40}),)
 
 
 @pytest.mark.parametrize(
@@ -123,28 +132,26 @@ KIDNAP = (frozen({"kind": "kidnap", "step": 40}),)
     ],
 )
 def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, about):
-    asked = trial(**parts)
-    assert [group.name for group in groups_of(asked, scenario_of(asked).room())] == about
+    assert [group.name for group in Stage.of(trial(**parts)).groups] == about
 
 
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
-    room = scenario_of(known).room()
-    groups = groups_named(["lost"])
+    stage, groups = Stage.of(known), groups_named(["lost"])
     kept = record(
-        trace_of(trial_moments(known, room), (0,), task_of(room), groups),
+        trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups)),
         0,
         scenario("sharp").thresholds,
-    )["journey"]
-    assert kept["scores"] == {
+    ).journey
+    assert kept.scores == {
         "success_1m": 1,
         "success_05m": 1,
         "metres_to_localize": 0,
         "false_commitment": 0,
         "false_steps": 0,
     }
-    assert [len(curve) for curve in kept["curves"].values()] == [205] * 3
-    assert kept["curves"]["way"][-1] == pytest.approx(0.1 * 180)  # 180 drives of 5 px, 24 turns
+    assert [len(curve) for curve in kept.curves.values()] == [205] * 3
+    assert kept.curves["way"][-1] == pytest.approx(0.1 * 180)  # 180 drives of 5 px, 24 turns
 
 
 class TwoPlaces:
@@ -168,9 +175,9 @@ def test_where_two_places_fit_a_filter_that_does_not_see_the_plan_stays_split_be
     shares = []
     for seed in range(seeds):
         localizer = make("mcl-map", setup.robot_model(room), particles=particles)
-        log = JourneyLog(task_of(room), groups_named(["lost", "ambiguity"]))
+        log = JourneyLog(Stage.of(trial()).task, groups_named(["lost", "ambiguity"]))
         rng = np.random.default_rng(seed)
-        episode = moments(room, OpenLoop(), localizer, TwoPlaces(room), rng, seed=1)
+        episode = moments(room, OpenLoop(), localizer, lambda: TwoPlaces(room), rng, seed=1)
         for moment in islice(episode, steps + 1):
             log.see(moment)
         masses = log.journey().masses[-1]
@@ -193,13 +200,12 @@ class OpenLoop:
 
 
 def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
-    taken = trial(disturbance=KIDNAP)
-    room = scenario_of(taken).room()
-    log = JourneyLog(task_of(room), groups_of(taken, room))
-    for moment in trial_moments(taken, room):
+    stage = Stage.of(trial(disturbance=KIDNAP))
+    log = JourneyLog(stage.task, stage.groups)
+    for moment in stage.moments():
         log.see(moment)
     run = log.journey()
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.fixes.distance[:40].max() < 0.45 < run.fixes.distance[40]
-    assert log.kept()["journey"]["scores"]["recovered"] in (0, 1)
+    assert log.kept()[0].scores["recovered"] in (0, 1)

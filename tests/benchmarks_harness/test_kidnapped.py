@@ -1,5 +1,7 @@
 """A robot kidnapped in the world: its belief's quality falls, and random poses find it again."""
 
+from functools import partial
+
 import numpy as np
 
 import localizers
@@ -31,7 +33,8 @@ def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
     env = Kidnap(room, STEP, CARRIED_TO)
     errors, qualities = [], []
     rng = np.random.default_rng(seed)
-    for moment in moments(env, TurnAbout(), localizer, sharp.prior_in(room), rng, seed=1):
+    prior = partial(sharp.prior_in, room)
+    for moment in moments(env, TurnAbout(), localizer, prior, rng, seed=1):
         x, y, _ = localizers.mean_pose(*moment.belief.points())
         twin = np.array([350.0, 300.0]) - moment.truth[:2]
         errors.append(min(np.hypot(*(p - [x, y])) for p in (moment.truth[:2], twin)))

@@ -6,8 +6,8 @@ from dataclasses import replace
 import PIL.Image
 from report_cases import finished
 
-from benchmarks.report.animations import Drawing
-from benchmarks.report.laps import Lap, laps
+from benchmarks.report.animations import animations_of
+from benchmarks.sweeps.drawing import Animation, drawing
 from benchmarks.tables.panels import panels
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -38,7 +38,7 @@ def form(resampler, world, error, filter_seed=0):
 
 def chosen(records):
     (panel,) = panels(records)
-    return laps(panel)
+    return animations_of(panel)
 
 
 def test_variants_of_one_localizer_are_animated_each_by_its_own_first_trial():
@@ -67,9 +67,9 @@ def test_plug_ins_of_one_animation_do_not_meet(tmp_path):
     same = Trial(scenario="paper", localizer="", params=(), lag=1, seed=0, trial=0)
     trials = tuple(replace(same, localizer=name) for name in names)
     keys = tuple(map(key_of, trials))
-    lap = Lap(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
-    with Drawing().working() as promised:
+    lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    with drawing() as promised:
         drawn = promised(lap)()
-    animation = PIL.Image.open(io.BytesIO(drawn.animation))
+    animation = PIL.Image.open(io.BytesIO(drawn.webp))
     assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side

@@ -12,8 +12,8 @@ from benchmarks.cli import main
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.plugins import key_of
+from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.validation import InputError
@@ -73,7 +73,7 @@ def trials(folder, text=SWEEP):
 
 def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
     first, *_ = listed = trials(folder)
-    seen = [list(trial_moments(trial)) for trial in listed]
+    seen = [list(Stage.of(trial).moments()) for trial in listed]
     mcl, other = seen[:3], seen[3:]
     for ours, theirs in zip(mcl, other, strict=True):
         for one, two in zip(ours, theirs, strict=True):
@@ -81,7 +81,7 @@ def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
             np.testing.assert_array_equal(one.truth, two.truth)
             np.testing.assert_array_equal(one.action, two.action)
     assert len({tuple(moments[0].truth) for moments in mcl}) == 3
-    whole = scenario_of(first).room().log
+    whole = Stage.of(first).room.log
     for moments in mcl:
         truths = np.array([moment.truth for moment in moments])
         begin = np.flatnonzero((whole.reference == truths[0]).all(axis=1))[0]
@@ -98,14 +98,14 @@ def test_a_scenario_is_found_beside_the_sweep_file_and_its_data_beside_the_scena
     own, (base, _) = str(folder / "halls" / "hall.toml"), SWEEP.split("[world]")
     alone = trials(folder, base.replace('"log"', '"halls/hall.toml"'))
     assert {trial.scenario for trial in alone} == {own}
-    assert len(list(trial_moments(alone[0]))) > 5
+    assert len(list(Stage.of(alone[0]).moments())) > 5
     vary = '[[vary]]\nscenario = ["halls/hall.toml", "paper"]'
     assert {trial.scenario for trial in trials(folder, base + vary)} == {own, "paper"}
 
 
 def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):
     for trial in trials(folder)[:2]:
-        start = next(iter(trial_moments(trial)))
+        start = next(iter(Stage.of(trial).moments()))
         poses, _ = start.belief.points()
         assert np.hypot(*(poses.mean(axis=0) - start.truth)[:2]) < 5 * 0.2 / math.sqrt(100)
     ours = scenario(str(folder / "hall.toml"))
@@ -134,7 +134,7 @@ def test_the_kind_of_motion_is_told_in_scenario_and_sweep_files(folder):
     ours = scenario(str(folder / "hall.toml"))
     assert ours.robot_model(ours.room()).motion == motion_noise(ours.room().log, "omni")
     kinds = SWEEP + '[[vary]]\nassumed.motion.kind = ["odometry", "differential"]\n'
-    both = [scenario_of(trial) for trial in trials(folder, kinds)]
+    both = [Stage.of(trial).scenario for trial in trials(folder, kinds)]
     made = {type(one.robot_model(one.room()).motion) for one in both}
     assert made == {OdometryMotion, DifferentialMotion}
 
@@ -142,7 +142,7 @@ def test_the_kind_of_motion_is_told_in_scenario_and_sweep_files(folder):
 @pytest.mark.parametrize("plan", ["odometry", "reference", "none"])
 def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan):
     trial = trials(folder, SWEEP.replace("segment", f'plan = "{plan}"\nsegment'))[0]
-    room = scenario_of(trial).room()
+    room = Stage.of(trial).room
     _, info = room.reset(seed=trial.world_seed)
     own = room.log.segment(room.log.times.tolist().index(room.record.time), 4)
     shown = {
@@ -152,7 +152,7 @@ def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan)
     }[plan]
     count = info["planned_count"]
     np.testing.assert_allclose(info["planned_actions"][: min(count, 3)], shown, rtol=0, atol=1e-6)
-    moments = list(trial_moments(trial))
+    moments = list(Stage.of(trial).moments())
     assert len(moments) > 5
     np.testing.assert_allclose(
         [moment.action for moment in moments[1:4]], own.increments, rtol=0, atol=1e-6

@@ -99,9 +99,10 @@ metrics.METRICS += (
         each=lambda clouds, task: [cloud.poses[0].max() for cloud in clouds.each],
     ),
 )
+import msgspec
 import numpy as np
 from fake_episode import traced
-from report_cases import finished
+from report_cases import changed, finished
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.csv_files import trials_csv
@@ -113,7 +114,7 @@ def growing(state, offset):
 
 
 made = record(traced(4, (0,), points=growing), 0, Thresholds())
-print(trials_csv([finished("mcl", 0, 1.0) | made]))
+print(trials_csv([changed(finished("mcl", 0, 1.0), **msgspec.structs.asdict(made))]))
 """
 
 

@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fake_episode import TASK
-from report_cases import finished
+from report_cases import changed, finished
 
 from benchmarks.report.tables import validity_table
-from benchmarks.sweeps.store import _unlike_plan
 from benchmarks.tables.csv_files import plans_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.plan_validity import RECENT, validities
-from benchmarks.trials.plans import SIGNALS, plan_record, plan_row
+from benchmarks.trials.plans import PLAN_COLUMNS, SIGNALS, plan_columns, plan_row
+from benchmarks.trials.scoring import ErrorCurve
 from localizers.inference.belief import PlanReading
 
 AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
@@ -36,15 +36,23 @@ def test_nothing_is_kept_of_a_belief_that_reads_no_plan():
     blind = plan_row(SimpleNamespace(), IN_THE_OPEN, TASK)
     assert np.isnan(blind).all()
     assert np.isnan(read(IN_THE_OPEN)).all()  # a plan without a step
-    assert plan_record([blind, blind]) == plan_record([]) == {}
-    some = plan_record([blind, read(IN_THE_OPEN, tempering=1.0, feasible=1.0)])["plan"]
+    assert plan_columns([blind, blind]) is plan_columns([]) is None
+    some = plan_columns([blind, read(IN_THE_OPEN, tempering=1.0, feasible=1.0)])
     assert some["conflict"] == [None, 0.0]
 
 
 def run(world, conflict, feasible, *, scenario, evidence=None):
-    evidence = [-1.0] * len(feasible) if evidence is None else evidence
-    columns = {"conflict": conflict, "feasible": feasible, "log_evidence": evidence}
-    return finished("mcl-plan", world, 1.0, scenario=scenario) | {"plan": columns}
+    steps = len(feasible)
+    columns = dict.fromkeys(PLAN_COLUMNS, [1.0] * steps)
+    columns |= {"conflict": conflict, "feasible": feasible}
+    columns["log_evidence"] = [-1.0] * steps if evidence is None else evidence
+    return planned(finished("mcl-plan", world, 1.0, scenario=scenario), columns)
+
+
+def planned(record, columns):
+    """The same trial with these readings of plans at as many steps."""
+    steps = len(columns["feasible"])
+    return changed(record, plan=columns, steps_done=steps, curves={0: ErrorCurve(0, [1.0])})
 
 
 def test_steps_of_scenarios_are_taken_together_by_world():
@@ -80,12 +88,9 @@ def test_a_sweep_without_plans_or_without_conflict_has_no_table():
     assert validity_table(panels([run(0, [0.0], [0.5], scenario="guided")])) is None
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [({"feasible": [0.5]}, "length"), ({"tempering": ["x", 1.0]}, "plan.tempering")],
-)
-def test_readings_that_are_not_as_they_are_kept_are_named(change, named):
-    plan = {name: [0.5, None] for name in ("conflict", *SIGNALS)}
-    assert _unlike_plan(plan, 2) is None
-    assert _unlike_plan(None, 2) is None
-    assert named in _unlike_plan(plan | change, 2)
+def test_readings_of_plans_have_all_columns_and_a_value_for_each_step():
+    record, plan = finished("mcl", 0, 1.0), {name: [0.5, None] for name in PLAN_COLUMNS}
+    assert planned(record, plan).plan == plan
+    for other in (plan | {"valid": [0.5]}, {"feasible": [0.5]}, plan | {"more": []}):
+        with pytest.raises(ValueError, match="readings of the plan of another length"):
+            planned(record, other)

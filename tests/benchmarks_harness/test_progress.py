@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from benchmarks.sweeps import progress
-from benchmarks.sweeps.progress import counted
+from benchmarks.sweeps import running
+from benchmarks.sweeps.running import counted
 
 LINE = re.compile(
     r"deqmcl: night: (\d) of 4 done after \d\d:\d\d, (\?|\d\d:\d\d) left(, 1 failed)?"
@@ -16,7 +16,7 @@ LINE = re.compile(
 def test_each_minute_a_line_says_what_is_done_and_how_long_the_rest_takes(
     tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr(progress, "MINUTE", 0.05)
+    monkeypatch.setattr(running, "MINUTE", 0.05)
     with counted(tmp_path / "night", 4, 3) as count:
         time.sleep(0.2)
         count(True)

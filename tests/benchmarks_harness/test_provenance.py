@@ -4,62 +4,119 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from benchmarks import trials
 from benchmarks.trials import provenance
 
+ROOT = Path(trials.__file__).parents[2]
+
 RUN = """
 import sys
-import benchmarks.scenarios.log  # whose trials load a log
+import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
-for name in ("mcl", "deq-mcl", "dead-reckoning"):
+from pathlib import Path
+executed = set()
+see = lambda frame, event, _: executed.add(frame.f_code.co_filename)
+for scenario, name in (("paper", "mcl"), ("guided", "deq-mcl"), ("driving", "dead-reckoning")):
     trial = Trial(
-        scenario="paper", localizer=name, params=(), lag=2, seed=0, trial=0,
+        scenario=scenario, localizer=name, params=(), lag=2, seed=0, trial=0,
         disturbance=((("kind", "dropout"), ("probability", 0.1)),),
     )
-    assert attempt(trial, key_of(trial)).record
+    key = key_of(trial)
+    assert attempt(trial, key).record  # its kernels are compiled
+    sys.setprofile(see)
+    attempt(trial, key)
+    sys.setprofile(None)
 print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
+print(*(path for path in executed if Path(path).is_relative_to(sys.argv[1])))
 """
 
 
 def modules(package):
     """Names of the modules of a package of ours, itself included."""
-    root = Path(trials.__file__).parents[2]
-    paths = (root / package.replace(".", "/")).glob("*.py")
-    return {f"{package}.{path.stem}".removesuffix(".__init__") for path in paths}
+    path = ROOT / package.replace(".", "/")
+    if not path.is_dir():
+        return {package}
+    return {f"{package}.{own.stem}".removesuffix(".__init__") for own in path.glob("*.py")}
 
 
-def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads():
+READING = "benchmarks.files"  # hands a file on as it is, or refuses it
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Modules of the harness that trials load, and files of ours that they execute."""
     done = subprocess.run(
-        [sys.executable, "-c", RUN], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", RUN, ROOT], capture_output=True, text=True, check=False, timeout=400
     )
-    loaded = set(done.stdout.split()) - {"benchmarks"}
+    assert done.returncode == 0, done.stderr
+    loaded, executed = done.stdout.splitlines()
+    return set(loaded.split()) - {"benchmarks"}, {Path(path) for path in executed.split()}
+
+
+def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads(seen):
+    loaded, _ = seen
     covered = {p: modules(p) for p in provenance.PACKAGES if p.startswith("benchmarks.")}
-    reading = modules("benchmarks.files")  # hands a file on as it is, or refuses it
-    assert loaded - reading <= set().union(*covered.values()), done.stderr
+    assert loaded - modules(READING) <= set().union(*covered.values())
     for package in ("benchmarks.trials", "benchmarks.setup"):
         assert covered[package] <= loaded
 
 
-def test_the_digest_changes_with_any_file_of_the_world_and_of_the_localizers(monkeypatch, tmp_path):
-    def digest():
+def test_the_digest_covers_every_file_that_a_trial_executes(seen):
+    _, executed = seen
+    packages = (*provenance.PACKAGES, READING)
+    covered = {path for package in packages for path, _ in provenance._files(package)}
+    assert len(executed) > 50
+    assert executed <= covered
+
+
+@pytest.fixture
+def digest_of(monkeypatch, tmp_path):
+    """The digest of a world where each package has one file, given by package."""
+
+    def digest(files):
+        for package in provenance.PACKAGES:
+            (tmp_path / f"{package}.py").write_text(files.get(package, ""))
         provenance.code_digest.cache_clear()
         return provenance.code_digest()
 
-    for package in ("benchmarks", *provenance.PACKAGES):
-        (tmp_path / package).mkdir()
-        (tmp_path / package / "part.py").write_text("")
-    monkeypatch.setattr(provenance, "_folder", lambda package: tmp_path / package)
-    try:
-        seen = {digest()}
-        for path in ("deqmcl_gym/part.py", "localizers/part.py", "benchmarks.trials/part.py"):
-            (tmp_path / path).write_text("changed")
-            seen.add(digest())
-        (tmp_path / "localizers" / "part.py").rename(tmp_path / "localizers" / "other.py")
-        seen.add(digest())
-        assert len(seen) == 5
-        (tmp_path / "benchmarks" / "part.py").write_text("a report")
-        assert digest() in seen
-    finally:
-        provenance.code_digest.cache_clear()
+    monkeypatch.setattr(provenance, "_files", lambda p: [(tmp_path / f"{p}.py", "part.py")])
+    yield digest
+    provenance.code_digest.cache_clear()
+
+
+def test_the_digest_changes_with_any_file_that_a_trial_runs(digest_of):
+    digests = {digest_of({package: "changed"}) for package in provenance.PACKAGES}
+    assert len(digests | {digest_of({})}) == len(provenance.PACKAGES) + 1
+
+
+DOCUMENTED = '''
+"""A module."""
+def f(x: int = 1, *, y=()):
+    """A function."""
+    return x[1:], f"{x!r:>{y}}"  # a comment
+class C:
+    """A class."""
+'''
+BARE = """
+def f(x: int=1, *, y=()):
+    return (
+        x[1 : ],
+        f'{x!r:>{y}}',
+    )
+class C: 'another text'
+"""
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"],
+)
+def test_the_digest_is_of_what_code_does_whatever_its_words_and_layout(digest_of, other):
+    package = provenance.PACKAGES[0]
+    same = digest_of({package: DOCUMENTED})
+    assert digest_of({package: BARE}) == same
+    assert digest_of({package: DOCUMENTED.replace("x[1:]", other)}) != same

@@ -1,16 +1,17 @@
 """The map of regimes: which panels have one, and what stands in its cells."""
 
 import re
+from dataclasses import replace
 from itertools import product
 
 import matplotlib as mpl
 import pytest
+from report_cases import changed
 from test_journey_tables import run
 
-from benchmarks.report.regimes import regime_maps
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE
-from benchmarks.report.swept import charts_over
+from benchmarks.report.svg import HOUSE_STYLE, looks
+from benchmarks.report.swept import charts_over, regime_maps
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.panels import panels
 
 BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
@@ -24,7 +25,7 @@ def at(record, beams, width, length):
         "route.max_length": length[1],
         "route.min_length": length[0],
     }
-    return record | {"trial": record["trial"] | {"world": world}}
+    return changed(record, trial=replace(record.trial, world=Changes(world)))
 
 
 def swept(lengths=LENGTHS):

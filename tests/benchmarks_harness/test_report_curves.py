@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from report_cases import trials
 
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
-from benchmarks.report.style import looks
-from benchmarks.report.svg import HOUSE_STYLE
+from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.tables.panels import panels
 
 

@@ -10,23 +10,22 @@ from html.parser import HTMLParser
 import pytest
 from report_cases import THREE, paired, results, trial_of, trials, written
 
-from benchmarks.report import animations, story, writing
-from benchmarks.report.laps import Lap
-from benchmarks.report.laps import trial_of as trial_of_record
-from benchmarks.report.style import LOOKS
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.report import story, writing
+from benchmarks.report.svg import LOOKS
+from benchmarks.sweeps import drawing
+from benchmarks.sweeps.drawing import Animation
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
-LAP = Lap(
+LAP = Animation(
     name="lap",
     title="Best",
     caption="World 0.",
     trials=(),
     labels=("mcl",),
     keys=("mcl-0-0",),
-    animation=b"RIFFwebp",
-    still=b"\x89PNG",
+    webp=b"RIFFwebp",
+    png=b"\x89PNG",
 )
 VOID = {"meta", "img", "source", "br"}
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
@@ -177,8 +176,8 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
 ):
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     written(out, given, [LAP])
-    monkeypatch.setattr(story, "laps", lambda panel: [LAP])
-    monkeypatch.setattr(animations, "drawn", None)
+    monkeypatch.setattr(story, "animations_of", lambda panel: [LAP])
+    monkeypatch.setattr(drawing, "drawn", None)
     files = writing.rewrite_report(out, elsewhere, given)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
@@ -227,11 +226,6 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     files = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
     assert {path.name for path in tmp_path.iterdir()} == {*TABLES, "written.json"}
-
-
-def test_a_record_names_the_trial_that_made_it():
-    (trial,) = paper_suite(localizers=["deq-mcl"], trials=1, seed=3, lag=10, beta=2.0)
-    assert trial_of_record(trial.canonical()) == trial
 
 
 def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):

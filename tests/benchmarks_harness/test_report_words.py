@@ -3,11 +3,12 @@
 import re
 
 import pytest
-from report_cases import finished, paired, results, trial_of, trials
+from report_cases import changed, finished, paired, results, trial_of, trials
 
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
-from benchmarks.report.findings import findings
+from benchmarks.report.words import findings
+from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 
@@ -96,6 +97,14 @@ def test_the_overview_counts_localizers_settings_worlds_and_seeds():
     )
 
 
+def test_a_localizer_that_is_not_ours_is_marked_however_it_is_named():
+    names = ("mcl", "amcl", "installed-by-entry-point", "./file.py:Mine")
+    table = error_tables.verdict_table(panel_of(one for n in names for one in trials(n, [1.0])))
+    plug_ins = [line[0] for line in table.lines if line[0].endswith(" (plug-in)")]
+    assert plug_ins == ["installed-by-entry-point (plug-in)", "Mine (plug-in)"]
+    assert list(table.own) == [2, 3]
+
+
 def test_what_is_not_available_reads_na_in_the_tables_never_nan():
     none = dict.fromkeys(("coverage_50", "coverage_80", "coverage_95", "nees", "entropy"))
     records = [finished(name, 0, 1.0, scores=none) for name in ("mcl", "dead-reckoning")]
@@ -141,11 +150,11 @@ def test_the_gap_table_has_a_limit_before_its_methods():
 
 
 def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parameters():
-    lost = {"thresholds": {"far": 1.0, "lost": 1.5, "lost_steps": 9}, "unit": "m"}
+    lost = {"thresholds": Thresholds(far=1.0, lost=1.5, lost_steps=9), "unit": "m"}
     records = trials("mcl", [1.0] * 3, params={"particles": 300})
     records += trials("mcl-map", [1.0] * 3, params={"particles": 300, "beta": 3.0})
     records += trials("dead-reckoning", [1.0] * 3)
-    table = error_tables.verdict_table(panel_of([record | lost for record in records]))
+    table = error_tables.verdict_table(panel_of([changed(record, **lost) for record in records]))
     assert "above 1.5 m on average over the last 9 states" in table.caption
     assert table.caption.endswith("Parameters of all methods that take them: particles 300.")
     assert table.lines[0][5] == "0 % of 3 (0 to 56)"

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.agents.old_route import OldRoute
-from benchmarks.agents.on_route import OnRoute
-from benchmarks.agents.to_goal import ToGoal
+from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
-from benchmarks.trials.episode import scenario_of, trial_moments
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError
 
 RADIUS, CELL = 0.25, 0.1
@@ -36,7 +34,7 @@ def trial(name, number=0, **kwargs):
 def begun(name, number=0):
     """A trial's room, and what it tells at reset."""
     one = trial(name, number)
-    room = scenario_of(one).room()
+    room = Stage.of(one).room
     return room, room.reset(seed=one.world_seed)[1]
 
 
@@ -63,17 +61,20 @@ def test_a_trial_has_its_building_and_its_journey_whatever_the_localizer():
     assert shapes[0] != shapes[1]
     assert not np.array_equal(rooms[0][1]["goal"], rooms[2][1]["goal"])
     first, other = (
-        next(iter(trial_moments(trial("lost", 3, localizer=name)))) for name in ("mcl", "mcl-map")
+        next(iter(Stage.of(trial("lost", 3, localizer=name)).moments()))
+        for name in ("mcl", "mcl-map")
     )
     np.testing.assert_array_equal(first.truth, other.truth)
 
 
 def test_a_building_of_a_given_seed_is_that_of_all_trials_and_widths_can_be_varied():
     seeded = (("floor_plan.office.seed", 7),)
-    one, other = (scenario_of(trial("lost", k, world=seeded)).world.floor_plan for k in (0, 1))
+    one, other = (
+        Stage.of(trial("lost", k, world=seeded)).scenario.world.floor_plan for k in (0, 1)
+    )
     assert one is other
     wide = (("floor_plan.office.corridor", 3.0), ("route.min_length", 30.0))
-    varied = [scenario_of(trial("lost", k, world=wide)) for k in (0, 1)]
+    varied = [Stage.of(trial("lost", k, world=wide)).scenario for k in (0, 1)]
     assert varied[0].world.floor_plan is not varied[1].world.floor_plan
     assert varied[0].env["floor_plan"]["office"] == {"corridor": 3.0, "seed": 0}
     assert varied[0].world.route.min_length == 30.0
@@ -100,7 +101,7 @@ def test_the_route_fits_one_of_two_wings_or_both_of_two_halves(number):
 def test_after_the_kidnap_the_same_robot_drives_on_with_a_plan_about_it_or_with_the_old_one():
     room, _ = begun("kidnapped")
     runs = [
-        list(itertools.islice(trial_moments(trial(name)), 120))
+        list(itertools.islice(Stage.of(trial(name)).moments(), 120))
         for name in ("kidnapped", "kidnapped-stale")
     ]
     for told, stale in zip(*runs, strict=True):
@@ -128,7 +129,7 @@ def test_the_old_route_is_that_of_a_world_with_routes():
 @pytest.mark.parametrize("number", [35, 251])  # of 1,000: they start beside a corner of a wall
 def test_one_who_sees_the_pose_cuts_no_corner_however_much_of_the_plan_is_shown(number):
     one = trial("driving-perfect", number)
-    rooms = [scenario_of(one).room(), scenario_of(replace(one, world=(("horizon", 3),))).room()]
+    rooms = [Stage.of(one).room, Stage.of(replace(one, world=(("horizon", 3),))).room]
     infos = [room.reset(seed=one.world_seed)[1] for room in rooms]
     cornered, ended = 0, False
     while not ended:

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.trials.episode import room_of, trial_moments
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform
@@ -31,11 +31,12 @@ def trial(**changes):
 
 
 def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_alone():
-    room = room_of("paper", (("lidar.beams", 9), ("lidar.sigma", 1.0), ("noise.drive", 0.5)))
+    changes = {"lidar.beams": 9, "lidar.sigma": 1.0, "noise.drive": 0.5}
+    room = scenario("paper").changed(changes).room()
     assert (room.lidar.beams, room.lidar.sigma, room.world.noise.drive) == (9, 1.0, 0.5)
-    assert room.world.noise.turn == room_of("paper").world.noise.turn
-    ours = [m.truth for m in trial_moments(trial())]
-    theirs = [m.truth for m in trial_moments(trial(world=(("lidar.sigma", 50.0),)))]
+    assert room.world.noise.turn == scenario("paper").room().world.noise.turn
+    ours = [m.truth for m in Stage.of(trial()).moments()]
+    theirs = [m.truth for m in Stage.of(trial(world=(("lidar.sigma", 50.0),))).moments()]
     assert np.array_equal(ours, theirs)  # another sensor, the same motion
 
 
@@ -47,11 +48,28 @@ def test_an_assumption_reaches_the_filters_and_no_other_and_the_world_is_not_cha
     assert changed.motion == replace(sharp.motion, drive=0.3)
     assert changed.prior == replace(sharp.prior, sd_heading=0.5)
     ours, theirs = (
-        list(trial_moments(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)))
+        list(
+            Stage.of(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)).moments()
+        )
         for assumed in ((), (("scan.sigma", 50.0),))
     )
     assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
     assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
+
+
+def test_what_is_assumed_as_in_the_world_is_the_worlds_and_follows_its_changes(tmp_path):
+    as_world = {"motion": "world", "scan.sigma": "world", "prior": "world"}
+    changes = {"noise.drive": 0.5, "lidar.sigma": 7.0, "start.sd_heading": 0.3}
+    changed = scenario("sharp").changed(changes, as_world)
+    assert vars(changed.motion) == vars(changed.world.noise)
+    assert (changed.scan.sigma, changed.motion.drive) == (7.0, 0.5)
+    assert (changed.prior.sd_position, changed.prior.sd_heading) == (0.0, 0.3)
+    part = scenario("sharp").changed(changes, {"motion.drive": "world"}).motion
+    assert part == replace(scenario("sharp").motion, drive=0.5)
+    (tmp_path / "as.toml").write_text('base = "sharp"\nprior = "world"\nassumed.motion = "world"')
+    own = scenario(str(tmp_path / "as.toml"))
+    assert vars(own.motion) == vars(own.world.noise)
+    assert own.prior.sd_position == own.world.start.sd_position
 
 
 def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
@@ -71,7 +89,7 @@ def test_another_kind_of_motion_has_its_own_defaults_in_the_worlds_unit(kind):
     other = {"differential": "omni", "omni": "differential"}[kind]
     kept = changed.changed(assumed={"motion.kind": other}).motion
     assert kept == replace(unknown_motion(other, "px"), alpha3=0.1)
-    moments = list(trial_moments(trial(localizer="mcl", assumed=tuple(assumed.items()))))
+    moments = list(Stage.of(trial(localizer="mcl", assumed=tuple(assumed.items()))).moments())
     assert len(moments) > 5
 
 
@@ -87,7 +105,7 @@ def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
 
 def test_disturbances_are_stacked():
     both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
-    moments = list(trial_moments(trial(disturbance=both)))
+    moments = list(Stage.of(trial(disturbance=both)).moments())
     assert np.isinf([m.ranges for m in moments]).all()
     assert np.hypot(*(moments[5].truth - moments[4].truth)[:2]) > 20  # no step is so long
 
@@ -100,6 +118,7 @@ BAD = [
     ({"world": (("driver", "none"), ("driver.look_ahead", 9.0))}, ["driver", "whole and by key"]),
     ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
     ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
+    ({"assumed": {"scan.power": "world"}}, ["'scan.power'", "did you mean 'scan.sigma'?"]),
     ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
     ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
     ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
@@ -130,7 +149,7 @@ def refused(*named):
 @pytest.mark.parametrize(("changes", "named"), BAD)
 def test_a_setting_that_cannot_be_is_refused(changes, named):
     with refused(*named):
-        list(trial_moments(trial(**changes)))
+        list(Stage.of(trial(**changes)).moments())
 
 
 ROOM = """

@@ -1,27 +1,32 @@
 """What names a trial, and where its randomness comes from."""
 
+import json
+import math
 from dataclasses import fields, replace
+from pathlib import Path
 
 import pytest
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
 
 TRIAL = Trial(
     scenario="paper",
     localizer="deq-mcl",
-    params=(("lag", 20), ("particles", 1000)),
+    params={"lag": 20, "particles": 1000},
     lag=20,
     seed=0,
     trial=3,
 )
 CHANGED = {
     "scenario": "matched",
-    "world": (("lidar.beams", 9),),
-    "assumed": (("scan.sigma", 50.0),),
-    "disturbance": ((("kind", "kidnap"), ("step", 100)),),
+    "world": {"lidar.beams": 9},
+    "assumed": {"scan.sigma": 50.0},
+    "disturbance": ({"kind": "kidnap", "step": 100},),
     "localizer": "mcl",
-    "params": (("lag", 20), ("particles", 1001)),
+    "params": {"lag": 20, "particles": 1001},
     "lag": 21,
     "seed": 1,
     "trial": 4,
@@ -45,7 +50,8 @@ def test_a_name_is_of_the_trial_and_what_computes_it_whatever_the_order_of_param
     key = TRIAL.key("p")
     assert len(key) == 32
     assert set(key) <= set("0123456789abcdef")
-    assert replace(TRIAL, params=TRIAL.params[::-1]).key("p") == key != TRIAL.key("q")
+    backwards = {"particles": 1000, "lag": 20}
+    assert replace(TRIAL, params=backwards).key("p") == key != TRIAL.key("q")
 
 
 @pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
@@ -89,3 +95,45 @@ def test_a_method_gets_only_the_parameters_it_has_a_use_for():
         "deq-mcl": both,
         "dead-reckoning": {},
     }
+
+
+VALUES = {
+    "b.c": [1, [2.0, "x"]],
+    "a": math.inf,
+    "wrappers": [{"kind": "kidnap", "at": [-math.inf]}],
+}
+
+
+def test_changes_are_made_again_of_their_json_and_cannot_be_changed():
+    made = Changes(VALUES)
+    written = made.json()
+    json.dumps(written, allow_nan=False)
+    assert list(written) == ["a", "b.c", "wrappers"]
+    again = Changes(json.loads(json.dumps(written)))
+    assert again == made
+    assert hash(again) == hash(made)
+    assert made["b.c"] == (1, (2.0, "x"))
+    assert made["wrappers"] == ({"kind": "kidnap", "at": (-math.inf,)},)
+    assert (made | {"a": 1})["a"] == 1
+    assert made["a"] == math.inf
+    with pytest.raises(TypeError, match="item assignment"):
+        made["a"] = 3
+
+
+def test_changes_told_by_tables_are_those_by_dotted_name_and_by_part_they_are_nested():
+    told = Changes.told("world", {"lidar": {"beams": 9}, "floor_plan": {"office": {"seed": 3}}})
+    assert told == {"lidar.beams": 9, "floor_plan.office.seed": 3}
+    nested = {"floor_plan": {"office": {"seed": 3}}, "lidar": {"beams": 9}}
+    assert told.by_part(("lidar", "floor_plan"), "part") == nested
+    with pytest.raises(InputError, match=r"world names lidar\.beams twice"):
+        Changes.told("world", {"lidar.beams": 9, "lidar": {"beams": 9}})
+
+
+def test_files_of_a_world_are_found_beside_a_folder_and_shown_without_it():
+    world = Changes({"floor_plan": {"file": "a.yaml"}, "log": ["l.csv", "/m.csv"], "map.x": "b"})
+    beside = world.beside(Path("/data"))
+    assert beside["floor_plan"]["file"] == "/data/a.yaml"
+    assert beside["log"] == ("/data/l.csv", "/m.csv")
+    assert beside["map.x"] == "b"
+    assert beside.files == ["/data/a.yaml"]
+    assert Changes({"log": "/data/l.csv"}).short() == {"log": "l.csv"}

@@ -2,17 +2,28 @@
 
 import json
 
+import msgspec
 import pytest
-from report_cases import finished
+from report_cases import changed, finished
 
 from benchmarks.sweeps import store as store_module
 from benchmarks.sweeps.store import SCHEMA, Store, _checksum, named
+from benchmarks.trials.scoring import Record
 from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
-RECORD = {k: v for k, v in finished("mcl", 0, 1.5).items() if k not in ("key", "seconds")}
 KEY = "0123abcd"
 FILES = [f"timings/{KEY}.json", f"trials/{KEY}.json"]
+
+
+def record_of(done):
+    """What a store is given of a finished trial."""
+    parts = msgspec.structs.asdict(done)
+    return Record(**{name: parts[name] for name in Record.__struct_fields__})
+
+
+DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
+RECORD = record_of(DONE)
 
 
 def files(folder):
@@ -22,14 +33,14 @@ def files(folder):
 def stored(tmp_path):
     """The store, and the file of a finished trial in it."""
     store = Store(tmp_path)
-    store.put(KEY, RECORD, 2.5)
+    store.put(KEY, TRIAL, RECORD, 2.5)
     return store, tmp_path / "trials" / f"{KEY}.json"
 
 
 def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
     store, _ = stored(tmp_path / "new" / "folder")
     found = store.get(KEY, TRIAL)
-    assert found == RECORD | {"key": KEY, "seconds": 2.5}
+    assert found == DONE
     assert files(store.out) == FILES
     assert Store(store.out).get(KEY, TRIAL) == found
     assert store.get("another", TRIAL) is None
@@ -38,7 +49,7 @@ def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
 def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
     store, path = stored(tmp_path)
     before = path.read_bytes()
-    store.put(KEY, RECORD, 99.0)
+    store.put(KEY, TRIAL, RECORD, 99.0)
     assert path.read_bytes() == before
 
 
@@ -47,7 +58,7 @@ def test_a_trial_without_its_time_is_still_finished(tmp_path, content):
     store, _ = stored(tmp_path)
     path = tmp_path / "timings" / f"{KEY}.json"
     path.unlink() if content is None else path.write_bytes(content)
-    assert store.get(KEY, TRIAL) == RECORD | {"key": KEY, "seconds": None}
+    assert store.get(KEY, TRIAL) == changed(DONE, seconds=None)
     assert list(store.rejected) == ([] if content is None else [f"timings/{KEY}.json"])
 
 
@@ -72,8 +83,8 @@ def damaged(good):
         "edited by hand": ("checksum does not match", good.replace(b"1.5", b"1.4")),
         "with a NaN": ("contains NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
-        "forged without scores": ("has None at scores", forged(scores=None)),
-        "forged with words for numbers": ("has 'a' at curves.0.error.0", forged(
+        "forged without scores": ("null instead of array at scores, as no", forged(scores=None)),
+        "forged with words for numbers": ("has str instead of float at curves[].error[0]", forged(
             curves={"0": {"first_state": 0, "error": ["a"]}})),
         "forged as another trial": ("of another trial", forged(trial={"trial": 7})),
     }  # fmt: skip
@@ -89,17 +100,17 @@ def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_
     assert store.get(KEY, TRIAL) is None
     assert list(store.rejected) == [f"trials/{KEY}.json"]
     assert why in store.rejected[f"trials/{KEY}.json"]
-    store.put(KEY, RECORD, 2.5)
+    store.put(KEY, TRIAL, RECORD, 2.5)
     assert path.read_bytes() == good
 
 
 @pytest.mark.parametrize(
-    "part", [{"scores": 3}, {"events": {"skipped_beams": True}}, {"steps_done": float("nan")}]
+    "part", [{"unit": 3}, {"events": {"skipped_beams": True}}, {"scans_used": float("nan")}]
 )
 def test_what_would_not_be_believed_is_not_kept(tmp_path, part):
     store = Store(tmp_path)
     with pytest.raises(ValueError, match=next(iter(part))):
-        store.put(KEY, RECORD | part, 1.0)
+        store.put(KEY, TRIAL, changed(RECORD, **part), 1.0)
     assert not (tmp_path / "trials").exists()
 
 
@@ -107,7 +118,7 @@ def test_the_order_of_keys_and_the_spaces_of_a_file_are_no_change(tmp_path):
     store, path = stored(tmp_path)
     value = json.loads(path.read_text())
     path.write_text(json.dumps(dict(reversed(value.items())), indent=4))
-    assert store.get(KEY, TRIAL) == RECORD | {"key": KEY, "seconds": 2.5}
+    assert store.get(KEY, TRIAL) == DONE
 
 
 def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
@@ -116,7 +127,7 @@ def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
     store.put_failure(KEY, TRIAL, "it slept")
     assert Store(tmp_path).failure(KEY, TRIAL) == "it slept"
     assert store.get(KEY, TRIAL) is None
-    store.put(KEY, RECORD, 1.0)
+    store.put(KEY, TRIAL, RECORD, 1.0)
     assert store.failure(KEY, TRIAL) is None
     assert files(tmp_path) == FILES
 

@@ -7,12 +7,11 @@ import pytest
 from report_cases import trials
 
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import FAMILIES, SUITES, with_localizers
-from benchmarks.sweeps.sweepfile import sweeps_named
+from benchmarks.sweeps.suites import FAMILIES, SUITES, sweeps_named, with_localizers
 from benchmarks.tables.panels import panels
-from benchmarks.tables.power import least_worlds
-from benchmarks.trials.episode import trial_moments
+from benchmarks.tables.stats import least_worlds
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 
 
 @pytest.mark.parametrize("name", SUITES)
@@ -45,7 +44,7 @@ def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
     still = (("noise.drive", 0.0), ("noise.turn", 0.0), ("noise.drift", 0.0))
     trial = Trial(scenario="sharp", world=still, disturbance=change,
                   localizer="dead-reckoning", params=(), lag=0, seed=0, trial=0)  # fmt: skip
-    truths = [m.truth for m in trial_moments(trial)]
+    truths = [m.truth for m in Stage.of(trial).moments()]
     assert len(truths) == 1 + 100 + 12 + 23 + 6 + 40 + 6 + 25
     assert np.allclose(truths[-1][:2], truths[0][:2], atol=1e-3)  # float32 actions
 

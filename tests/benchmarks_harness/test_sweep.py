@@ -6,14 +6,14 @@ from functools import partial
 import numpy as np
 import pytest
 
+import localizers
 from benchmarks.execution.engines import Where
 from benchmarks.sweeps.running import Options, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials import attempt
-from benchmarks.trials.episode import trial_moments
-from benchmarks.trials.plugins import keyed
-from localizers.naming import registry
+from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.stage import Stage
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -22,8 +22,9 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 def run(trials, out):
     """Run trials; return the store and the trials by key."""
-    store, named = Store(out), keyed(trials)
-    run_missing(named, store, Options(where=Where(jobs=1), progress=False))
+    store, made = Store(out), provenance_of(trials)
+    named = {made.key(trial): trial for trial in trials}
+    run_missing(named, store, Options(where=Where(jobs=1), progress=False), made)
     return store, named
 
 
@@ -40,8 +41,8 @@ def results(out):
 @pytest.fixture
 def runs(monkeypatch):
     """The trials that were run rather than found."""
-    ran = []
-    monkeypatch.setattr(attempt, "trial_moments", lambda t, r: ran.append(t) or trial_moments(t, r))
+    ran, run = [], Stage.moments
+    monkeypatch.setattr(Stage, "moments", lambda stage: ran.append(stage.trial) or run(stage))
     return ran
 
 
@@ -83,8 +84,8 @@ class Nowhere:
 
 def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
     trials = suite(["dead-reckoning"], trials=1)
-    first = list(trial_moments(trials[0]))[:1]
-    monkeypatch.setattr(attempt, "trial_moments", lambda *_: first)
+    first = list(Stage.of(trials[0]).moments())[:1]
+    monkeypatch.setattr(Stage, "moments", lambda _: first)
     assert reasons(*run(trials, tmp_path)) == ["it processed 0 steps"]
 
 
@@ -126,8 +127,8 @@ class Broken:
 def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_are_kept(
     tmp_path, monkeypatch, made, reason
 ):
-    monkeypatch.setitem(registry._FACTORIES, "bad", lambda robot: made())
-    bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
+    with localizers.registered("bad", lambda robot: made()):
+        bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
     assert good is None
     assert len(results(tmp_path)) == 1

@@ -2,14 +2,16 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import with_localizers
-from benchmarks.sweeps.sweepfile import read_sweep, sweep_named
+from benchmarks.sweeps.suites import SUITES, sweeps_named, with_localizers
+from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym.validation import InputError
 
 ALL = """
@@ -55,15 +57,15 @@ def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
     assert {t.scenario for t in trials} == {"sharp"}
     assert {t.seed for t in trials} == {3}
     assert {(t.trial, t.filter_seed) for t in trials} == {(0, 0), (0, 1), (1, 0), (1, 1)}
-    assert {t.assumed for t in trials} == {(("scan.sigma", 50),)}
-    assert {t.disturbance for t in trials} == {((("kind", "kidnap"), ("step", 100)),)}
+    assert {t.assumed for t in trials} == {Changes({"scan.sigma": 50})}
+    assert {t.disturbance for t in trials} == {(Changes({"kind": "kidnap", "step": 100}),)}
     # walked together: lag 5 with sigma 5, lag 6 with sigma 20
     assert {(t.lag, dict(t.world)["lidar.sigma"]) for t in trials} == {(5, 5.0), (6, 20.0)}
     assert {dict(t.world)["lidar.beams"] for t in trials} == {9}
     assert {dict(t.world)["noise.drive"] for t in trials} == {0.04}
     mcl = {t.params for t in trials if t.localizer == "mcl"}
     deq_mcl = [dict(t.params) for t in trials if t.localizer == "deq-mcl"]
-    assert mcl == {(("particles", 30),)}  # it has no use for the others
+    assert mcl == {Changes({"particles": 30})}  # it has no use for the others
     assert {p["pilots"] for p in deq_mcl} == {1, 2, 3}
     assert {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl} == {
         (math.inf, 5, 30),
@@ -77,7 +79,7 @@ def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(t
     (first, *rest) = sweep.distinct()
     assert len(rest) == 9
     assert (first.scenario, first.lag, first.seed, first.filter_seed) == ("paper", 20, 0, 0)
-    assert (first.world, first.assumed, first.disturbance, first.params) == ((), (), (), ())
+    assert (first.world, first.assumed, first.disturbance, first.params) == ({}, {}, (), {})
 
 
 def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
@@ -89,11 +91,15 @@ def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
 
 def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     document = Path(__file__).parents[2] / "docs" / "sweeps.md"
-    (text,) = re.findall(r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE)
+    text, changed = re.findall(
+        r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE
+    )
     sweep = read(tmp_path, text)
     assert sweep.combinations == 1440
     assert f"= {sweep.combinations} trials" in document.read_text()
     check(sweep)
+    (tmp_path / "mine.py").write_text(OWN.format(parameter="own"))
+    assert read(tmp_path, changed).names == ["mcl-map", f"{tmp_path}/mine.py:Own"]
 
 
 OWN = """
@@ -133,6 +139,38 @@ def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monk
     assert dict(found.distinct()[0].params) == {"theirs": 3}
     monkeypatch.chdir(folder)
     assert with_localizers(found, ["./own.py:Own"]).names == [own, "mcl"]  # it is there already
+
+
+def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole(tmp_path):
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "base.toml").write_text(ALL)
+    found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\nlimit = []\n')
+    base = read_sweep(tmp_path / "below" / "base.toml")
+    assert found == replace(base, title="my-sweep", trials=9, params=(), limits=())
+    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(SUITES["lost"], title="Mine")
+
+
+def test_a_base_that_leads_back_to_its_file_or_nowhere_is_refused(tmp_path):
+    (tmp_path / "other.toml").write_text('base = "./my-sweep.toml"')
+    with pytest.raises(
+        InputError, match=r"other\.toml: base is './my-sweep\.toml', which is this file"
+    ):
+        read(tmp_path, 'base = "other.toml"')
+    with pytest.raises(InputError, match=r"base 'lots': did you mean 'lost'\?.*\.toml"):
+        read(tmp_path, 'base = "lots"')
+
+
+def test_an_action_with_a_third_number_is_repeated_so_many_times(tmp_path):
+    text = (
+        'localizers = ["mcl"]\ndisturbance = [{{ kind = "plan-change", step = 1, actions = {} }}]'
+    )
+    short, long = (
+        text.format(a)
+        for a in ("[[5.0, 0.0, 2], [0.0, 1.0]]", f"{[[5.0, 0.0]] * 2 + [[0.0, 1.0]]}")
+    )
+    assert read(tmp_path, short) == read(tmp_path, long)
+    with pytest.raises(InputError, match="steps of an action is 0"):
+        read(tmp_path, text.format("[[5.0, 0.0, 0]]"))
 
 
 BAD = [  # a file, and what the sentence must name
@@ -232,7 +270,7 @@ def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tm
 
 def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest():
     with pytest.raises(InputError, match=r"'quik': did you mean 'quick'\?.*\.toml"):
-        sweep_named("quik")
+        sweeps_named("quik")
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
-        sweep_named("quick", ["dec-mcl"])
+        sweeps_named("quick", ["dec-mcl"])
     assert "toml" not in str(caught.value)

@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 from report_cases import paired, parsed, results, trials, written
 
-from benchmarks.report.verdicts import conclusion, power_hint, runner_up, spoken
+from benchmarks.report.words import conclusion, power_hint, runner_up, spoken
 from benchmarks.tables.panels import panels
-from benchmarks.tables.power import least_p, least_worlds, worlds_to_see, worth_seeing
-from benchmarks.tables.stats import holm, relative_change, wilcoxon
+from benchmarks.tables.stats import (
+    holm,
+    least_p,
+    least_worlds,
+    relative_change,
+    wilcoxon,
+    worlds_to_see,
+    worth_seeing,
+)
 
 ONE = (0,)
 

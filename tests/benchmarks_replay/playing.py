@@ -9,7 +9,7 @@ from deqmcl_gym.envs.log import LogEnv
 
 def played(env, localizer, prior, rng):
     """Yield the moments of a localizer on a whole log."""
-    return moments(env, make_agent("open-loop", None), localizer, prior, rng, seed=0)
+    return moments(env, make_agent("open-loop", None), localizer, lambda: prior, rng, seed=0)
 
 
 def tracked(log, floor_plan, localizer, prior, rng):

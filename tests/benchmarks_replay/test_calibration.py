@@ -34,8 +34,7 @@ def share_within(setting):
     own = {"mcl": {"particles": 1000}}
     sweep = sweep_of(setting, ["mcl"], particles=None, seeds=1, root=1, shared={}, own=own)
     (trial,) = sweep.distinct()
-    record = attempt(trial, key_of(trial)).record
-    return record["track"]["scores"][f"coverage_{LEVEL}"]
+    return attempt(trial, key_of(trial)).record.track.scores[f"coverage_{LEVEL}"]
 
 
 def test_a_fitted_power_makes_beliefs_about_as_sure_as_they_may_be_on_the_rest_of_the_log(setting):
@@ -50,7 +49,7 @@ def test_a_fitted_power_makes_beliefs_about_as_sure_as_they_may_be_on_the_rest_o
 
 def test_without_enough_of_a_reference_the_power_stays(setting, folder):
     for kept in ({"length": 250}, {"start": 400}):
-        few = replace(setting, world={**setting.world, **kept})
+        few = replace(setting, world=setting.world | kept)
         assert calibrated(few) == few
     log = logs.read(folder / "log.npz")
     logs.write(replace(log, reference=None), folder / "blind.npz")

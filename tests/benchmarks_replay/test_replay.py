@@ -11,8 +11,8 @@ from playing import played, tracked
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.setup.names import scenario
-from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
@@ -49,7 +49,7 @@ def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(lap, nam
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
     setup = scenario("sharp")
     room = setup.room()
-    live = list(trial_moments(trial))
+    live = list(Stage.of(trial).moments())
     log = Log.of_episode(
         [moment.ranges for moment in live],
         [moment.action for moment in live[1:]],
@@ -95,7 +95,7 @@ def test_a_track_has_a_pose_for_each_record_and_its_errors_are_of_those_with_a_r
     off = np.hypot(*(track.best - log.reference)[30:, :2].T)
     np.testing.assert_allclose(track.errors.translation, off * 0.02)
     assert np.median(off) < 20
-    assert len(kept.kept()["journey"]["curves"]["way"]) == len(log) - 30
+    assert len(kept.kept()[0].curves["way"]) == len(log) - 30
 
 
 def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():

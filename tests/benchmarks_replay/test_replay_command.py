@@ -17,7 +17,7 @@ from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.scoring import SCORE_NAMES
+from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym import logs
@@ -88,16 +88,23 @@ def record_of(errors, seed=0, localizer="mcl", **how):
     """The record of such a run."""
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
     scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors)))}
-    return {
-        "trial": trial.canonical(),
-        "unit": "m",
-        "thresholds": {"far": 1.0, "lost": 1.0, "lost_steps": 20},
-        "scores": [scores],
-        "curves": {"0": {"first_state": 0, "error": list(errors)}},
-        "quality": None,
-        "steps_done": len(errors) - 1,
-        "seconds": 1.0,
-    } | kept_at(errors, **how).kept()
+    journey, track = kept_at(errors, **how).kept()
+    return Finished(
+        trial=trial,
+        key=f"{localizer}-{seed}",
+        unit="m",
+        thresholds=Thresholds(far=1.0, lost=1.0),
+        scores=[scores],
+        curves={0: ErrorCurve(0, list(errors))},
+        quality=None,
+        profile={},
+        steps_done=len(errors) - 1,
+        scans_used=len(errors),
+        events={},
+        seconds=1.0,
+        journey=journey,
+        track=track,
+    )
 
 
 def row_of(*errors, failed=0):

@@ -12,6 +12,11 @@ ROOM = PolygonMap(
     obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
 )
 ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
+_MIRROR = PolygonMap(
+    outer=[(0, 0), (355, 0), (355, 300), (0, 300)],
+    obstacles=[[(100, 100), (255, 100), (255, 200), (100, 200)]],
+)
+MIRRORED = Routes(_MIRROR, radius=10.0, comfort=40.0)
 
 
 def points(seed, count):
@@ -70,6 +75,19 @@ def test_no_way_is_said_to_be_none():
     )
     with pytest.raises(InputError, match="there is no route from"):
         Routes(closed, radius=10.0, comfort=20.0).between((50, 50), (300, 50))
+
+
+def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_these_the_last():
+    ways, graph = MIRRORED.to((177.5, 50)), MIRRORED._graph + MIRRORED._graph.T
+    ties = 0
+    for cell, following in enumerate(ways.following):
+        its = slice(*graph.indptr[cell : cell + 2])
+        near, costs = graph.indices[its], graph.data[its]
+        leading = near[ways.costs[near] + costs == ways.costs[cell]]
+        order = sorted((ways.costs[one], -one) for one in leading)
+        assert following == (-order[0][1] if order else -1)
+        ties += len(order) > 1 and order[0][0] == order[1][0]
+    assert ties > 0
 
 
 @pytest.mark.parametrize("form", ["grid", "polygons"])

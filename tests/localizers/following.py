@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import localizers
-from localizers.inference.particle_filter import FilterLocalizer
+from localizers.inference.bayes_filter import FilterLocalizer
 
 Drive = tuple[np.ndarray, np.ndarray]
 

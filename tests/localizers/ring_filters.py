@@ -35,6 +35,7 @@ from localizers.inference.plan_evidence import (
 )
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 from localizers.inference.start import InformedStart
+from localizers.models.scan import Scan
 
 RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
 
@@ -137,7 +138,7 @@ def beliefs(ring: ParticleFilter, drive: Drive, seed: int):
     belief = ring.initial(RingPrior(), column(drive.plans[0]), rng)
     yield belief
     for t, action in enumerate(drive.executed, start=1):
-        scan = np.array([float(OBSERVED[t - 1])])
+        scan = Scan.of(np.array([float(OBSERVED[t - 1])]), 5.0)
         belief = ring.step(belief, scan, np.array([float(action)]), column(drive.plans[t]), rng)
         yield belief
 

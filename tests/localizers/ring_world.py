@@ -80,8 +80,8 @@ class RingMotion:
 
 
 class RingScan:
-    def log_likelihood(self, states, ranges):
-        return np.log(SENSOR[states[0], int(ranges[0])])
+    def log_likelihood(self, states, scan):
+        return np.log(SENSOR[states[0], int(scan.ranges[0])])
 
 
 @dataclass(frozen=True)

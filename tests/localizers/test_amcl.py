@@ -11,11 +11,11 @@ from following import updated
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers.inference import adaptive
-from localizers.inference.adaptive import KldSampling
+from localizers.inference.kld_sampling import KldSampling, limit
+from localizers.inference.resampling import searched
 from localizers.methods.amcl import OMNI, UpdateGate, WeightAverages
 from localizers.models.nav2_motion import moved
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 LOPSIDED = PolygonMap(
     outer=[(0, 0), (300, 0), (300, 200), (120, 200), (120, 170), (0, 170)],
@@ -33,15 +33,15 @@ ROBOTS_OWN = {"laser_model_type": "robot", "robot_model_type": "robot", **ALWAYS
 def test_the_kld_limit_is_a_chi_square_quantile_over_twice_the_error(degrees, chi_square):
     # Fox 2003, eq. (6): n = χ²_{k-1, 1-δ} / 2ε; (7) is the Wilson-Hilferty approximation of it,
     # which is right to 1 %; and it is rounded up.
-    limit = adaptive.limit(degrees + 1, 1, 10**6, 0.05, NormalDist().inv_cdf(0.99))
-    assert limit == pytest.approx(chi_square / 0.1, rel=0.01, abs=1)
+    bound = limit(degrees + 1, 1, 10**6, 0.05, NormalDist().inv_cdf(0.99))
+    assert bound == pytest.approx(chi_square / 0.1, rel=0.01, abs=1)
 
 
 def test_the_kld_limit_keeps_its_bounds_and_is_the_largest_for_a_single_bin():
-    assert adaptive.limit(2, 500, 2000, 0.05, 0.99) == 500
-    assert adaptive.limit(10**6, 500, 2000, 0.05, 0.99) == 2000
+    assert limit(2, 500, 2000, 0.05, 0.99) == 500
+    assert limit(10**6, 500, 2000, 0.05, 0.99) == 2000
     for bins in (0, 1):
-        assert adaptive.limit(bins, 500, 2000, 0.05, 0.99) == 2000
+        assert limit(bins, 500, 2000, 0.05, 0.99) == 2000
 
 
 def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_above():
@@ -52,7 +52,7 @@ def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_a
         cumulative = np.cumsum(weights)
         pointers = np.concatenate([rng.random(5000) * cumulative[-1], cumulative, [0.0]])
         seen = np.empty(pointers.size, np.intp)
-        adaptive.drawn(cumulative, pointers, seen)
+        searched(cumulative, pointers, seen)
         expected = np.searchsorted(cumulative, pointers, side="right")
         assert seen.tolist() == np.minimum(expected, n - 1).tolist()
 
@@ -185,7 +185,7 @@ def test_it_resamples_at_the_end_of_an_update_when_it_should(
     resampled = []
     for t, (action, scan) in enumerate(zip(*drive, strict=True), start=1):
         after = localizer.update(scan, action, [])
-        latest = model.log_likelihood(after.present, scan)
+        latest = model.log_likelihood(after.present, Scan.of(scan, 400.0))
         kept = len(latest) == len(before.log_weights)
         if kept and np.array_equal(before.log_weights + latest, after.log_weights):
             resampled.append(False)  # still that cloud, weighed once more

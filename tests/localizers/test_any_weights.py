@@ -12,7 +12,8 @@ from localizers.inference.belief import ParticleBelief
 from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import SCHEMES, Always, by_own_weight
-from localizers.inference.weight_kernels import log_sum_exp, normalized
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
+from localizers.models.scan import Scan
 
 INF = math.inf
 LOG = st.sampled_from([0.0, -INF, -1e308, 1e308, -745.2, -1e-300]) | st.floats(-1.7e308, 1e3)
@@ -52,6 +53,9 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     assert seen == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert (seen >= 0).all()
     assert seen.sum() == pytest.approx(1.0, abs=1e-12)
+    assert effective_sample_size(seen) == pytest.approx(1 / math.fsum(w * w for w in expected))
+    total = max(logs) + math.log(math.fsum(math.exp(log - max(logs)) for log in logs))
+    assert log_sum_exp(np.array(logs)) == pytest.approx(total)
 
 
 @settings(deadline=None)
@@ -60,7 +64,7 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
     before, factor = given_logs
     belief = cloud(before)
     logs = np.array(factor)
-    after = belief.scanned(np.zeros(1), logs) if is_scan else belief.reweighted(logs)
+    after = belief.scanned(Scan.of(np.zeros(1), 1.0), logs) if is_scan else belief.reweighted(logs)
     expected = shares_of([a + b for a, b in zip(before, factor, strict=True)])
     assert after.events.weight_collapses == (not expected)
     if expected:

@@ -22,7 +22,6 @@ from localizers.checks.run import Examination
 from localizers.checks.subject import default_robot, first_difference, random_drive, robot_on_cells
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.models.nav2_motion import DifferentialMotion
-from localizers.naming import registry
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken.py"
@@ -196,8 +195,8 @@ def test_a_factory_without_a_name_cannot_run_in_a_worker_and_is_told_how_to():
     assert verdict.note.endswith("as package.module:NAME or path/to/file.py:NAME")
 
 
-def test_a_registered_factory_is_sent_as_it_is(monkeypatch):
-    monkeypatch.setitem(registry._FACTORIES, "mine", MyLocalizer)
+@localizers.registered("mine", MyLocalizer)
+def test_a_registered_factory_is_sent_as_it_is():
     assert check_localizer("mine", particles=20).passed
 
 

@@ -7,8 +7,8 @@ import pytest
 from following import updated
 
 import localizers
-from benchmarks.trials.episode import trial_moments
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference import gaussian as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
@@ -151,7 +151,7 @@ def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
     sums = np.zeros(len(steps))
     for trial in range(worlds):
         setting = Trial(scenario="matched", localizer="ekf", params=(), lag=20, seed=5, trial=trial)
-        for moment in trial_moments(setting):
+        for moment in Stage.of(setting).moments():
             if moment.step in steps:
                 apart = moment.truth - moment.belief.mean
                 apart[2] = math.remainder(apart[2], 2 * math.pi)

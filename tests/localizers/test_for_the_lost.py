@@ -16,10 +16,8 @@ import localizers
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
-from localizers.inference import weight_kernels
-from localizers.inference.adaptive import Recovery
-from localizers.inference.resampling import KeepsSampleSize
-from localizers.inference.start import Anywhere, FromPrior, is_new
+from localizers.inference.resampling import KeepsSampleSize, power_that_keeps
+from localizers.inference.start import Injection, Recovery, Watch, is_new
 from localizers.models.plan_sensor import PlanSensor
 
 RNG = np.random.default_rng
@@ -80,7 +78,7 @@ def sample_size(weights: np.ndarray) -> float:
 )
 def test_a_tempered_scan_leaves_as_much_of_the_sample_size_as_promised(logs, keep, weighted):
     before = RNG(0).normal(0, 2, logs.size) if weighted else np.zeros(logs.size)
-    power = weight_kernels.power_that_keeps(before, logs, keep)
+    power = power_that_keeps(before, logs, keep)
 
     def left(power: float) -> float:
         both = before + power * logs
@@ -96,7 +94,7 @@ def test_a_tempered_scan_leaves_as_much_of_the_sample_size_as_promised(logs, kee
 
 @pytest.mark.parametrize("odd", [-np.inf, np.inf])
 def test_a_scan_that_nobody_or_one_too_well_explains_is_left_to_the_weights(odd):
-    assert weight_kernels.power_that_keeps(np.zeros(3), np.array([odd] * 3), 0.5) == 1.0
+    assert power_that_keeps(np.zeros(3), np.array([odd] * 3), 0.5) == 1.0
 
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)
@@ -157,9 +155,7 @@ def test_with_a_given_share_the_mixture_is_exact(strategy):
         def sample(self, n, rng):
             return rng.integers(STATES, size=(n, 1))
 
-    injection = Anywhere(
-        recovery=Doubt(always=share), poses=Uniform(), start=FromPrior(), max_range=5.0
-    )
+    injection = Injection(recovery=Doubt(always=share), poses=Uniform())
     ring = ring_filter(beta, resampling=RESAMPLING[strategy], injection=injection)
     found = np.zeros((replicates, STEPS + 1, STATES))
     for seed in range(replicates):
@@ -203,15 +199,14 @@ def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(name, ro
     plans = [actions[t:] for t in range(6)] + [route[t:] for t in range(7)]
     made = localizers.make(name, robot, particles=400, start_draws=20, plan_beta=10.0)
     start = made.filter.start
-    injection = Anywhere(
+    injection = Injection(
         recovery=Doubt(always=0.5),
         poses=localizers.UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius),
         start=start,
-        max_range=robot.lidar.max_range,
     )
     seen: list[tuple[int, float]] = []
 
-    class Watched(Anywhere):
+    class Watched(Injection):
         def __call__(self, belief, plan, rng):
             after = super().__call__(belief, plan, rng)
             others = (after.present != belief.present).any(axis=0)
@@ -236,8 +231,8 @@ def test_a_route_is_news_only_for_a_while_however_lost_the_robot_is(robot, prior
     made = varied(made, injection=replace(made.filter.injection, recovery=Doubt(always=share)))
     route = np.tile([5.0, 0.1], (40, 1))
     plans = [actions, actions[1:], *(route[t:] for t in range(11))]
-    news = [b.watch.news for b in follow(made, prior, (actions, scans), plans=plans)]
-    assert news == [0, 0, 3, 2, 1, *[0] * 8]
+    news = [b.recall(Watch).news for b in follow(made, prior, (actions, scans), plans=plans)]
+    assert news == [0, 0, 4, 3, 2, 1, *[0] * 7]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from following import follow, same, small, varied
 
 import localizers
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 STRATEGIES = [
@@ -98,7 +98,7 @@ def test_an_ess_threshold_of_zero_never_resamples_so_weights_are_products_of_lik
     scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
     total = np.zeros(60)
     for s, ranges in enumerate(drive[1], start=1):  # each particle's own path
-        total += scan.log_likelihood(last.points(s - 12)[0].T.copy(), ranges)
+        total += scan.log_likelihood(last.points(s - 12)[0].T.copy(), Scan.of(ranges, 400.0))
     expected = np.exp(total - total.max())
     assert last.points()[1] == pytest.approx(expected / expected.sum(), rel=1e-9)
     assert last.log_evidence == pytest.approx(np.log(np.exp(total).mean()), rel=1e-9)

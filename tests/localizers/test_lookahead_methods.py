@@ -9,10 +9,9 @@ from localizers.inference.futures import (
     RenewedFuture,
     Rollout,
     Sometimes,
-    Unconstrained,
     WhenResampled,
 )
-from localizers.inference.weight_kernels import log_sum_exp
+from localizers.inference.weights import log_sum_exp
 from localizers.models.plan_sensor import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
@@ -98,7 +97,7 @@ def queued(make, prior, drive):
 
 
 def test_a_move_is_always_accepted_where_nothing_is_charged(robot, queued):
-    move = RenewedFuture(Rollout(robot.motion, Unconstrained()))
+    move = RenewedFuture(Rollout(robot.motion))
     moved = move(queued, None, np.random.default_rng(0))
     for offset in range(1, 6):
         old, new = queued.queue.at(offset), moved.queue.at(offset)
@@ -120,7 +119,7 @@ def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued)
 def test_a_moved_future_starts_from_its_own_present(room, robot, queued):
     # Without noise the proposal is the plan rolled out from the particle's present.
     still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
-    moved = RenewedFuture(Rollout(still, Unconstrained()))(queued, None, np.random.default_rng(0))
+    moved = RenewedFuture(Rollout(still))(queued, None, np.random.default_rng(0))
     expected = queued.present
     for offset, action in enumerate(queued.drawn, start=1):
         expected = still.sample(expected, action, np.random.default_rng(0))
@@ -138,14 +137,14 @@ def test_where_collisions_are_forbidden_a_feasible_future_is_never_lost(room, ro
 
 
 def test_a_move_when_resampled_waits_for_it(robot, queued):
-    move = WhenResampled(RenewedFuture(Rollout(robot.motion, Unconstrained())))
+    move = WhenResampled(RenewedFuture(Rollout(robot.motion)))
     rng = np.random.default_rng(0)
     assert move(queued, None, rng) is queued
     assert not np.array_equal(move(queued, np.arange(60), rng).head, queued.head)
 
 
 def test_a_move_of_some_steps_moves_that_share_of_them(robot, queued):
-    move = Sometimes(RenewedFuture(Rollout(robot.motion, Unconstrained())), 0.3)
+    move = Sometimes(RenewedFuture(Rollout(robot.motion)), 0.3)
     rng = np.random.default_rng(0)
     moved = sum(move(queued, None, rng) is not queued for _ in range(1000))
     assert abs(moved - 300) < 5 * np.sqrt(1000 * 0.3 * 0.7)  # false alarm 6e-7

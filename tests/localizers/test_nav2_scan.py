@@ -16,6 +16,7 @@ from localizers.models.nav2_scan import (
     LikelihoodField,
     LikelihoodFieldProb,
 )
+from localizers.models.scan import Scan
 
 LIDAR = Lidar(beams=180, field_of_view=math.pi, max_range=12.0)
 FIELD = {"sigma": 0.2, "farthest": 2.0, "cell": 0.02}
@@ -55,6 +56,12 @@ def by_hand(building, lidar, poses, scan, *, step, farthest=2.0, sigma=0.2, hit=
     return np.array(values)
 
 
+def log_w(model, poses: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """Log-weights of poses (3, n)."""
+    states = np.ascontiguousarray(poses, np.float32)
+    return model.log_likelihood(states, Scan.of(ranges, model.lidar.max_range))
+
+
 def thousand_poses(building) -> np.ndarray:
     """Free ones, occupied ones, and some off the map; float32."""
     x0, y0, x1, y1 = building.bounds
@@ -77,7 +84,7 @@ def test_weights_of_the_sum_of_cubes_are_those_of_an_independent_implementation(
 ):
     poses, scan = thousand_poses(building), noisy_scan(building)
     model = LikelihoodField(floor_plan=building, lidar=LIDAR, max_beams=max_beams, **FIELD)
-    told = np.exp(model.log_likelihood(np.ascontiguousarray(poses.T), scan))
+    told = np.exp(log_w(model, poses.T, scan))
     expected = 1 + (by_hand(building, LIDAR, poses.astype(float), scan, step=step) ** 3).sum(axis=0)
     np.testing.assert_allclose(told, expected, rtol=1e-6)
     assert expected.max() > 1.1
@@ -90,7 +97,7 @@ def test_weights_of_the_product_are_those_of_an_independent_implementation(
     # 180 beams by 50: this model rounds 3.6 up where the other has 179 // 49 = 3
     poses, scan = thousand_poses(building), noisy_scan(building)
     model = LikelihoodFieldProb(floor_plan=building, lidar=LIDAR, max_beams=max_beams, **FIELD)
-    told = model.log_likelihood(np.ascontiguousarray(poses.T), scan)
+    told = log_w(model, poses.T, scan)
     values = by_hand(building, LIDAR, poses.astype(float), scan, step=step)
     np.testing.assert_allclose(np.exp(told - np.log(values).sum(axis=0)), 1.0, rtol=1e-6)
 
@@ -115,9 +122,9 @@ def test_three_beams_weigh_as_computed_by_hand():
     far, random = math.exp(-(2.0**2) / 0.08), 0.5 / 10.0
     near = math.exp(-(1.0**2 + 0.1**2) / 0.08)
     q = [0.5 * near + random, 0.5 + random, 0.5 * far + random]
-    cubes = LikelihoodField(**three_beams(**FIELD)).log_likelihood(HERE, scan)
+    cubes = log_w(LikelihoodField(**three_beams(**FIELD)), HERE, scan)
     assert math.exp(cubes[0]) == pytest.approx(1 + sum(v**3 for v in q), rel=1e-7)
-    product = LikelihoodFieldProb(**three_beams(**FIELD)).log_likelihood(HERE, scan)
+    product = log_w(LikelihoodFieldProb(**three_beams(**FIELD)), HERE, scan)
     assert math.exp(product[0]) == pytest.approx(math.prod(q), rel=1e-6)
 
 
@@ -130,9 +137,9 @@ def test_three_beams_of_the_beam_model_weigh_as_computed_by_hand():
         0.5 * math.exp(-(0.225**2) / 0.08) + random,
         0.5 * math.exp(-(7.025**2) / 0.08) + 0.05,
     ]
-    told = BeamCubes(**three_beams()).log_likelihood(HERE, scan)
+    told = log_w(BeamCubes(**three_beams()), HERE, scan)
     assert math.exp(told[0]) == pytest.approx(1 + sum(v**3 for v in q), rel=1e-5)
-    lost = BeamCubes(**three_beams()).log_likelihood(HERE, np.array([np.nan, 1.2, np.inf]))
+    lost = log_w(BeamCubes(**three_beams()), HERE, np.array([np.nan, 1.2, np.inf]))
     assert math.exp(lost[0]) == pytest.approx(1 + q[1] ** 3 + q[2] ** 3, rel=1e-5)
 
 
@@ -141,8 +148,8 @@ def test_rays_stop_at_unknown_cells_whatever_the_map_says_of_them(unknown):
     setting = three_beams()
     setting["floor_plan"] = replace(setting["floor_plan"], unknown=unknown)
     at = np.array([[4.0], [2.0], [0.0]], np.float32)
-    there = BeamCubes(**setting).log_likelihood(at, np.array([np.nan, 1.0, np.nan]))  # x = 5 m
-    beyond = BeamCubes(**setting).log_likelihood(at, np.array([np.nan, 2.0, np.nan]))
+    there = log_w(BeamCubes(**setting), at, np.array([np.nan, 1.0, np.nan]))  # x = 5 m
+    beyond = log_w(BeamCubes(**setting), at, np.array([np.nan, 2.0, np.nan]))
     assert math.exp(there[0]) == pytest.approx(1 + 0.55**3, rel=1e-5)
     assert math.exp(beyond[0]) == pytest.approx(1 + 0.05**3, rel=1e-5)
 
@@ -188,9 +195,9 @@ def test_weights_in_a_room_of_pixels_are_those_of_the_same_room_in_metres():
         field = {"farthest": 100 * length, "cell": 1.0 * length, **common}
         found += [
             [
-                LikelihoodField(**field).log_likelihood(pose, scan)[0],
-                LikelihoodFieldProb(**field).log_likelihood(pose, scan)[0],
-                BeamCubes(decay=0.1 * 0.02 / length, **common).log_likelihood(pose, scan)[0],
+                log_w(LikelihoodField(**field), pose, scan)[0],
+                log_w(LikelihoodFieldProb(**field), pose, scan)[0],
+                log_w(BeamCubes(decay=0.1 * 0.02 / length, **common), pose, scan)[0],
             ]
         ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-4)
@@ -239,9 +246,7 @@ def test_beams_start_where_the_scanner_is_mounted_on_the_robot(building, model):
     scanners = poses + np.column_stack([0.4 * c + 0.2 * s, 0.4 * s - 0.2 * c, 0 * c])
     mounted = replace(LIDAR, mounting=(0.4, -0.2))
     told = [
-        model(floor_plan=building, lidar=lidar, **field).log_likelihood(
-            np.ascontiguousarray(at.T, np.float32), scan
-        )
+        log_w(model(floor_plan=building, lidar=lidar, **field), at.T, scan)
         for lidar, at in ((mounted, poses), (LIDAR, scanners))
     ]
     # float32 of both: a beam in a hundred thousand ends in the next cell

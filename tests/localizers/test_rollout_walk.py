@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
 from localizers.inference.futures import Rollout, StepByStep
 from localizers.inference.queue import Queue
@@ -48,7 +49,7 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
         def sample(self, states, action, rng):
             return states
 
-    class Solid:
+    class Solid(Map):
         def collides(self, starts, ends, radius):
             return np.full(len(ends), True)
 

@@ -9,7 +9,7 @@ import textbook_mcl as book
 
 import localizers
 from deqmcl_gym.maps import Lidar
-from localizers.models.scan import LidarScan
+from localizers.models.scan import LidarScan, Scan
 
 PARTICLES = 25
 ACTIONS = [(20.0, 0.0), (20.0, 0.3), (25.0, -0.2), (30.0, 0.0), (15.0, 0.5)]
@@ -96,7 +96,7 @@ def test_the_log_likelihood_of_a_scan_is_the_textbooks(robot, room):
     ).astype(np.float32)
     scan = np.array([20.0, 310.0, math.nan, 100.0, 399.0, -1.0, 60.0])
     expected = np.array([book.log_likelihood(other, pose, scan) for pose in poses.tolist()])
-    seen = ours_at.log_likelihood(np.ascontiguousarray(poses.T), scan)
+    seen = ours_at.log_likelihood(np.ascontiguousarray(poses.T), Scan.of(scan, 400.0))
     # d log p / d ô = (o - ô) / σ² at most, here ≤ 400 / 30² = 0.44 per px and beam. Ranges are off
     # by some units of float32 at 400 px (3e-5) over the sine of the angle of incidence: 5 beams x
     # 0.44 x 1e-3 = 2e-3, except where a ray that passes a corner takes the other wall, or a pose

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.found import Found, in_order
+from deqmcl_gym.logs.raw_records import RawRecords, in_order
 from deqmcl_gym.validation import InputError
 
 
@@ -77,7 +77,7 @@ def test_a_bad_range_costs_its_beam_not_the_record(tmp_path, bad):
 
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=25))
 def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
-    damage = Found("x").damage
+    damage = RawRecords("x").damage
     kept = in_order(np.array(times, float), damage)
     run = np.array(times)[kept]
     assert (np.diff(run) >= 0).all()

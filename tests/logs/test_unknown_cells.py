@@ -6,7 +6,7 @@ from hall import recorded_in_a_hall
 from benchmarks.cli import main
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.episode import scenario_of
+from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.maps import GridMap
@@ -38,7 +38,7 @@ def test_the_env_a_scenario_and_a_sweep_have_the_map_that_is_asked_for(folder, w
         '[[vary]]\n"world.unknown" = ["obstacle", "transparent", "free"]\n'
     )
     trials = read_sweep(folder / "sweep.toml").distinct()
-    assert {scenario_of(one).room().floor_plan.unknown for one in trials} == set(WORDS)
+    assert {Stage.of(one).room.floor_plan.unknown for one in trials} == set(WORDS)
 
 
 def test_unknown_cells_are_obstacles_unless_something_else_is_said(folder):

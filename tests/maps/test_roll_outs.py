@@ -5,8 +5,7 @@ from grid_cases import grids, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deqmcl_gym.maps import GridMap, PolygonMap, RollOuts, driven
-from deqmcl_gym.maps.drive_kernels import laid
+from deqmcl_gym.maps import Map
 
 OFFICE = office()
 
@@ -37,29 +36,13 @@ def test_both_count_the_steps_that_the_grid_says_collide(
     far = cells * grid.resolution
     moves = rng.normal(0, 1, (steps, 3, n)) * np.array([[far], [far / 2], [1.0]])
     moves = moves.astype(np.float32)
-    before, hits, ends = poses, np.zeros(n, int), []
-    for move in moves:
-        after = driven(before, move)
-        hits += grid.collides(before.T, after.T, size)
-        ends.append(after)
-        before = after
-    rolled, counted = grid.rolled_out(poses, moves, size, kept=steps if kept_all else 1)
-    assert np.array_equal(rolled, ends if kept_all else ends[-1:], equal_nan=True)
-    assert np.array_equal(counted, hits)
+    kept = steps if kept_all else 1
+    ends, counts = grid.rolled_out(poses, moves, size, kept=kept)
+    one_by_one, hits = Map.rolled_out(grid, poses, moves, size, kept=kept)
+    assert np.array_equal(ends, one_by_one, equal_nan=True)
+    assert np.array_equal(counts, hits)
 
     path = np.cumsum(moves[:, ::2, 0] * np.float32(0.7), axis=0)
     path = np.vstack([np.zeros((1, 2), np.float32), path])
-    points = np.empty((steps + 1, 2, n), np.float32)
-    laid(poses, path, points)
-    one_by_one = [grid.collides(points[k].T, points[k + 1].T, size) for k in range(steps)]
-    assert np.array_equal(grid.collisions_along(poses, path, size), np.sum(one_by_one, axis=0))
-
-
-def test_both_forms_of_a_map_offer_them_and_one_with_collides_alone_does_not():
-    class Walls:
-        def collides(self, starts, ends, radius):
-            return np.full(len(starts), True)
-
-    assert issubclass(GridMap, RollOuts)
-    assert issubclass(PolygonMap, RollOuts)
-    assert not isinstance(Walls(), RollOuts)
+    hits = Map.collisions_along(grid, poses, path, size)
+    assert np.array_equal(grid.collisions_along(poses, path, size), hits)

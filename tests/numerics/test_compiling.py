@@ -1,18 +1,16 @@
 """Kernels work, and quietly, wherever machine code may be kept, and where it may not."""
 
 import os
+import shutil
+import subprocess
+import sys
 import tempfile
-from importlib import import_module
-from pathlib import Path
-from pkgutil import walk_packages
+from importlib import import_module, invalidate_caches
 
 import numba
 import numpy as np
 import pytest
 
-import benchmarks
-import deqmcl_gym
-import localizers
 from deqmcl_gym.numerics import compiling
 
 
@@ -139,15 +137,68 @@ def test_a_folder_that_others_could_write_to_or_have_made_is_not_trusted(tempora
     assert compiling.private_folder() is None
 
 
-def test_kernels_call_only_their_own_file_and_those_whose_edits_every_cache_notices():
-    seen = set()
-    for package in (deqmcl_gym, localizers, benchmarks):
-        for module in walk_packages(package.__path__, f"{package.__name__}."):
-            if "kernels" in module.name or module.name.startswith("deqmcl_gym."):
-                seen.add(module.name)
-                for value in vars(import_module(module.name)).values():
-                    if hasattr(value, "py_func"):
-                        file = Path(value.py_func.__code__.co_filename)
-                        own = value.py_func.__module__ == module.name
-                        assert own or file in compiling._KERNELS, (module.name, file)
-    assert {"localizers.inference.weight_kernels", "deqmcl_gym.world.sensor"} <= seen
+CALLED = """
+from deqmcl_gym.numerics.compiling import compiled
+FACTOR = {}
+@compiled
+def inner(x):
+    return {} * x
+"""
+CALLING = """
+from deqmcl_gym.numerics.compiling import compiled
+from called import {}
+@compiled
+def outer(x):
+    return below(x)
+@compiled
+def below(x):
+    return {}
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Three files, the second and third of which import from the first; loaded as if anew."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "calling.py").write_text(CALLING.format("inner", "inner(x)"))
+    (tmp_path / "scaling.py").write_text(CALLING.format("FACTOR", "FACTOR * x"))
+
+    def loaded(factor, inner):
+        (tmp_path / "called.py").write_text(CALLED.format(factor, inner))
+        compiling._source.cache_clear()
+        for name in ("called", "calling", "scaling"):
+            sys.modules.pop(name, None)
+        shutil.rmtree(tmp_path / "__pycache__", ignore_errors=True)
+        invalidate_caches()
+        outers = [import_module(name).outer for name in ("calling", "scaling")]
+        return [(outer(2.0), sum(outer.stats.cache_misses.values())) for outer in outers]
+
+    yield loaded
+    for name in ("called", "calling", "scaling"):
+        sys.modules.pop(name, None)
+
+
+def test_a_kernel_is_compiled_again_exactly_if_what_it_calls_or_a_constant_is_edited(package):
+    assert package(3.0, 5.0) == [(10.0, 1), (6.0, 1)]
+    assert package(3.0, 5.0) == [(10.0, 0), (6.0, 0)]
+    assert package(3.0, 7.0) == [(14.0, 1), (6.0, 0)]  # only what calls it
+    assert package(4.0, 7.0)[1] == (8.0, 1)
+
+
+NAMES = """
+import sys
+import benchmarks.trials.attempt
+from numba.core.registry import CPUDispatcher
+ours = [m for name, m in sys.modules.items() if name.startswith(("deqmcl_gym", "localizers"))]
+kernels = {k.py_func for m in ours for k in vars(m).values() if isinstance(k, CPUDispatcher)}
+print(*sorted(f"{k.__module__} {k.__qualname__}" for k in kernels), sep=",")
+"""
+
+
+def test_the_names_of_all_kernels_are_the_same_in_every_process(capsys):
+    command, own = [sys.executable, "-c", NAMES], os.environ | {"PYTHONHASHSEED": "1"}
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=own)
+    exec(NAMES, {})
+    assert set(done.stdout.strip().split(",")) <= set(capsys.readouterr().out.strip().split(","))
+    assert done.stdout.count("deqmcl_gym.maps") > 20

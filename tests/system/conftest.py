@@ -7,7 +7,7 @@ import pytest
 from deqmcl_command import DEQMCL, SMALL, exit_code, process
 from sweep_command import sweep, write_small
 
-from benchmarks.trials import attempt
+from benchmarks.trials.stage import Stage
 
 
 @pytest.fixture(scope="session")
@@ -34,8 +34,8 @@ def file(tmp_path_factory):
 @pytest.fixture
 def ran(monkeypatch):
     """Trials that were run rather than found."""
-    found, run = [], attempt.trial_moments
-    monkeypatch.setattr(attempt, "trial_moments", lambda t, room: found.append(t) or run(t, room))
+    found, run = [], Stage.moments
+    monkeypatch.setattr(Stage, "moments", lambda stage: found.append(stage.trial) or run(stage))
     return found
 
 

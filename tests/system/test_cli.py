@@ -83,19 +83,13 @@ def test_debug_shows_where_a_run_failed(monkeypatch, tmp_path):
 def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_cannot_be_loaded(
     monkeypatch, capsys
 ):
-    really = localizers.parameters
-
-    def parameters(name):
-        if name == "mcl-map":
-            raise ImportError("no module\nnamed so")
-        return really(name)
-
-    monkeypatch.setattr(localizers, "parameters", parameters)
+    broken = (*localizers.names(), "no_such_module:Theirs")
+    monkeypatch.setattr(localizers, "names", lambda: broken)
     assert exit_code("list") == 0
     said = capsys.readouterr().out
     for words in (*SUITES, *localizers.names(), *scenario_names(), *agent_names()):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
     for name in scenario_names():
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
-    assert re.search(r"^  mcl-map +cannot be loaded: no module named so$", said, re.MULTILINE)
+    assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
     assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)

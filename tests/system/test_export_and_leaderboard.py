@@ -143,7 +143,7 @@ def test_a_leaderboard_refuses_a_baseline_with_other_scores(swept, tmp_path, mon
         found = read(folder)
         if folder == other:
             for record in found.records:
-                record["scores"][0]["error"] += 1e-9
+                record.scores[0]["error"] += 1e-9
         return found
 
     monkeypatch.setattr(leaderboard, "results_in", changed)

@@ -8,10 +8,12 @@ import pytest
 from deqmcl_command import exit_code, files
 from sweep_command import lines
 
+from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.office import Office
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
-ROOM, OFFICE = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+ROOM, OFFICE, AS_WORLD = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
@@ -57,6 +59,13 @@ def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
     rows = [row for row in lines(Path("out")) if row["offset"] == "0"]
     assert [Path(row["scenario"]).name for row in rows] == ["room.toml", "room.toml", "paper"]
     assert rows[0]["error"] != rows[1]["error"]
+
+
+def test_in_the_sweep_of_the_page_filters_assume_the_noise_of_each_world(tmp_path):
+    (tmp_path / "sweep.toml").write_text(AS_WORLD)
+    told = [Stage.of(trial) for trial in read_sweep(tmp_path / "sweep.toml").cells()]
+    assert {stage.robot.motion.drive for stage in told} == {0.02, 0.1, 0.2}
+    assert all(vars(stage.robot.motion) == vars(stage.room.world.noise) for stage in told)
 
 
 def test_an_edited_file_makes_results_of_another_key_and_is_named(room, capsys):

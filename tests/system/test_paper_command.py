@@ -8,12 +8,11 @@ from argparse import ArgumentParser
 from deqmcl_command import METHODS, SMALL, exit_code, files
 from sweep_command import broken, lines
 
+import localizers
 from benchmarks.commands import paper, shared
 from benchmarks.pictures import figures
 from benchmarks.sweeps.suites import SUITES, paper_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.trials.spec import unworded
-from localizers.naming import registry
 
 SMALL_SWEEP = paper_sweep(trials=2, particles=100)
 FIGURES = (
@@ -86,7 +85,7 @@ def test_the_manifest_says_how_to_get_the_same_numbers(small_run):
     _, out = small_run
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["command"] == ["deqmcl", *SMALL, "--jobs", "2", "--out", str(out)]
-    assert sweep_of(unworded(manifest["identity"]["sweep"]), title="") == SMALL_SWEEP
+    assert sweep_of(manifest["identity"]["sweep"], title="") == SMALL_SWEEP
     assert manifest["seeds"]["root"] == 0
     assert manifest["cpu"]
     environment = manifest["environment"]
@@ -132,8 +131,8 @@ def test_a_folder_grows_by_worlds_and_methods_and_runs_only_those(one_worker, tm
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 2  # it does not shrink
 
 
-def test_half_an_experiment_keeps_its_trials_and_has_no_table_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+@localizers.registered("broken", broken)
+def test_half_an_experiment_keeps_its_trials_and_has_no_table_1(tmp_path, capsys):
     few = ("--trials", "2", "--localizers", "broken,dead-reckoning", "--jobs", "1")
     assert exit_code("paper", *few, "--out", tmp_path) == 3
     said = capsys.readouterr().out

@@ -4,7 +4,7 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, files, process
 from sweep_command import broken, lines
 
-from localizers.naming import registry
+import localizers
 
 FEW = ("--particles", "20", "--lag", "5", "--seed", "3")
 WRITTEN = {"cycles.csv", "fields.csv", "phase.md", "phase.png", "written.json"}
@@ -71,8 +71,8 @@ def test_a_queue_of_the_present_alone_is_drawn_too(tmp_path):
     assert set(files(tmp_path)) == WRITTEN
 
 
-def test_a_lap_that_fails_leaves_nothing_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+@localizers.registered("broken", broken)
+def test_a_lap_that_fails_leaves_nothing_written(tmp_path, capsys):
     assert exit_code("phase", "--localizers", "mcl,broken", *FEW, "--out", tmp_path) == 3
     assert capsys.readouterr().err == "deqmcl: ArithmeticError: broken (--debug shows where)\n"
     assert files(tmp_path) == {}

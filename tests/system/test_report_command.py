@@ -12,7 +12,7 @@ from deqmcl_command import METHODS, exit_code, files
 from sweep_command import lines, sweep, write_small
 
 from benchmarks.report import write_report
-from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.store import SCHEMA
 
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
@@ -111,7 +111,8 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
         ('{"configuration": {"scenario": "paper"}}', "has no schema"),
         ('{"schema": 3}', "an older version"),
         (f'{{"schema": {SCHEMA + 1}}}', "a newer version"),
-        (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "has no parameters"),
+        (f'{{"schema": {SCHEMA}}}', "has no identity"),
+        (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "null instead of object"),
     ],
 )
 def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path, capsys, content, why):

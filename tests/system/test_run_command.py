@@ -11,9 +11,9 @@ from deqmcl_command import DEQMCL, exit_code, files, process
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.sweeps.suites import paper_suite
-from benchmarks.trials.attempt import trial_trace
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
+from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 
 FEW = ("--particles", "20", "--seed", "3")
@@ -89,7 +89,7 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     (trial,) = paper_suite(
         scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
     )
-    (row,) = scores(trial_trace(trial), 20, Thresholds())
+    (row,) = scores(Stage.of(trial).trace(), 20, Thresholds())
     errors = [line["error"] for line in curve(out)[0] if line["state"] >= 1]
     assert len(errors) == 204
     assert sum(errors) / 204 == pytest.approx(row["error"], rel=1e-12)  # a sum of 204 floats

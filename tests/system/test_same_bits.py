@@ -10,11 +10,11 @@ from deqmcl_command import python
 
 # Every number of one trial of each localizer, by its exact bits.
 DIGEST = """
-import hashlib, json
+import hashlib, json, msgspec
+from benchmarks.trials.stage import Stage
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.scoring import record
 from benchmarks.sweeps.suites import paper_suite
-from benchmarks.trials.attempt import trial_trace
 from localizers import names
 
 digests = {}
@@ -23,12 +23,12 @@ for scenario in ("paper", "sharp"):
         scenario=scenario, localizers=names(), trials=1, seed=3, lag=5, particles=300
     )
     for trial in suite:
-        trace = trial_trace(trial)
+        trace = Stage.of(trial).trace()
         arrays = [trace.truth.tobytes()]
         for kept in trace.offsets.values():
             columns = [kept.means, kept.variances, *kept.values.values()]
             arrays += [column.tobytes() for column in columns]
-        words = json.dumps(record(trace, trial.lag, Thresholds()), sort_keys=True).encode()
+        words = msgspec.json.encode(record(trace, trial.lag, Thresholds()), order="sorted")
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
         digests[f"{scenario} {trial.localizer}"] = digest
 print(json.dumps(digests))

@@ -187,7 +187,7 @@ def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
 
 DROPPED = """
 import ctypes, os, signal, sys, time
-from benchmarks.stopping import Terminated, stoppable
+from benchmarks.console import Terminated, stoppable
 number = int(sys.argv[1])
 def callback():
     os.kill(os.getpid(), number)

@@ -14,7 +14,7 @@ from sweep_command import write_small
 
 import deqmcl_gym
 from benchmarks import console
-from benchmarks.sweeps.progress import counted
+from benchmarks.sweeps.running import counted
 
 ROOT = Path(__file__).parents[2]
 FULL = "/dev/full"

@@ -7,13 +7,11 @@ import sys
 from deqmcl_command import files
 from sweep_command import broken, lines, sweep, tables, trial_files, write_small
 
-from localizers.naming import registry
+import localizers
 
 
-def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
-    tmp_path, monkeypatch, capsys, ran
-):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+@localizers.registered("broken", broken)
+def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsys, ran):
     file, out = write_small(tmp_path), tmp_path / "out"
     for again in ((), (), ("--retry-failed",)):
         ran.clear()
@@ -28,10 +26,10 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
 
 
+@localizers.registered("leaving", lambda robot: sys.exit(0))
 def test_a_localizer_that_calls_exit_when_it_is_made_fails_its_trials_and_no_other(
-    tmp_path, monkeypatch, capsys
+    tmp_path, capsys
 ):
-    monkeypatch.setitem(registry._FACTORIES, "leaving", lambda robot: sys.exit(0))
     file = write_small(tmp_path, trials=1)
     assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
     assert capsys.readouterr().err == (
@@ -40,8 +38,8 @@ def test_a_localizer_that_calls_exit_when_it_is_made_fails_its_trials_and_no_oth
     )
 
 
-def test_fail_fast_stops_and_says_what_is_missing(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+@localizers.registered("broken", broken)
+def test_fail_fast_stops_and_says_what_is_missing(tmp_path, capsys):
     file, out = write_small(tmp_path), tmp_path / "out"
     assert sweep(file, out, "--with", "broken", "--fail-fast") == 3
     assert capsys.readouterr().out.startswith(

@@ -1,5 +1,6 @@
 """The folder of a sweep: what is run again, what is refused, who may use it, what can be read."""
 
+import math
 import shutil
 import subprocess
 import sys
@@ -8,11 +9,11 @@ import pytest
 from deqmcl_command import files
 from sweep_command import broken, report, sweep, tables, write_small
 
+import localizers
 from benchmarks.files.lock import locked
-from benchmarks.sweeps.collecting import results_in
+from benchmarks.sweeps.results import results_in
 from benchmarks.trials import plugins
 from deqmcl_gym.validation import InputError
-from localizers.naming import registry
 
 
 def lost(path):
@@ -103,15 +104,15 @@ def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, capsys, 
 def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
     found = results_in(finished)
     assert (found.planned, found.missing, found.failures) == (4, 0, [])
-    assert [(r["trial"]["localizer"], r["trial"]["trial"]) for r in found.records] == [
+    assert [(r.trial.localizer, r.trial.trial) for r in found.records] == [
         *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1)),
     ]
     assert found.title == "small"
     assert found.command[:2] == ["deqmcl", "sweep"]
 
 
+@localizers.registered("broken", broken)
 def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
-    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
@@ -120,8 +121,8 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     found = results_in(out)
     assert copy.exists()
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
-    betas = [r["trial"]["params"].get("beta") for r in found.records]
-    assert betas == [None, None, "inf", 1.0]  # mcl and dead reckoning have none
+    betas = [dict(r.trial.params).get("beta") for r in found.records]
+    assert betas == [None, None, math.inf, 1.0]  # mcl and dead reckoning have none
 
 
 PLUG_IN = """

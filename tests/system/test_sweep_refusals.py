@@ -44,7 +44,7 @@ def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monke
 def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
     tmp_path, monkeypatch, capsys, where, time
 ):
-    monkeypatch.setattr(dry_run, "_measured", lambda cells, *_: [(6.0, True)] * len(cells))
+    monkeypatch.setattr(dry_run, "_times", lambda trials, *_: [(6.0, True)] * len(trials))
     assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
     assert f"About {time} with {where[1]} job" in capsys.readouterr().out
 

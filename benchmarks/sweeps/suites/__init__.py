@@ -1,16 +1,14 @@
-"""The named experiments, as data. A TOML file says the same: see ``sweepfile``."""
+"""The named experiments: the sweep files of this folder, by name; and the paper's, with options."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
+from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.suites.authors import AUTHOR_SUITES
-from benchmarks.sweeps.suites.lost import LOST_SUITES
-from benchmarks.sweeps.suites.paper import PAPER_METHODS, PAPER_SUITES, paper_suite, paper_sweep
-from benchmarks.sweeps.suites.parts import methods
-from benchmarks.sweeps.suites.study import STUDY_SUITES
-from localizers import absolute_name
+from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
+from benchmarks.trials.spec import Method, Trial
 
 __all__ = [
     "FAMILIES",
@@ -18,17 +16,96 @@ __all__ = [
     "SUITES",
     "paper_suite",
     "paper_sweep",
+    "sweeps_named",
     "with_localizers",
 ]
 
-SUITES = MappingProxyType({**PAPER_SUITES, **AUTHOR_SUITES, **LOST_SUITES, **STUDY_SUITES})
 
+class _Suites(Mapping[str, Sweep]):
+    """Sweeps by name, each read when it is asked for."""
+
+    _names = suite_names()
+
+    def __getitem__(self, name: str) -> Sweep:
+        if name not in self._names:
+            raise KeyError(name)
+        return _suite(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+@cache
+def _suite(name: str) -> Sweep:
+    return read_sweep(suite_file("suite", name))
+
+
+SUITES: Mapping[str, Sweep] = _Suites()
 # suites that are run one after the other under one name
-FAMILIES = MappingProxyType({"study": tuple(STUDY_SUITES)})
+FAMILIES = {"study": tuple(name for name in SUITES if name.startswith("study-"))}
 
 
-def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
-    """Return a sweep with further localizers; one that it has already is not added."""
-    known = {absolute_name(method.name) for method in sweep.localizers}
-    added = [name for name in dict.fromkeys(names) if absolute_name(name) not in known]
-    return replace(sweep, localizers=(*sweep.localizers, *methods(*added)))
+def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
+    """Return the sweeps of a name by their folder within --out: one, or those of a family.
+
+    Args:
+        name: of a suite, a family or a file that ends in .toml.
+        added: localizers to add.
+
+    Raises:
+        InputError: there is no such suite, family or file, or no localizer of an added name.
+    """
+    if name in FAMILIES:
+        return {own: with_localizers(SUITES[own], added) for own in FAMILIES[name]}
+    if name.endswith(".toml"):
+        return {"": read_sweep(Path(name), added)}
+    suite_file("suite", name, tuple(FAMILIES))
+    return {"": with_localizers(SUITES[name], added)}
+
+
+PAPER_METHODS = (
+    "mcl",
+    "mcl-smoother",
+    "mcl-map",
+    "mcl-map-smoother",
+    "deq-mcl",
+    "dead-reckoning",
+)
+
+
+def paper_sweep(
+    *,
+    scenario: str = "paper",
+    localizers: Sequence[str] = PAPER_METHODS,
+    trials: int = 10,
+    seed: int = 0,
+    lag: int = 20,
+    **params: Any,
+) -> Sweep:
+    """Return the paper's experiment: all methods on the same worlds of one scenario.
+
+    Args:
+        scenario: name of the world.
+        localizers: names; each gets those of ``params`` (and ``lag``) that it has a use for.
+        trials: number of worlds.
+        seed: root of all randomness.
+        lag: L.
+        params: of the localizers.
+    """
+    return Sweep(
+        title="The paper's experiment",
+        scenario=scenario,
+        localizers=tuple(Method(name=name) for name in localizers),
+        trials=trials,
+        seed=seed,
+        lag=lag,
+        params=Changes(params),
+    )
+
+
+def paper_suite(**given: Any) -> list[Trial]:
+    """Return the trials of ``paper_sweep``, which takes the same arguments."""
+    return paper_sweep(**given).distinct()

@@ -1,0 +1,245 @@
+"""Who drives, by name: each of ``AGENTS`` is called with a ``RobotModel`` and gives an ``Agent``.
+
+The first line of each is what ``deqmcl list`` says of it.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.setup.scenario import Agent
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.config import WORLDS, Driver
+from deqmcl_gym.world.course import Course, Point, Pose
+from deqmcl_gym.world.driver import GuidedPlan
+from deqmcl_gym.world.route import Journeys
+from localizers import Belief, RobotModel, best_cluster, mean_pose
+
+_AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
+_LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
+_STEP = 10.0  # px: 0.2 m
+_OFF = 25.0  # px: so far from its way a robot plans another one
+_BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it drives on
+
+
+class OpenLoop:
+    """Carries out the plan that the env shows, whatever the belief."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        del robot
+
+    def plan_at_reset(self, info: dict[str, Any]) -> None:
+        """Return None: the plan is the env's."""
+        del info
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next planned action; the plan is the env's."""
+        del belief
+        return info["planned_actions"][0], None
+
+
+class Stale:
+    """The plan that the env shows is carried out; the localizer is shown that of another start.
+
+    That of one who had started farther on, and never anew.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        del robot
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return the plan from the other start, all of it."""
+        planned = info["planned_actions"][: info["planned_count"]]
+        self._rest: Reals = np.roll(planned, -(len(planned) // _AHEAD), axis=0)
+        return self._rest
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action planned by the env, and what is left of the other plan."""
+        del belief
+        self._rest = self._rest[1:]
+        return info["planned_actions"][0], self._rest
+
+
+class OldRoute:
+    """The plan that the env shows is carried out; the localizer is shown that of the first route.
+
+    Once there is another route, what is left of it: so the robot is driven by one who sees where it
+    is, and the dispatcher who tells the localizer does not. What is left of his plan is counted off
+    as if it were carried out.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        del robot
+
+    def plan_at_reset(self, info: dict[str, Any]) -> None:
+        """Return None: the plan at reset is the env's."""
+        if "route" not in info:
+            raise InputError("the agent shows the plan for a route: give a world with a route.")
+        self._route = info["route"]
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action planned by the env, and what is left of the plan shown."""
+        del belief
+        if np.array_equal(info["route"], self._route):
+            self._shown: Reals = info["planned_actions"][: info["planned_count"]]
+        self._shown = self._shown[1:]
+        return info["planned_actions"][0], self._shown
+
+
+class OnEstimate:
+    """Drives the lap, and plans it, from where the localizer believes the robot is.
+
+    The driver of ``guided``, on the mean of the belief instead of the true pose. It takes the lap
+    in mid-corridor of the robot's map. What comes at the end of the lap is left to the env: where
+    its plan is used up the episode ends.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        world = WORLDS["guided"].changed(
+            floor_plan=robot.floor_plan, robot={"radius": robot.radius}
+        )
+        course = Course.of(world)
+        self._path = course.path
+        self._plan = GuidedPlan.of(world, world.driver or Driver(), course, _LAP_HORIZON)
+        self.step, self.way = 0, 0.0
+        self.pose: Pose = (0.0, 0.0, 0.0)
+        self.arc = 0.0
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return no plan: nothing is believed yet."""
+        return np.empty((0, 2), np.float32)
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action of a plan from the mean pose, and the rest of that plan."""
+        self.pose = mean_pose(*_points(belief))
+        self.arc = self._path.arc(self.pose[:2])
+        planned, count = self._plan.after(self)
+        return planned[0], planned[1 : max(count, 1)]
+
+
+class ToGoal:
+    """Plans a way to the goal from where the localizer believes the robot is, and follows it.
+
+    It drives as the env's driver would, on the best cluster of the belief. Where it believes to be
+    off its way, or behind a wall from it, it plans another one; from within a wall, by the nearest
+    place with a way. After a contact it turns away, left and right in turn, and drives two steps.
+    Where it believes to be at the goal it turns on the spot: who is there is told so by the end of
+    the episode.
+
+    Attributes:
+        goal: where it drives to; None before the start.
+        step: see ``Underway``; so are pose, arc and way.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._map, self._px = robot.floor_plan, pixel(robot.floor_plan.unit)
+        self._world = WORLDS["paper"].changed(
+            floor_plan=robot.floor_plan,
+            robot={"radius": robot.radius},
+            lap={"step": _STEP * self._px},
+            driver={},
+            route={},
+        )
+        self._journeys = Journeys(self._world)
+        self._plan: GuidedPlan | None = None
+        self._backing: Reals = np.empty((0, 2), np.float32)
+        self._side = 1.0
+        self.goal: Point | None = None
+        self.step, self.arc, self.way = 0, 0.0, 0.0
+        self.pose: Pose = (0.0, 0.0, 0.0)
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
+        """Return no plan: nothing is believed yet."""
+        if "goal" not in info:
+            raise InputError("the agent drives to a goal: give a world with a route.")
+        self.goal = _point(info["goal"])
+        return np.empty((0, 2), np.float32)
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action towards the goal, and those after it."""
+        self.pose = best_cluster(*_points(belief), unit=self._map.unit).mean
+        if info["collided"]:
+            self._back_off()
+        ahead = self._backing
+        if not len(ahead):
+            ahead = self._ahead()
+        self._backing = self._backing[1:]
+        return ahead[0], ahead[1:]
+
+    def follow(self, course: Course) -> None:
+        """Let it follow a course from now on."""
+        assert self._world.driver is not None
+        self._plan = GuidedPlan.of(self._world, self._world.driver, course, _HORIZON)
+        self.arc = 0.0
+
+    def _ahead(self) -> Reals:
+        route = self._world.route
+        assert self.goal is not None
+        assert route is not None
+        if math.dist(self.pose[:2], self.goal) > route.tolerance:
+            planned, count = self._on_its_way().after(self)
+            return planned[:count]
+        return np.array([(0.0, self._world.lap.turn)], np.float32)
+
+    def _on_its_way(self) -> GuidedPlan:
+        """Find the place on the way; plan another way if there is none."""
+        if self._plan is not None:
+            path = self._plan.course.path
+            self.arc = path.arc(self.pose[:2])
+            place = path.at(self.arc)[:2]
+            near = math.dist(self.pose[:2], place) <= _OFF * self._px
+            if near and not self._map.collides([self.pose], [place], self._world.body)[0]:
+                return self._plan
+        assert self.goal is not None
+        self.follow(self._journeys.onwards(self.goal, self.pose))
+        assert self._plan is not None
+        return self._plan
+
+    def _back_off(self) -> None:
+        turn, step = self._world.lap.turn, self._world.lap.step
+        turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
+        self._backing = np.array([*turns, (step, 0.0), (step, 0.0)], np.float32)
+        self._side = -self._side
+
+
+class OnRoute(ToGoal):
+    """Follows the dispatcher's route as shown at reset, on the localizer's estimate.
+
+    Off it, it plans its own way to the goal. The localizer is reset with the plan of the
+    dispatcher, who knew where the robot was; after that it is told what the agent plans on the
+    estimate.
+    """
+
+    def plan_at_reset(self, info: dict[str, Any]) -> None:
+        """Return None: the plan at reset is the env's."""
+        super().plan_at_reset(info)
+        corners = np.array(info["route"])
+        self.follow(Course.along(corners, (*corners[0].tolist(), 0.0), self._world))
+
+
+def _points(belief: Belief) -> tuple[Reals, Floats]:
+    points = belief.points()
+    assert points is not None, "a belief has points of the present"
+    return points
+
+
+def _point(place: Reals) -> Point:
+    x, y = place.tolist()
+    return x, y
+
+
+AGENTS: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(
+    {
+        "open-loop": OpenLoop,
+        "stale": Stale,
+        "old-route": OldRoute,
+        "on-estimate": OnEstimate,
+        "to-goal": ToGoal,
+        "on-route": OnRoute,
+    }
+)

@@ -1,1 +1,0 @@
-"""Who drives, one file each: ``AGENT`` is called with a ``RobotModel`` and gives an ``Agent``."""

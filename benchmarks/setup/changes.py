@@ -1,0 +1,174 @@
+"""Changes: values by dotted name, as a trial changes its scenario or sets up its localizer."""
+
+import math
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Self
+
+import yaml
+
+from benchmarks.setup import documents
+from deqmcl_gym.validation import InputError, one_of
+from localizers.naming.digests import content_digest
+
+FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
+_WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity
+
+
+class Changes(Mapping[str, Any]):
+    """An immutable mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names.
+
+    It is made of a mapping or pairs, as a dict is, of TOML by ``told``, and of what ``json`` gave.
+    Lists in it become tuples, tables become ``Changes``, and the word "inf" the number. It can be
+    hashed if its values can.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
+        if isinstance(values, Changes):
+            self._values: dict[str, Any] = values._values
+        else:
+            own = dict(values)
+            self._values = {name: _kept(own[name]) for name in sorted(own)}
+
+    @classmethod
+    def told(cls, what: str, given: Any) -> Self:
+        """Return the nested tables of a TOML document as one.
+
+        Raises:
+            InputError: it is no table, or names something twice.
+        """
+        flat: dict[str, Any] = {}
+        for key, value in documents.table(what, given, "a table").items():
+            nested = isinstance(value, Mapping)
+            for name, leaf in cls.told(what, value).items() if nested else (("", value),):
+                whole = f"{key}.{name}" if nested else key
+                if whole in flat:
+                    raise InputError(f"{what} names {whole} twice.")
+                flat[whole] = leaf
+        return cls(flat)
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the value of a name."""
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        """Count the names."""
+        return len(self._values)
+
+    def __hash__(self) -> int:
+        """Hash names and values."""
+        return hash(tuple(self._values.items()))
+
+    def __repr__(self) -> str:
+        """Return the values as a dict's."""
+        return repr(self._values)
+
+    def __or__(self, others: Mapping[str, Any]) -> Self:
+        """Return these changes, and others over them."""
+        return type(self)({**self._values, **others})
+
+    def json(self) -> dict[str, Any]:
+        """Return JSON-able values, from which the same changes are made again."""
+        return {name: jsonable(value) for name, value in self.items()}
+
+    def by_part(self, parts: Collection[str], what: str) -> dict[str, Any]:
+        """Return the value of each part: nested dicts of the names in it, or what is given whole.
+
+        Args:
+            parts: names before the first dot.
+            what: they are, for refusals.
+
+        Raises:
+            InputError: unknown part, or one that is given both ways.
+        """
+        found: dict[str, Any] = {}
+        keyed: dict[str, dict[str, Any]] = {}
+        for name, value in self.items():
+            part, _, key = name.partition(".")
+            one_of(what, part, parts)
+            (keyed.setdefault(part, {}) if key else found)[key or part] = value
+        for part, values in keyed.items():
+            if part in found:
+                raise InputError(f"{part} is given whole and by key: give only one of them.")
+            keys = {key.partition(".")[0] for key in values}
+            found[part] = type(self)(values).by_part(keys, f"key in {part}")
+        return found
+
+    @property
+    def files(self) -> list[str]:
+        """Paths of the files of a world."""
+        plan = self.get("floor_plan")
+        named = [self[name] for name in FILES if name in self]
+        named += [plan.get("file")] if isinstance(plan, Mapping) else []
+        return [str(path) for path in named if isinstance(path, str | Path)]
+
+    def beside(self, folder: Path) -> Self:
+        """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
+        return self | {name: _absolute(folder, self[name]) for name in FILES if name in self}
+
+    def short(self) -> dict[str, Any]:
+        """Return a world's values for a heading: those of files without their folder."""
+        return {
+            name: Path(value).name if name in FILES and isinstance(value, str) else value
+            for name, value in self.items()
+        }
+
+
+NOTHING = Changes()
+
+
+def file_digest(path: str) -> str:
+    """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
+
+    A missing file has one, too: what reads the file reports it.
+    """
+    digest = sha256()
+    for own in _parts(Path(path)):
+        digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
+    return digest.hexdigest()
+
+
+def _kept(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return tuple(map(_kept, value))
+    if isinstance(value, Mapping):
+        return value if isinstance(value, Changes) else Changes(value)
+    return _WORDS.get(value, value) if isinstance(value, str) else value
+
+
+def jsonable(value: Any) -> Any:
+    """Return a value of a trial as JSON has it: no tuples, and infinity as a word."""
+    if isinstance(value, tuple):
+        return list(map(jsonable, value))
+    if isinstance(value, Changes):
+        return value.json()
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def _absolute(folder: Path, value: Any) -> Any:
+    if isinstance(value, tuple):  # of a [[vary]]
+        return tuple(_absolute(folder, one) for one in value)
+    if isinstance(value, Changes):
+        return value | {"file": _absolute(folder, value["file"])} if "file" in value else value
+    return os.path.abspath(folder / Path(value).expanduser()) if isinstance(value, str) else value
+
+
+def _parts(path: Path) -> list[Path]:
+    if path.is_dir():
+        return sorted(part for part in path.rglob("*") if part.is_file())
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return [path]
+    try:
+        said = yaml.safe_load(path.read_bytes())
+        image = said.get("image") if isinstance(said, dict) else None
+    except (OSError, ValueError, yaml.YAMLError):  # whoever loads the map says so
+        image = None
+    return [path, path.parent / image] if isinstance(image, str) else [path]

@@ -1,0 +1,150 @@
+"""``deqmcl phase``: from laps to the figure, the data and the page."""
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from tabulate import tabulate
+
+from benchmarks.files import command_line, own_folder, write_part
+from benchmarks.pictures.plots import require_plots
+from benchmarks.studies.phase.cycles import (
+    PERFECT,
+    Lap,
+    PlaceFields,
+    cycles_of,
+    perfect_cycles,
+)
+from benchmarks.tables.text import csv_text
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.validation import InputError, integer
+
+METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
+_SHOWN = """
+![A row per method: place fields over phase and step, over phase and position, and the table of the
+queue](phase.png)
+
+- **Left**: every step is a theta cycle and holds one queue, its oldest state x[t-L] at 0°, the
+  present in the middle, its newest x[t+L] at 360°. The hue is the place field, its strength the
+  mass of the belief in it, P(x[t+k] in the field | o[1:t]). Gray: not held.
+- **Middle**: all fields laid over each other: the mean of that mass over the phase and over how far
+  the robot is past the field's centre. Solid: the fitted line; dotted: that of the perfect queue.
+- **Right**: a part of the table of the queue. A row is the queue at t, a column the state x[s]; the
+  colour is the root mean square distance of the belief from the true place. Down a column a state
+  is predicted, then filtered (on the dashed diagonal), then smoothed.
+
+The perfect queue knows the true poses of past and future.
+
+- **slope**: the robot's position past the field's centre is regressed on the phase, over all steps,
+  offsets and fields, weighted by the mass; the slope is the inverse.
+- **late by**: how far past the centre the robot is, on average, when a field is active at 180°.
+- **in the right field**: mean mass in the field where the robot truly is at the state x[t+k], over
+  states that are in one; past: k < 0, future: k > 0.
+
+What it claims: a queue read from past to future makes a place fire late in the cycle first and
+early last, as the hypothesis says; the numbers say how accurate that queue is. What it does not
+claim: anything about neurons. That an offset is a phase is by construction, and any queue whose
+future is about right precesses, whatever its source. It is one lap, so no ranking of methods.
+"""
+
+
+def run_phase(
+    trials: Sequence[Trial], fields: int, out: Path, title: str, command: Sequence[str]
+) -> str:
+    """Run a lap of each localizer on one world; write figure, data and page; return what to print.
+
+    Args:
+        trials: one per localizer.
+        fields: number of place fields.
+        out: folder.
+        title: of the figure and the page.
+        command: the words that this was started by.
+    """
+    integer("--fields", fields, low=2, high=100)
+    require_plots()
+    from benchmarks.studies.phase.figure import phase_figure
+
+    stages = [Stage.of(trial) for trial in trials]
+    room = stages[0].room
+    if not isinstance(room, RoomEnv) or room.world.route is not None:
+        raise InputError(
+            f"the scenario {trials[0].scenario} has no lap, along which place fields lie: choose "
+            "one that has."
+        )
+    own_folder(out, "phase")
+    path, unit = room.course.path, room.floor_plan.unit
+    places = PlaceFields.along(path, fields, path.arc(room.course.start[:2]), unit)
+    laps = []
+    for trial, stage in zip(trials, stages, strict=True):
+        lap = ((moment.truth, moment.belief) for moment in stage.moments())
+        most = 2 * len(room.course.actions)  # a driver gives up after two laps
+        laps.append(Lap(trial.localizer, cycles_of(lap, places, trial.lag, most=most)))
+    perfect = perfect_cycles(laps[-1].cycles.truth, places, trials[0].lag)  # the world is the same
+    laps.insert(0, Lap(PERFECT, perfect))
+    page = (
+        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{_table(laps, places, 'github')}\n\n"
+        f"{len(places)} place fields of radius {places.radius:.{places.decimals}f} {unit} "
+        f"along the planned lap (`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
+    )
+    contents = {
+        "cycles.csv": _cycles_csv(laps, unit).encode(),
+        "fields.csv": _fields_csv(places).encode(),
+        "phase.png": phase_figure(laps, places, room.floor_plan, title),
+        "phase.md": page.encode(),
+    }
+    write_part(out, "phase", contents)
+    return (
+        f"{title}\n\n{_table(laps, places, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
+    )
+
+
+def _table(laps: Sequence[Lap], fields: PlaceFields, style: str) -> str:
+    """Return the numbers of each lap as a table."""
+    header = ["method", "phases", f"slope °/{fields.unit}", "r", f"late by {fields.unit}"]
+    header += [f"in the right field: {part}" for part in ("past", "present", "future")]
+    body = []
+    for lap in laps:
+        row = lap.precession
+        phases = "n/a" if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°"
+        slope = "none" if math.isnan(row.slope) else f"{row.slope:#.3g}"
+        numbers = [_number(row.correlation), _number(row.late, f"+.{fields.decimals}f")]
+        numbers += map(_number, (row.past, row.present, row.future))
+        body.append([lap.title, phases, slope, *numbers])
+    align = ("left", "left", *["right"] * 6)
+    return tabulate(body, header, tablefmt=style, disable_numparse=True, colalign=align)
+
+
+def _number(value: float, style: str = ".2f") -> str:
+    return "n/a" if math.isnan(value) else format(value, style)
+
+
+def _fields_csv(fields: PlaceFields) -> str:
+    """Return the place fields: number, centre, arc length on the path, radius."""
+    places = np.column_stack([fields.centres, fields.arcs(fields.centres)]).tolist()
+    rows = (
+        [i, *(f"{value:.6g}" for value in (*place, fields.radius))]
+        for i, place in enumerate(places, 1)
+    )
+    return csv_text(["field", "x", "y", "arc", "radius"], rows)
+
+
+def _cycles_csv(laps: Sequence[Lap], unit: str) -> str:
+    """Return what the queues hold: a row per method, step and offset."""
+    count = laps[0].cycles.activity.shape[2]
+    header = ["method", "step", "offset", "state", "phase_deg"]
+    header += [f"error_{unit}", f"spread_{unit}"]
+    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
+
+
+def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
+    for lap in laps:
+        cycles = lap.cycles
+        phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
+        values = np.dstack([cycles.error, cycles.spread, cycles.activity])
+        for t, column in np.argwhere(cycles.held).tolist():
+            k = column - cycles.reach
+            numbers = (f"{value:.4g}" for value in values[t, column].tolist())
+            yield [lap.name, t, k, t + k, phases[column], *numbers]

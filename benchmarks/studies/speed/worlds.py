@@ -1,0 +1,115 @@
+"""The environment's step, against Gymnasium's CartPole, and whole trials of the paper.
+
+Resets are part of the time. Every side looks its actions up in a table, by the steps since its
+room began: the planned lap here, actions drawn beforehand there.
+"""
+
+import time
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.studies.speed.figure import Figure, Job, Side
+from benchmarks.studies.speed.work import BEAMS
+from benchmarks.sweeps.suites import paper_suite
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from deqmcl_gym import ENV_ID as ROOM
+
+CARTPOLE = "CartPole-v1"
+FEW, MANY = 64, 1_024
+PARTICLES = 1_000
+_HOW: dict[str, dict[str, Any]] = {ROOM: {"lidar": {"beams": BEAMS}}, CARTPOLE: {}}
+
+Actions = NDArray[Any]
+
+
+def driving(env: gym.Env[Any, Any], actions: Actions) -> Job:
+    """Return the job of one env; one step a call."""
+    table = list(actions)
+    at = -1
+    env.reset(seed=0)
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(table)
+        *_, terminated, truncated, _ = env.step(table[at])
+        if terminated or truncated:
+            env.reset()
+            at = -1
+
+    return Job(step)
+
+
+def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> Job:
+    """Return the job of a vector env; ``num_envs`` steps a call."""
+    at = np.full(envs.num_envs, -1)
+    envs.reset(seed=0)
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(actions)
+        *_, terminated, truncated, _ = envs.step(actions[at])
+        at[terminated | truncated] = -2  # the next action only resets
+
+    return Job(step, envs.num_envs)
+
+
+def single(name: str) -> Job:
+    """Return the job of one env: the paper's room, driven along its plan, or CartPole."""
+    return driving(gym.make(name, **_HOW[name]), _actions(name))
+
+
+def vector(name: str, size: int) -> Job:
+    """Return the job of an env's own vector env."""
+    how = {"num_envs": size, "vectorization_mode": "vector_entry_point", **_HOW[name]}
+    return driving_all(gym.make_vec(name, **how), _actions(name))
+
+
+def trial_job(name: str, *, localizer_only: bool) -> Job:
+    """Return the job of a trial, with the wall's clock or with what its localizer counts."""
+    (trial,) = paper_suite(localizers=[name], trials=1, particles=PARTICLES)
+    spent = 0.0
+
+    def run() -> None:
+        nonlocal spent
+        outcome = attempt(trial, key_of(trial))
+        assert outcome.reason is None, outcome.reason
+        spent += outcome.seconds
+
+    return Job(run, clock=(lambda: spent) if localizer_only else time.perf_counter)
+
+
+def _actions(name: str) -> Actions:
+    if name == CARTPOLE:
+        return np.random.default_rng(0).integers(0, 2, 1_000)
+    _, info = gym.make(name, **_HOW[name]).reset(seed=0)
+    return np.array(info["planned_actions"])
+
+
+def _rooms(size: int) -> Side:
+    return Side(f"{size:,} rooms, {BEAMS} beams", partial(vector, ROOM, size))
+
+
+def _trial(name: str) -> Figure:
+    what = f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time"
+    ours = Side("world, localizer and scores", partial(trial_job, name, localizer_only=False))
+    share = Side("its localizer's share", partial(trial_job, name, localizer_only=True))
+    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share, 2.0)
+
+
+_STEPS = "environment steps, resets included"
+_SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
+_CARTPOLE = Side(CARTPOLE, partial(single, CARTPOLE))
+_CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CARTPOLE, FEW))
+
+FIGURES = (
+    _trial("mcl"),
+    _trial("deq-mcl"),
+    Figure("env_vs_cartpole", _STEPS, "steps/s", _SINGLE, _CARTPOLE, 0.5),
+    Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES, 1.2),
+    Figure("vector1024_vs_single", _STEPS, "steps/s", _rooms(MANY), _SINGLE),
+)

@@ -1,0 +1,183 @@
+"""Stage: a trial, set up, in its disturbances."""
+
+import contextlib
+import inspect
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Self
+
+import gymnasium as gym
+import numpy as np
+
+from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.scenario import Scenario, TrialEnv, Uniform
+from benchmarks.trials.clouds import Task
+from benchmarks.trials.episode import Moment, moments
+from benchmarks.trials.journey_log import JourneyLog
+from benchmarks.trials.journeys import Group, groups_named, is_symmetric
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.trace import Collector, Trace, trace_of
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.validation import InputError, one_of
+from localizers import Prior, RobotModel, make
+from localizers.naming.isolation import is_ctrl_c
+
+DISTURBANCES = MappingProxyType(
+    {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A trial, set up: all that it is made of, but for its agent and localizer.
+
+    Attributes:
+        trial: what is set up.
+        scenario: with the changes that the trial makes to it, in its building.
+        room: the world, set up to run all planned steps.
+        env: the room inside its scenario's disturbances, and inside the trial's own.
+        robot: what the localizer and the agent are made for.
+    """
+
+    trial: Trial
+    scenario: Scenario
+    room: TrialEnv
+    env: gym.Env[Any, Any]
+    robot: RobotModel
+
+    @classmethod
+    def of(cls, trial: Trial) -> Self:
+        """Set a trial up; nothing is run.
+
+        Raises:
+            InputError: unknown scenario, name or disturbance, or a bad value.
+        """
+        changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
+        found = changed.in_building(trial.trial)
+        room = found.room()
+        return cls(
+            trial=trial,
+            scenario=found,
+            room=room,
+            env=disturbed(room.unwrapped, (*found.disturbance, *trial.disturbance)),
+            robot=found.robot_model(room),
+        )
+
+    @property
+    def task(self) -> Task:
+        """What scoring must know of the world."""
+        return Task(
+            floor_plan=self.room.floor_plan,
+            radius=self.room.radius,
+            max_range=self.room.lidar.max_range,
+        )
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups of scores that the trial is about, by the parts that it is made of.
+
+        A robot that may be anywhere is lost; where a half turn gives the same map, two places fit.
+        One that is carried off is to be found again. One that knows where it starts is to arrive
+        where its route ends.
+        """
+        lost = isinstance(self.scenario.prior, Uniform)
+        about = {
+            "lost": lost,
+            "ambiguity": lost and is_symmetric(self.room.floor_plan),
+            "recovery": any(isinstance(layer, Kidnap) for layer in _layers(self.env)),
+            "driving": self.scenario.has_goal and not lost,
+        }
+        return groups_named([name for name, asked in about.items() if asked])
+
+    @property
+    def filter_rng(self) -> np.random.Generator:
+        """The localizer's stream: ``Trial.filter_rng``, but on a whole log with a shorter key."""
+        if self.scenario.judged is None:
+            return self.trial.filter_rng()
+        number, run = self.trial.run
+        key = (number, run) if run else (number,)
+        return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+
+    def collector(self) -> Collector:
+        """Return what keeps its journey, or its track on a whole log."""
+        if self.scenario.judged is None:
+            return JourneyLog(self.task, self.groups)
+        from benchmarks.trials.tracks import TrackLog  # a trial in a room needs no readers of logs
+        from deqmcl_gym.envs.log import LogEnv
+
+        assert isinstance(self.room, LogEnv)
+        thresholds, judged = self.scenario.thresholds, self.scenario.judged
+        return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
+
+    def moments(self) -> Iterator[Moment]:
+        """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
+        copies: dict[int, Any] = {}  # the prior's map is the robot's
+        agent = make_agent(self.scenario.agent, self.robot)
+        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
+
+        def prior() -> Prior:
+            return deepcopy(self.scenario.prior_in(self.room), copies)
+
+        yield from moments(
+            self.env, agent, localizer, prior, self.filter_rng, seed=self.trial.world_seed
+        )
+
+    def trace(self) -> Trace:
+        """Run the trial and return its trace."""
+        return trace_of(self.moments(), self.trial.offsets, self.task, self.collector())
+
+    def check(self) -> None:
+        """Begin an episode, make the agent and what the filters assume, without running it.
+
+        Raises:
+            InputError: something of it is refused.
+        """
+        self.env.reset(seed=self.trial.world_seed)
+        make_agent(self.scenario.agent, self.robot)
+        self.scenario.prior_in(self.room)
+
+    def check_params(self) -> None:
+        """Let the localizer look at its parameters, before anything is run or written.
+
+        Raises:
+            InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
+        """
+        try:
+            with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
+                make(self.trial.localizer, self.robot, **self.trial.params)
+        except BaseException as error:
+            if isinstance(error, InputError) or is_ctrl_c(error):
+                raise
+
+
+def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> gym.Env[Any, Any]:
+    """Return ``env`` inside its wrappers, innermost first: {"kind": "kidnap", "step": 100}.
+
+    Raises:
+        InputError: unknown kind or argument, or a bad value.
+    """
+    for wrapper in wrappers:
+        arguments = dict(wrapper)
+        if "kind" not in arguments:
+            raise InputError(
+                f"a disturbance has no kind ({arguments}): allowed values: "
+                f"{', '.join(DISTURBANCES)}."
+            )
+        kind = one_of("kind of disturbance", arguments.pop("kind"), DISTURBANCES)
+        accepted = dict(list(inspect.signature(DISTURBANCES[kind]).parameters.items())[1:])
+        for name in arguments:
+            one_of(f"key of disturbance {kind!r}", name, accepted)
+        for name, parameter in accepted.items():
+            if parameter.default is parameter.empty and name not in arguments:
+                raise InputError(f"the disturbance {kind!r} needs {name}: write {name} = ….")
+        env = DISTURBANCES[kind](env, **arguments)
+    return env
+
+
+def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
+    while isinstance(env, gym.Wrapper):
+        yield env
+        env = env.env

@@ -1,0 +1,362 @@
+"""What all episodes of an environment share, and the commands that its robots obey."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym import validation
+from deqmcl_gym.maps import Lidar
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import InputError, boolean, integer, one_of
+from deqmcl_gym.world.config import WORLDS, Robot, World
+from deqmcl_gym.world.course import MAX_STEPS, Course, Point, Pose, wrapped
+from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
+from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
+from deqmcl_gym.world.route import Journeys
+from deqmcl_gym.world.sensor import Stream, episode_stream
+
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing
+
+Actions = Singles
+_FLOAT32 = np.dtype(np.float32)
+_START_TRIES = 1000
+_FREE_TRIES = 100_000
+_ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
+_ARGUMENTS += ("observation", "render_mode")
+
+
+class Commands:
+    """The actions (distance, turn) that a robot can carry out.
+
+    Attributes:
+        space: the Box of all commands, float32.
+    """
+
+    def __init__(self, robot: Robot, unit: str) -> None:
+        """Allow distances in [0, max_distance] and turns in [-max_turn, max_turn]."""
+        self._unit = unit
+        self.space = gym.spaces.Box(
+            np.array([0.0, -robot.max_turn], np.float32),
+            np.array([robot.max_distance, robot.max_turn], np.float32),
+        )
+        # Comparing numbers takes a tenth of the time of Box.contains.
+        (self._least, self._right), (self._most, self._left) = (
+            bound.tolist() for bound in (self.space.low, self.space.high)
+        )
+
+    def checked(self, action: Any) -> Actions:
+        """Return an action as a fresh array, (2,) float32.
+
+        Raises:
+            InputError: anything but two real numbers in the space.
+        """
+        command = _as_float32(action)
+        if command is not None and command.shape == (2,):
+            distance, turn = command.tolist()
+            if self._least <= distance <= self._most and self._right <= turn <= self._left:
+                return command
+        raise InputError(
+            f"the action is {action!r}, but must be two numbers: a distance from {self._least:g} "
+            f"to {self._most:g} {self._unit} and a turn from {self._right:.4g} to {self._left:.4g} "
+            "rad."
+        )
+
+    def checked_each(self, actions: Any, resting: Bools) -> Actions:
+        """Return one action for each room as a fresh array, (n, 2) float32.
+
+        Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
+
+        Raises:
+            InputError: the shape is wrong, or an action is outside the space.
+        """
+        commands = _as_float32(actions)
+        if commands is None or commands.shape != (resting.size, 2):
+            given = repr(actions) if commands is None else f"of shape {commands.shape}"
+            raise InputError(
+                f"the actions are {given}, but must be numbers of shape ({resting.size}, 2): a "
+                "distance and a turn for each room."
+            )
+        room = _first_outside(commands, self.space.low, self.space.high, resting)
+        if room >= 0:
+            try:
+                self.checked(commands[room])
+            except InputError as refused:
+                raise InputError(f"in room {room}, {refused}") from None
+        return commands
+
+    def checked_plan(self, what: str, actions: ArrayLike) -> Actions:
+        """Return actions as a fresh array, (k, 2) float32; [] has none.
+
+        Raises:
+            InputError: wrong shape, NaN, or an action outside the space.
+        """
+        plan = validation.actions(what, actions)
+        for row in plan:
+            self.checked(row)
+        return plan.astype(np.float32)
+
+
+def _as_float32(action: Any) -> Actions | None:
+    """Return a fresh array, or None for words, truth values, complex numbers and ragged lists."""
+    if type(action) is np.ndarray and action.dtype is _FLOAT32:  # what the space asks for
+        return action.copy()
+    try:
+        given = np.asarray(action)
+    except ValueError:
+        return None
+    with np.errstate(over="ignore"):
+        return given.astype(np.float32) if given.dtype.kind in "fiu" else None
+
+
+@compiled
+def _first_outside(commands: Actions, low: Actions, high: Actions, resting: Bools) -> int:
+    """Return the first row, of those not ``resting``, outside [low, high]; -1 if there is none."""
+    for room in range(resting.size):
+        if not resting[room]:
+            for i in range(2):
+                if not low[i] <= commands[room, i] <= high[i]:
+                    return room
+    return -1
+
+
+class RoomInfo(TypedDict):
+    """The ``info`` channel. Arrays are fresh copies of fixed shape.
+
+    Attributes:
+        planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
+            distance, turn.
+        planned_count: number of rows of ``planned_actions`` that are actions.
+        action: the command carried out in this step, before motion noise and contact, (2,)
+            float32; zeros at reset.
+        collided: whether the step was stopped by a wall.
+        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
+            it.
+        goal: the end of the route (x, y), (2,) float64; only in a world with a route.
+        route: corners (x, y) of the planned route, from the expected start to the goal; only in a
+            world with a route. Routes differ in length, so it is a tuple, not an array: Gymnasium's
+            vector envs keep one per env. For whoever drives: its beginning is the answer at reset.
+    """
+
+    planned_actions: Singles
+    planned_count: int
+    action: Singles
+    collided: bool
+    truth: Floats
+    goal: NotRequired[Floats]
+    route: NotRequired[tuple[tuple[float, ...], ...]]
+
+
+def check_no_options(options: object) -> None:
+    """Refuse options of a ``reset`` that takes none."""
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
+    for key in options or ():
+        one_of("reset option", key, ())
+
+
+@dataclass(frozen=True)
+class RoomRules:
+    """A world, and the rules of its episodes.
+
+    Attributes:
+        world: all parts of the world, as configured.
+        horizon: how many planned actions ``info`` shows; None: all.
+        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
+        observation: "scan", or "dict" for scan, plan, progress and clock.
+    """
+
+    world: World
+    horizon: int | None
+    ends_at_goal: bool
+    observation: str
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        preset: str = "paper",
+        horizon: int | None = None,
+        ends_at_goal: bool = True,
+        observation: str = "scan",
+        **parts: Any,
+    ) -> "RoomRules":
+        """Return the rules that the environment's arguments describe.
+
+        Raises:
+            InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
+        """
+        for name in parts:
+            one_of("argument", name, _ARGUMENTS)
+        world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
+        rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
+        one_of("observation", observation, ("scan", "dict"))
+        rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
+        if rules.journeys is None:
+            _ = rules.plan  # refuses laps that cannot be driven
+        else:
+            rules.journeys.check()
+            if observation == "dict" and rows is None:
+                raise InputError(
+                    'observation is "dict" and there is a route, whose plans differ in length: '
+                    "give a horizon, such as 50."
+                )
+        return rules
+
+    @cached_property
+    def journeys(self) -> Journeys | None:
+        """The courses of a world with a route; None if it has a lap."""
+        return None if self.world.route is None else Journeys(self.world)
+
+    @cached_property
+    def course(self) -> Course:
+        """The lap as planned: path, start and actions."""
+        return Course.of(self.world)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan of the lap, from which ``info`` shows the coming actions."""
+        return self.plan_for(self.course)
+
+    def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
+        """Return course and plan of the ``number``-th episode after seeding.
+
+        Raises:
+            InputError: no route was found.
+        """
+        if self.journeys is None:
+            return self.course, self.plan
+        course = self.journeys.drawn(seed, number)
+        return course, self.plan_for(course)
+
+    def plan_for(self, course: Course, begun: int = 0) -> Plan:
+        """Return the plan for a course that begins after the step ``begun`` of an episode."""
+        world = self.world
+        if world.driver is not None:
+            return GuidedPlan.of(world, world.driver, course, self.horizon, begun)
+        return FixedPlan(course.actions, self.horizon or len(course.actions))
+
+    @cached_property
+    def commands(self) -> Commands:
+        """The commands that the robot can carry out."""
+        return Commands(self.world.robot, self.world.floor_plan.unit)
+
+    @cached_property
+    def rewards(self) -> tuple[float, float, float]:
+        """Progress at the goal, bonus there, and penalty for a contact, all as progress."""
+        px, goal = self.world.pixel, math.inf  # a route is done at its goal instead
+        if self.ends_at_goal and self.journeys is None:
+            goal = once_round(self.course.path.length, self.world.robot.radius)
+        return goal, GOAL_BONUS * px, COLLISION_PENALTY * px
+
+    @cached_property
+    def observation_space(self) -> gym.Space[Any]:
+        """The space of scans, or of dicts with plan, progress and clock too."""
+        scans = scan_space(self.world.lidar)
+        if self.observation == "scan":
+            return scans
+        actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
+        return gym.spaces.Dict(
+            scan=scans,
+            plan=gym.spaces.Box(np.tile(actions.low, shape), np.tile(actions.high, shape)),
+            progress=gym.spaces.Box(-1.0, 1.0, (1,), np.float32),
+            clock=gym.spaces.Box(0.0, 1.0, (1,), np.float32),
+        )
+
+    def seen(self, scan: Singles, planned: Singles, covered: Any, elapsed: Any) -> Any:
+        """Return an observation of one room or of n, all arrays fresh.
+
+        Args:
+            scan: (B,) or (n, B).
+            planned: the actions to come, (h, 2) or (n, h, 2).
+            covered: progress since reset as a share of the path, a number or (n,).
+            elapsed: steps as a share of the plan's, a number or (n,).
+        """
+        if self.observation == "scan":
+            return scan.copy()
+        covered = np.clip(covered, -1.0, 1.0)
+        return {
+            "scan": scan.copy(),
+            "plan": planned.copy(),
+            "progress": np.asarray(covered, np.float32)[..., None],
+            "clock": np.asarray(elapsed, np.float32)[..., None],
+        }
+
+    def first_arc(self, course: Course, start: Point) -> float:
+        """Return the arc length at which an episode begins, near that of the course."""
+        arc, _ = course.path.follow(course.start[:2], start, course.arc)
+        return arc
+
+    def start(self, course: Course, seed: int, number: int) -> Pose:
+        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π).
+
+        Raises:
+            InputError: no drawn start is free.
+        """
+        x, y, heading = self._drawn_start(course, seed, number)
+        return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
+
+    def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
+
+        Raises:
+            InputError: no free pose was found.
+        """
+        if self.journeys is not None and course.goal is not None:
+            return self.journeys.elsewhere(course.goal, rng)
+        x0, y0, x1, y1 = self.world.floor_plan.bounds
+        for _ in range(_FREE_TRIES):
+            x, y = rng.uniform((x0, y0), (x1, y1)).tolist()
+            if self.world.floor_plan.free([(x, y)], self.world.body)[0]:
+                return x, y, float(rng.uniform(-np.pi, np.pi))
+        raise InputError(
+            f"none of {_FREE_TRIES:,} poses drawn for the kidnapping is free: give a pose."
+        )
+
+    def picture(self, course: Course, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
+        """Return the world with the robot, its scan and the number of steps, (h, w, 3) RGB."""
+        lidar = self.world.lidar
+        drawing = self.drawing(course).beams(lidar.origin(pose), lidar.bearings, scan)
+        return drawing.robot(pose, self.world.robot.radius).number(step).image
+
+    def drawing(self, course: Course | None = None) -> "Drawing":
+        """Return a picture of the walls, and of a course's path.
+
+        Raises:
+            InputError: the room is too large for a picture.
+        """
+        from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
+
+        drawing = Drawing(View(self.world.floor_plan))
+        if course is None:
+            return drawing
+        drawing.path(course.path.outline, LIGHT_BLUE)
+        return drawing if course.goal is None else drawing.points([course.goal], LIGHT_BLUE, 9)
+
+    def _drawn_start(self, course: Course, seed: int, number: int) -> Pose:
+        start, radius = self.world.start, self.world.body
+        if start.sd_position == start.sd_heading == 0.0:
+            return course.start
+        x, y, heading = course.start
+        rng = episode_stream(seed, number, Stream.START)
+        sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
+        for _ in range(_START_TRIES):
+            dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
+            if self.world.floor_plan.free([(x + dx, y + dy)], radius)[0]:
+                return x + dx, y + dy, heading + turn
+        raise InputError(
+            f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
+            "start.sd_position."
+        )
+
+
+def scan_space(lidar: Lidar) -> gym.spaces.Box:
+    """Return the space of all scans of a lidar."""
+    return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)

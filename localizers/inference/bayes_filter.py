@@ -1,0 +1,181 @@
+"""A recursive Bayes filter as a localizer: what it is given is checked, then a step is taken."""
+
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps import Lidar
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import FARTHEST
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError, array
+from localizers.api import Prior
+from localizers.inference.belief import Events
+from localizers.models.motion import increments
+from localizers.models.prior import GaussianPrior
+from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
+
+LARGEST_ACTION = FARTHEST  # length or turn: the sine of a larger angle is NaN
+_FLOAT64 = np.dtype(np.float64)
+T = TypeVar("T")
+
+
+class Counted(Protocol):
+    """A named tuple with a field ``events``."""
+
+    @property
+    def events(self) -> Events:
+        """Counts of irregular events since reset."""
+        ...
+
+    def _replace(self, *, events: Any) -> Any: ...
+
+
+B = TypeVar("B", bound=Counted)
+
+
+class Filter(Protocol[B]):
+    """The two steps of a recursive Bayes filter. It is stateless: the belief is the state."""
+
+    def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> B:
+        """Return the belief at t = 0."""
+        ...
+
+    def step(
+        self, belief: B, scan: Scan, action: Floats, plan: Floats, rng: np.random.Generator
+    ) -> B:
+        """Return the belief after one action and one scan."""
+        ...
+
+
+class FilterLocalizer(Generic[B]):
+    """A ``Localizer`` that runs a filter, checks its input and counts bad beams."""
+
+    def __init__(self, robot: RobotModel, bayes_filter: Filter[B]) -> None:
+        """Make a localizer for ``robot`` from a filter made for it."""
+        self.robot = robot
+        self.filter = bayes_filter
+        self._running: tuple[B, np.random.Generator] | None = None
+
+    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
+        """Start a new run; see ``Localizer.reset``."""
+        if isinstance(prior, GaussianPrior):
+            prior.check_unit(self.robot.floor_plan.unit)
+        belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
+        self._running = (belief, rng)
+        return belief
+
+    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> B:
+        """Advance one step; see ``Localizer.update``."""
+        belief, rng = require_reset(self._running)
+        scan, command, ahead = checked_step(ranges, action, plan, self.robot.lidar)
+        belief = self.filter.step(belief, scan, command, ahead, rng)
+        if scan.beams < scan.ranges.size:
+            belief = belief._replace(events=belief.events.of_scan(scan))
+        self._running = (belief, rng)
+        return belief
+
+
+def require_reset(running: T | None) -> T:
+    """Return the state that reset created; refuse an update before the first reset."""
+    if running is None:
+        raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")
+    return running
+
+
+def checked_rng(rng: np.random.Generator) -> np.random.Generator:
+    """Return ``rng`` if it is a NumPy generator, else refuse it."""
+    if not isinstance(rng, np.random.Generator):
+        raise InputError(
+            f"rng is {rng!r}, but must be a numpy.random.Generator: give "
+            "numpy.random.default_rng(seed)."
+        )
+    return rng
+
+
+def checked_plan(plan: ArrayLike) -> Floats:
+    """Return a plan as increments (h, 3), an empty one of any shape as (0, 3); else refuse it."""
+    try:
+        empty = np.asarray(plan).size == 0
+    except ValueError:  # a ragged list; ``array`` names it
+        empty = False
+    return np.empty((0, 3)) if empty else increments(_of_actions("the plan", plan, 2))
+
+
+def checked_action(action: ArrayLike) -> Floats:
+    """Return an action as an increment (3,), else refuse it."""
+    return increments(_of_actions("the action", action, 1))
+
+
+def _of_actions(what: str, given: ArrayLike, axes: int) -> Floats:
+    try:
+        columns = 3 if np.shape(given)[-1:] == (3,) else 2
+    except ValueError:  # ragged; ``array`` names it
+        columns = 2
+    shape: tuple[int | None, ...] = (columns,) if axes == 1 else (None, columns)
+    values = array(what, given, shape)
+    if not (np.abs(values) <= LARGEST_ACTION).all():
+        largest = float(np.abs(values).max())
+        raise InputError(
+            f"{what} has a length or turn of size {largest:g}, but the largest allowed is "
+            f"{LARGEST_ACTION:g}."
+        )
+    return values
+
+
+def checked_scan(ranges: ArrayLike, lidar: Lidar) -> Floats:
+    """Return a copy of a scan, (B,); refuse a wrong number of beams. Values are not checked."""
+    try:
+        scan = np.array(ranges, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the scan is {ranges!r}, but must be numbers, one per beam.") from None
+    if scan.shape != (lidar.beams,):
+        raise InputError(
+            f"the scan has shape {scan.shape}, but this localizer was made for a lidar of "
+            f"{lidar.beams} beams: give ({lidar.beams},) ranges, "
+            "or make a localizer for this lidar."
+        )
+    return scan
+
+
+def checked_step(
+    ranges: ArrayLike, action: ArrayLike, plan: ArrayLike, lidar: Lidar
+) -> tuple[Scan, Floats, Floats]:
+    """Return copies of a scan, an action (3,) and a plan (h, 3), checked.
+
+    Faster than the checks above if nothing is wrong, because this runs at every step.
+    """
+    if (
+        type(ranges) is type(action) is type(plan) is np.ndarray
+        and ranges.ndim == action.ndim == 1
+        and plan.ndim == 2
+        and ranges.dtype.kind == action.dtype.kind == plan.dtype.kind == "f"
+    ):
+        measured, command, ahead = _copied(ranges), _copied(action), _copied(plan)
+        if _is_sound(measured, command, ahead, lidar.beams):
+            return Scan.of(measured, lidar.max_range), increments(command), increments(ahead)
+    scan = Scan.of(checked_scan(ranges, lidar), lidar.max_range)
+    return scan, checked_action(action), checked_plan(plan)
+
+
+@compiled
+def _is_sound(ranges: Floats, action: Floats, plan: Floats, beams: int) -> bool:
+    """Whether the number of ranges is right, and the shapes and sizes of action and plan are."""
+    if ranges.size != beams or not 2 <= action.size <= 3 or not 2 <= plan.shape[1] <= 3:
+        return False
+    amiss = 0
+    for i in range(action.size):
+        amiss += not abs(action[i]) <= LARGEST_ACTION
+    planned = plan.ravel()
+    for i in range(planned.size):
+        amiss += not abs(planned[i]) <= LARGEST_ACTION
+    return amiss == 0
+
+
+def _copied(values: NDArray[Any]) -> Floats:
+    """Return a float64 copy in C order."""
+    if values.dtype is _FLOAT64:
+        return values.copy()  # twice as fast as astype
+    return values.astype(_FLOAT64, "C")

@@ -1,0 +1,56 @@
+"""What a localizer knows of the robot: its map, its sensor, and the noise that is assumed."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.map import LENGTH, pixel
+from deqmcl_gym.validation import InputError, number
+from localizers.api import Motion
+from localizers.models.beams import METRE_SIGMA, BeamDensity, GaussianUniform
+from localizers.models.motion import OdometryMotion
+from localizers.models.nav2_motion import unknown_motion
+
+_COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotModel:
+    """The robot as a localizer knows it: its map, its sensor and the assumed noise.
+
+    Attributes:
+        floor_plan: the map m.
+        lidar: geometry of the sensor.
+        radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
+        motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
+            that of ``DifferentialMotion``.
+        scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
+            Nav2's sigma_hit.
+    """
+
+    floor_plan: Map
+    lidar: Lidar
+    radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
+    motion: Motion = None  # type: ignore[assignment]
+    scan: BeamDensity = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.radius is None:
+            object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
+        metres = self.floor_plan.unit == "m"
+        if self.motion is None:
+            motion = unknown_motion("differential", "m") if metres else OdometryMotion()
+            object.__setattr__(self, "motion", motion)
+        if self.scan is None:
+            scan = GaussianUniform(sigma=METRE_SIGMA) if metres else GaussianUniform()
+            object.__setattr__(self, "scan", scan)
+        number("radius", self.radius, low=0)
+        farthest = max(map(abs, self.floor_plan.bounds))
+        coarse = float(np.spacing(np.float32(farthest)))
+        if coarse > _COARSEST * pixel(self.floor_plan.unit):
+            unit = self.floor_plan.unit
+            raise InputError(
+                f"the floor plan reaches to {farthest:g} {unit}, where the float32 poses of a "
+                f"localizer are {coarse:g} {unit} apart: move it towards (0, 0)."
+            )

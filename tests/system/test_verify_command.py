@@ -1,0 +1,152 @@
+"""``deqmcl verify`` and ``sweep --adopt``: results that survive a change of code."""
+
+import json
+
+import pytest
+from deqmcl_command import exit_code, files
+from sweep_command import report, sweep, trial_files, write_small
+
+from benchmarks.sweeps import verifying
+from benchmarks.sweeps.results import results_in
+from benchmarks.sweeps.suites import SUITES
+
+MINE = """
+import numpy as np
+from localizers import PoseBelief
+class Mine:
+    def __init__(self, robot): pass
+    def reset(self, prior, plan, rng):
+        self.belief = PoseBelief(np.array(prior.mean) + {0})
+        return self.belief
+    def update(self, ranges, action, plan): return self.belief
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    """A plug-in, and a folder of results of it and of MCL on three worlds."""
+    plug_in = tmp_path / "mine.py"
+    plug_in.write_text(MINE.format(0.0))
+    file = write_small(tmp_path, trials=3)
+    assert sweep(file, tmp_path / "out", "--with", f"{plug_in}:Mine") == 0
+    return plug_in, file, tmp_path / "out"
+
+
+def verify(out):
+    return exit_code("verify", out, "--jobs", "1")
+
+
+def timings(out):
+    """When each trial was run."""
+    return {path.name: path.stat().st_mtime_ns for path in (out / "timings").iterdir()}
+
+
+def edit(plug_in, offset):
+    """Write the plug-in anew: its digest changes, and unless it is 0.0 its estimates do."""
+    plug_in.write_text(MINE.format(offset) + "# edited\n")
+
+
+def verified(out):
+    return json.loads((out / "manifest.json").read_text()).get("verified", [])
+
+
+def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys_with_missing_trials_only(
+    mine, capsys
+):
+    plug_in, file, out = mine
+    before = trial_files(out)
+    edit(plug_in, 0.0)
+    assert sweep(file, out, "--with", f"{plug_in}:Mine") == 2
+    assert f"deqmcl verify {out}" in capsys.readouterr().err
+    assert verify(out) == 0
+    assert "on 4 of 9 trials; none differs" in capsys.readouterr().out
+    (entry,) = verified(out)
+    assert set(entry["verified"]) < {name.removesuffix(".json") for name in before}
+    lost, ran = sorted(before)[:2], timings(out)
+    for name in lost:
+        (out / "trials" / name).unlink()
+    assert sweep(file, out, "--with", f"{plug_in}:Mine", "--with", "ekf") == 0
+    assert len(timings(out).items() - ran.items()) == 2 + 3  # those lost, and the new method's
+    assert before.items() <= trial_files(out).items()
+    assert len(results_in(out).records) == 12
+    assert report(out) == 0
+    assert results_in(out).made_by.endswith("on 4 of 9 trials.")
+    assert verified(out) == [entry]
+
+
+def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mine, capsys):
+    plug_in, file, out = mine
+    before = files(out)
+    edit(plug_in, 1.0)
+    for command in (
+        lambda: verify(out),
+        lambda: sweep(file, out, "--adopt", "--with", f"{plug_in}:Mine"),
+    ):
+        assert command() == 1
+        said = capsys.readouterr().err
+        assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
+        assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
+        assert files(out) == before
+
+
+def test_a_trial_that_fails_now_differs(mine, capsys):
+    plug_in, _, out = mine
+    plug_in.write_text("raise ImportError('gone')\n")
+    assert verify(out) == 1
+    assert "it finished before and fails now" in capsys.readouterr().err
+
+
+def test_adopting_verifies_only_folders_of_other_code_and_refuses_another_sweep_unseen(
+    mine, tmp_path, capsys
+):
+    plug_in, file, out = mine
+    given = ("--with", f"{plug_in}:Mine", "--adopt")
+    assert sweep(file, tmp_path / "new", "--adopt") == 0
+    assert sweep(file, out, *given) == 0
+    assert "verified under" not in capsys.readouterr().out
+    edit(plug_in, 0.0)
+    other = write_small(tmp_path, trials=1, particles=16)
+    assert sweep(other, out, *given) == 2
+    assert "particles was 15 and is 16" in capsys.readouterr().err
+    assert sweep(write_small(tmp_path, trials=3), out, *given) == 0
+    assert "verified under" in capsys.readouterr().out
+    assert len(verified(out)) == 1
+    plug_in.write_text(MINE.format(0.0))  # as it was, which made the folder
+    assert sweep(file, out, "--with", f"{plug_in}:Mine") == 0
+
+
+def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, copy, monkeypatch):
+    before = files(copy)
+    assert verify(copy) == 0
+    assert files(copy) == before
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verifying, "outcomes", stopped)
+    assert verify(copy) == 130
+    assert files(copy) == before
+
+
+def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, capsys):
+    path = copy / "manifest.json"
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"verified": [{"code": 1}]}))
+    assert verify(copy) == 2
+    assert "manifest.json has no verified.0" in capsys.readouterr().err
+    path.write_text(json.dumps(content))
+    for trial in (copy / "trials").iterdir():
+        trial.unlink()
+    assert verify(copy) == 2
+    assert "has no finished trial" in capsys.readouterr().err
+
+
+def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
+    sweep = SUITES["beta"]
+    trials = {trial.key(""): trial for trial in sweep.distinct()}
+    drawn = [set(verifying.sample(trials, code)) for code in ("a", "b")]
+    first = {trial.key("") for trial in sweep.cells()}
+    assert first == drawn[0] & drawn[1] & first
+    others = len(trials) - len(first)
+    assert [len(keys - first) for keys in drawn] == [-(-others // 100)] * 2
+    assert drawn[0] != drawn[1]
