@@ -8,6 +8,7 @@ from deqmcl_command import exit_code, files
 from sweep_command import report, sweep, trial_files, write_small
 
 from benchmarks.sweeps import verifying
+from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.suites import SUITES
 
 MINE = """
