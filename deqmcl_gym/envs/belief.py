@@ -26,11 +26,9 @@ class Estimator(Protocol):
 
     def reset(self, prior: Any, plan: Reals, rng: np.random.Generator) -> Any:
         """Start a new episode and return the belief."""
-        ...
 
     def update(self, ranges: Reals, action: Reals, plan: Reals) -> Any:
         """Return the belief after one step."""
-        ...
 
 
 class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.RecordConstructorArgs):
@@ -71,11 +69,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         room: Any = env.unwrapped
         self._floor = _FLOOR * np.array([pixel(room.floor_plan.unit)] * 2 + [1.0]) ** 2
         tried = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
-        spaces = {
-            "mean": _box((3,)),
-            "covariance": _box((3, 3)),
-            "entropy": _box((1,)),
-        }
+        spaces = {"mean": _box((3,)), "covariance": _box((3, 3)), "entropy": _box((1,))}
         self._has_quality = getattr(tried, "quality", None) is not None
         if self._has_quality:
             spaces["quality"] = gym.spaces.Box(0.0, 1.0, (1,))

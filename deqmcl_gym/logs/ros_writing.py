@@ -91,12 +91,7 @@ class _Messages:
     """The messages of a log."""
 
     def __init__(
-        self,
-        log: Log,
-        types: Any,
-        send: Callable[[str, str, int, Any], None],
-        *,
-        sequenced: bool,
+        self, log: Log, types: Any, send: Callable[[str, str, int, Any], None], *, sequenced: bool
     ) -> None:
         """Make messages of ``types``; headers are ``sequenced`` in ROS 1."""
         self._log, self._send, self._sequenced = log, send, sequenced

@@ -14,13 +14,7 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
-from deqmcl_gym.logs.raw_records import (
-    NOT_FINITE,
-    UNREADABLE,
-    in_order,
-    usable,
-    warn_of_few,
-)
+from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices

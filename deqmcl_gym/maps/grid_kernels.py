@@ -267,12 +267,7 @@ def roll_out(
 
 @compiled
 def collisions(
-    poses: Singles,
-    path: Singles,
-    reach: Reach,
-    frame: tuple[float, ...],
-    radius: float,
-    out: Ints,
+    poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, out: Ints
 ) -> None:
     """Fill in the number of steps that collide on a path laid from each pose.
 

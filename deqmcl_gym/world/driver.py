@@ -24,22 +24,18 @@ class Underway(Protocol):
     @property
     def step(self) -> int:
         """Steps carried out."""
-        ...
 
     @property
     def pose(self) -> Pose:
         """The true pose (x, y, θ)."""
-        ...
 
     @property
     def arc(self) -> float:
         """Arc length at which the robot is on the path."""
-        ...
 
     @property
     def way(self) -> float:
         """Distance along the path since reset; the shorter way round if the robot was carried."""
-        ...
 
 
 class Plan(Protocol):
@@ -48,24 +44,20 @@ class Plan(Protocol):
     @property
     def horizon(self) -> int:
         """h, actions shown ahead."""
-        ...
 
     @property
     def limit(self) -> int:
         """The most steps of an episode."""
-        ...
 
     @property
     def actions(self) -> Actions:
         """All actions from the expected start, (T, 2) float32: distance, turn."""
-        ...
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
         """Return the next h actions, zero-padded, and their number; 0 ends the episode.
 
         The array (h, 2) is fresh.
         """
-        ...
 
 
 @dataclass(frozen=True)

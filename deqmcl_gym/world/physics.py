@@ -22,20 +22,16 @@ class Contacts(Protocol):
     @property
     def skin(self) -> float:
         """Distance at which a disc stops before a contact."""
-        ...
 
     @property
     def reach(self) -> float:
         """A length that no drive can have without contact."""
-        ...
 
     def gap(self, centre: Point) -> float:
         """Distance of the disc's rim from the nearest wall, negative if they overlap."""
-        ...
 
     def first_contact(self, start: Point, end: Point) -> float | None:
         """Share of a drive at which a disc that starts clear of walls touches one; None: never."""
-        ...
 
 
 def contacts_of(world: World) -> Contacts:

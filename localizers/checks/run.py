@@ -67,19 +67,15 @@ class Tries(Protocol):
     @property
     def name(self) -> str:
         """What the localizer is called."""
-        ...
 
     def verdict(self, law: Law) -> Verdict:
         """Try a law."""
-        ...
 
     def milliseconds_per_step(self) -> float:
         """Return the median time of an update."""
-        ...
 
     def close(self) -> None:
         """End what was started for it."""
-        ...
 
 
 class Examination:

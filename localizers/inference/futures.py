@@ -179,7 +179,6 @@ class Move(Protocol):
         self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,6 @@ class Lookahead(Protocol):
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, looking ahead along the plan (h, k)."""
-        ...
 
 
 class Table(Protocol):
@@ -40,7 +39,6 @@ class Table(Protocol):
 
     def log_h(self, states: States, window: Actions) -> LogWeights:
         """Log h of states (d, n) under the actions (F, k), (n,)."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,12 +15,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
-from localizers.inference.bayes_filter import (
-    checked_plan,
-    checked_rng,
-    checked_step,
-    require_reset,
-)
+from localizers.inference.bayes_filter import checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.kld_sampling import KldSampling
 from localizers.inference.loss_detector import LossDetector

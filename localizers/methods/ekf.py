@@ -38,7 +38,6 @@ class HitMoments(Protocol):
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance, (n, B) each."""
-        ...
 
 
 @dataclass(frozen=True)

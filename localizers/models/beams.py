@@ -37,7 +37,6 @@ class BeamDensity(Protocol):
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
-        ...
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density (at an atom: mass) of each measured range.
@@ -50,11 +49,9 @@ class BeamDensity(Protocol):
         Returns:
             (n, B).
         """
-        ...
 
     def least_density(self, max_range: float) -> float:
         """Return what ``density`` is never below, whatever the measured and the exact range."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

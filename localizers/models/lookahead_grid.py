@@ -52,11 +52,7 @@ class PoseGrid:
     def shape(self) -> tuple[int, int, int]:
         """Cells in θ, y, x."""
         x0, y0, x1, y1 = self.bounds
-        return (
-            self.headings,
-            math.ceil((y1 - y0) / self.cell),
-            math.ceil((x1 - x0) / self.cell),
-        )
+        return (self.headings, math.ceil((y1 - y0) / self.cell), math.ceil((x1 - x0) / self.cell))
 
     @property
     def heading_step(self) -> float:

@@ -242,12 +242,7 @@ class ChargedDrives:
     beta: float
 
     def __call__(
-        self,
-        states: Singles,
-        actions: Floats,
-        rng: np.random.Generator,
-        *,
-        keep: bool,
+        self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
     ) -> tuple[list[Singles], Floats]:
         """Draw one path of poses from each of ``states``; see ``Walk``."""
         n = states.shape[1]
