@@ -67,7 +67,11 @@ def remembered(
     """Return ``made`` of a map file, or the last result if the files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
-    image = _image_path(yaml_path, said)
+    image: Path = yaml_path.parent / said["image"]
+    if not image.is_file():
+        raise InputError(
+            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
+        )
     stat = image.stat()
     key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
     found: T | None = _remembered.get(key)
@@ -183,15 +187,6 @@ def _number(value: Any) -> Any:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def _image_path(yaml_path: Path, said: Mapping[str, Any]) -> Path:
-    image: Path = yaml_path.parent / said["image"]
-    if not image.is_file():
-        raise InputError(
-            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
-        )
-    return image
 
 
 def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:
