@@ -23,6 +23,7 @@ from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import searched
+from localizers.inference.start import Averages
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -88,38 +89,14 @@ class UpdateGate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeightAverages:
-    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
+class WeightAverages(Averages):
+    """``Averages`` of the mean weight of a cloud's particles after a scan, not yet normalised.
 
-    Averaged is the mean weight of a cloud's particles after a scan, before they are normalised,
-    each 1 / n before the scan: it falls as n grows. After random poses were drawn the averages
-    start anew; the first scan sets both.
+    Each weighs 1 / n before the scan, so the mean falls as n grows. After random poses were drawn
+    the averages start anew; the first scan sets both.
 
     Source: pf.c.
-
-    Attributes:
-        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
-        slow, fast: w_slow and w_fast; 0 before the first scan.
     """
-
-    alpha_slow: float = 0.0
-    alpha_fast: float = 0.0
-    slow: float = 0.0
-    fast: float = 0.0
-
-    def __post_init__(self) -> None:
-        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
-        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
-        if self.alpha_fast < self.alpha_slow:
-            raise InputError(
-                f"recovery_alpha_fast is {self.alpha_fast:g}, but must be at least "
-                f"recovery_alpha_slow, {self.alpha_slow:g}."
-            )
-
-    @property
-    def share(self) -> float:
-        """Probability that a draw is a random pose."""
-        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
 
     def after(self, log_evidence: float, particles: int) -> "WeightAverages":
         """Return the averages after a scan of mean weight exp(log_evidence) in a cloud of n."""
@@ -248,16 +225,13 @@ class AdaptiveLocalizer:
         cloud = _cloud(kept, events, belief.memory)._replace(
             scan_log_evidence=belief.scan_log_evidence
         )
+        off = np.abs(kept[:2] - kept[:2].mean(axis=1, dtype=np.float64, keepdims=True))
         return replace(
             now,
             belief=cloud,
             averages=now.averages.anew if share > 0 else now.averages,
-            converged=self._is_small(kept),
+            converged=float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED,
         )
-
-    def _is_small(self, states: States) -> bool:
-        off = np.abs(states[:2] - states[:2].mean(axis=1, dtype=np.float64, keepdims=True))
-        return float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED
 
 
 def amcl(

@@ -19,7 +19,7 @@ from localizers.beliefs import mean_pose
 from localizers.inference import gaussian as kernels
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
-from localizers.inference.gaussian import gaussian_points, sigma_points
+from localizers.inference.gaussian import covariance_of, gaussian_points, sigma_points
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.weights import log_evidence
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
@@ -193,8 +193,4 @@ def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
     mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
     apart = draws - mean
     apart[:, 2] = arrays.wrapped(apart[:, 2])
-    covariance = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            covariance[i, j] = (apart[:, i] * apart[:, j]).mean()
-    return mean, covariance
+    return mean, covariance_of(apart.T)

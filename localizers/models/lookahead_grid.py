@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.models import lookahead_kernels as grid_kernels
-from localizers.models.beams import normal_cdf, normal_pdf
+from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
 MAX_BYTES = 2**30
