@@ -41,16 +41,10 @@ class Rooms:
         numbers = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
-            cells=cells,
-            radius=world.body,
-            skin=world.skin,
-            reach=world.reach,
-            edges=course.path.edges,
-            length=course.path.length,
-            rewards=rules.rewards,
-            most=most,
+            cells=cells, radius=world.body, skin=world.skin, reach=world.reach,
+            edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,
             limit=limit,
-        )
+        )  # fmt: skip
         self._motion = NormalTable(number, 2, most)
         self._lidars = LidarSensors(world.floor_plan, world.lidar, number, most + 1)
         poses, steps = np.tile(course.start, (number, 1)), np.zeros(number, np.intp)

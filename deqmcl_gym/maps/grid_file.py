@@ -98,14 +98,9 @@ def check_thresholds(free: Any, occupied: Any) -> None:
 
 
 def write(
-    path: str | os.PathLike[str],
-    mode: str,
-    cells: Occupancy,
-    *,
-    resolution: float,
-    origin: tuple[float, float, float],
-    thresholds: tuple[float, float],
-) -> None:
+    path: str | os.PathLike[str], mode: str, cells: Occupancy, *, resolution: float,
+    origin: tuple[float, float, float], thresholds: tuple[float, float],
+) -> None:  # fmt: skip
     """Write a yaml file, and an image of its name beside it."""
     import yaml
     from PIL import Image
@@ -114,14 +109,10 @@ def write(
     yaml_path = _path(path)
     image = yaml_path.with_suffix(".png" if mode == "scale" else ".pgm")
     document = {
-        "image": image.name,
-        "mode": mode,
-        "resolution": float(resolution),
-        "origin": [float(part) for part in origin],
-        "negate": 0,
-        "occupied_thresh": float(thresholds[1]),
-        "free_thresh": float(thresholds[0]),
-    }
+        "image": image.name, "mode": mode, "resolution": float(resolution),
+        "origin": [float(part) for part in origin], "negate": 0,
+        "occupied_thresh": float(thresholds[1]), "free_thresh": float(thresholds[0]),
+    }  # fmt: skip
     pixels = _pixels(cells[::-1], mode, *thresholds)
     _check_kept(cells[::-1], pixels, mode, *thresholds)
     drawn = io.BytesIO()

@@ -235,39 +235,19 @@ class AdaptiveLocalizer:
 
 
 def amcl(
-    robot: RobotModel,
-    *,
-    max_particles: int = 2000,
-    min_particles: int = 500,
-    pf_err: float = 0.05,
-    pf_z: float = 0.99,
-    recovery_alpha_slow: float = 0.0,
-    recovery_alpha_fast: float = 0.0,
-    resample_interval: int = 1,
-    selective_resampling: bool = False,
-    update_min_d: float = 0.25,
-    update_min_a: float = 0.2,
-    robot_model_type: str = DIFFERENTIAL,
-    alpha1: float = 0.2,
-    alpha2: float = 0.2,
-    alpha3: float = 0.2,
-    alpha4: float = 0.2,
-    alpha5: float = 0.2,
-    laser_model_type: str = "likelihood_field",
-    max_beams: int = 60,
-    z_hit: float = 0.5,
-    z_short: float = 0.05,
-    z_max: float = 0.05,
-    z_rand: float = 0.5,
-    sigma_hit: float = 0.2,
-    lambda_short: float = 0.1,
-    laser_likelihood_max_dist: float = 2.0,
-    do_beamskip: bool = False,
-    beam_skip_distance: float = 0.5,
-    beam_skip_threshold: float = 0.3,
-    beam_skip_error_threshold: float = 0.9,
-    field_cell: float = 0.02,
-) -> AdaptiveLocalizer:
+    robot: RobotModel, *,
+    max_particles: int = 2000, min_particles: int = 500, pf_err: float = 0.05, pf_z: float = 0.99,
+    recovery_alpha_slow: float = 0.0, recovery_alpha_fast: float = 0.0,
+    resample_interval: int = 1, selective_resampling: bool = False,
+    update_min_d: float = 0.25, update_min_a: float = 0.2,
+    robot_model_type: str = DIFFERENTIAL, alpha1: float = 0.2, alpha2: float = 0.2,
+    alpha3: float = 0.2, alpha4: float = 0.2, alpha5: float = 0.2,
+    laser_model_type: str = "likelihood_field", max_beams: int = 60,
+    z_hit: float = 0.5, z_short: float = 0.05, z_max: float = 0.05, z_rand: float = 0.5,
+    sigma_hit: float = 0.2, lambda_short: float = 0.1, laser_likelihood_max_dist: float = 2.0,
+    do_beamskip: bool = False, beam_skip_distance: float = 0.5, beam_skip_threshold: float = 0.3,
+    beam_skip_error_threshold: float = 0.9, field_cell: float = 0.02,
+) -> AdaptiveLocalizer:  # fmt: skip
     """Return Nav2's AMCL. Lengths are in metres, on a map in px too (1 px is 0.02 m).
 
     Args:
@@ -326,29 +306,18 @@ def amcl(
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":
         scan = BeamCubes(
-            floor_plan=plan,
-            lidar=lidar,
-            hit=z_hit,
-            short=z_short,
-            max=z_max,
-            rand=z_rand,
-            sigma=sigma,
-            decay=number("lambda_short", lambda_short, low=0) / metre,
+            floor_plan=plan, lidar=lidar, hit=z_hit, short=z_short, max=z_max, rand=z_rand,
+            sigma=sigma, decay=number("lambda_short", lambda_short, low=0) / metre,
             max_beams=max_beams,
-        )
+        )  # fmt: skip
     else:
         field = LikelihoodField if laser_model_type == "likelihood_field" else LikelihoodFieldProb
         farthest = number("laser_likelihood_max_dist", laser_likelihood_max_dist, low=0, above=True)
         scan = field(
-            floor_plan=plan,
-            lidar=lidar,
-            sigma=sigma,
-            farthest=farthest * metre,
-            hit=z_hit,
-            rand=z_rand,
-            max_beams=max_beams,
+            floor_plan=plan, lidar=lidar, sigma=sigma, farthest=farthest * metre, hit=z_hit,
+            rand=z_rand, max_beams=max_beams,
             cell=number("field_cell", field_cell, low=0, above=True) * metre,
-        )
+        )  # fmt: skip
     return AdaptiveLocalizer(
         robot,
         motion=motions[robot_model_type],

@@ -142,13 +142,9 @@ class KalmanFilter:
         )
         slopes = (expected[1:4] - expected[4:7]) / (2 * steps[:, None])
         gated = kernels.correct(
-            mean,
-            covariance,
-            scan.ranges[scan.usable][predicted] - expected[0],
-            np.ascontiguousarray(slopes.T),
-            variances[0],
-            self.gate,
-        )
+            mean, covariance, scan.ranges[scan.usable][predicted] - expected[0],
+            np.ascontiguousarray(slopes.T), variances[0], self.gate,
+        )  # fmt: skip
         return gated, int((~predicted).sum())
 
 

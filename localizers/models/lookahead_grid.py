@@ -172,17 +172,9 @@ class LookaheadGrid:
             if drive not in drives:
                 drives[drive] = _among(_drives(self, *drive), widest, pad)
             grid_kernels.stepped_back(
-                h,
-                columns + 2 * pad,
-                pad,
-                drives[drive],
-                charge,
-                turns[step],
-                least,
-                (nodes.low - widest.low, nodes.high - widest.low),
-                nodes.headings,
-                out,
-            )
+                h, columns + 2 * pad, pad, drives[drive], charge, turns[step], least,
+                (nodes.low - widest.low, nodes.high - widest.low), nodes.headings, out,
+            )  # fmt: skip
             h, out = out, h
         nodes, planes = before[0], h.reshape(headings, rows + 2 * pad, -1)
         left, low = pad + nodes.left - widest.left, pad + nodes.low - widest.low
