@@ -9,7 +9,7 @@ NAME = "verify"
 HELP = "see whether today's code, libraries and plug-ins get the numbers in a folder"
 DESCRIPTION = (
     "Run a sample of a folder's finished trials again: the first world of each setting and method, "
-    "and 1 %% of the others, drawn by the digest of the code. If all results are the same to the "
+    "and 1 % of the others, drawn by the digest of the code. If all results are the same to the "
     "last digit, the folder's manifest says so, and deqmcl sweep goes on with what is there; if "
     "not, the exit code is 1. A sample cannot prove what happens rarely: run the sweep again for "
     "numbers that must hold without a doubt."
