@@ -84,7 +84,7 @@ def damaged(good):
         "with a NaN": ("contains NaN", good.replace(b"1.5", b"NaN")),
         "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
         "forged without scores": ("null instead of array at scores, as no", forged(scores=None)),
-        "forged with words for numbers": ("str instead of float | null at curves[].error[0]", forged(
+        "forged with words for numbers": ("str instead of float | null at curves[].error", forged(
             curves={"0": {"first_state": 0, "error": ["a"]}})),
         "forged as another trial": ("of another trial", forged(trial={"trial": 7})),
     }  # fmt: skip
