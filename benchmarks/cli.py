@@ -78,10 +78,7 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
         return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
-        print(
-            f"deqmcl: a plug-in called exit({end.code!r}).",
-            file=sys.stderr,
-        )
+        print(f"deqmcl: a plug-in called exit({end.code!r}).", file=sys.stderr)
         return FAILED
     except Exception as error:
         if options.debug or error is output.error:

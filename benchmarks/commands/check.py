@@ -38,11 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="try it on this map, in m, instead of a small room of polygons",
     )
     parser.add_argument(
-        "--timeout",
-        type=float,
-        default=60.0,
-        metavar="S",
-        help="seconds allowed per law (60)",
+        "--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"
     )
 
 

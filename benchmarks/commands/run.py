@@ -3,14 +3,7 @@
 import argparse
 from collections.abc import Sequence
 
-from benchmarks.commands.shared import (
-    add_params,
-    add_setting,
-    file,
-    folder,
-    params_named,
-    sweep_of,
-)
+from benchmarks.commands.shared import add_params, add_setting, file, folder, params_named, sweep_of
 from benchmarks.console import doing
 
 NAME = "run"

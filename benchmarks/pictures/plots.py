@@ -32,12 +32,7 @@ def error_plot(curves: Curves, title: str, words: str) -> bytes:
     for name, (states, errors) in curves.items():
         fallback = "tab:pink" if "-" in name else "tab:blue"
         axes.plot(states, errors, label=f"belief about {name}", color=colors.get(name, fallback))
-    axes.set(
-        xlabel="step of the state estimated",
-        ylabel=words,
-        title=title,
-        ylim=(0, None),
-    )
+    axes.set(xlabel="step of the state estimated", ylabel=words, title=title, ylim=(0, None))
     axes.grid(alpha=0.3)
     axes.legend()
     buffer = io.BytesIO()

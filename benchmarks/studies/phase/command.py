@@ -9,13 +9,7 @@ from tabulate import tabulate
 
 from benchmarks.files import command_line, own_folder, write_part
 from benchmarks.pictures.plots import require_plots
-from benchmarks.studies.phase.cycles import (
-    PERFECT,
-    Lap,
-    PlaceFields,
-    cycles_of,
-    perfect_cycles,
-)
+from benchmarks.studies.phase.cycles import PERFECT, Lap, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
