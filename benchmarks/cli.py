@@ -64,7 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         output.end()
         if arguments is None:
             gc.freeze()  # at exit, a search for garbage would take half a second
-        return code if output.error is None else _not_written(output.error)
+        if output.error is None:
+            return code
+        if isinstance(output.error, BrokenPipeError):
+            return NOT_READ
+        why = output.error.strerror
+        print(f"deqmcl: the output cannot be written to stdout ({why}).", file=sys.stderr)
+        return FAILED
 
 
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
@@ -72,7 +78,7 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     try:
         with console.stoppable(leaving=leaving):
             _refuse_no_folder()
-            print(options.run(options, given))
+            print(options.run(options))
     except KeyboardInterrupt as how:
         kept = "; finished trials are kept" if options.command in _RESUMED else ""
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
@@ -95,14 +101,6 @@ def _refuse_no_folder() -> None:
         from deqmcl_gym.validation import InputError
 
         raise InputError("the current folder is gone: change to one that exists.") from None
-
-
-def _not_written(error: OSError) -> int:
-    """Say that the output is lost, unless its reader has stopped reading."""
-    if isinstance(error, BrokenPipeError):
-        return NOT_READ
-    print(f"deqmcl: the output cannot be written to stdout ({error.strerror}).", file=sys.stderr)
-    return FAILED
 
 
 def _explain(error: Exception) -> int:
@@ -133,16 +131,16 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parsers: dict[str, _Parser] = {}
     for command in COMMANDS:
         own = subparsers.add_parser(
-            command.NAME, allow_abbrev=False, help=command.HELP, description=command.DESCRIPTION
+            command.NAME, allow_abbrev=False, help=command.HELP, description=command.__doc__
         )
         if command.NAME in arguments:
             command.arguments(own)
-        own.add_argument(
-            "--debug", action="store_true", help="show a traceback when something fails"
-        )
+        words = "show a traceback when something fails"
+        own.add_argument("--debug", action="store_true", help=words)
         own.set_defaults(run=command.run)
         parsers[command.NAME] = own
     options, unknown = parser.parse_known_args(arguments)
+    options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags
         parsers[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     return options

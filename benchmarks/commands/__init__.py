@@ -1,8 +1,8 @@
 """The commands of ``deqmcl``, one file each.
 
-A file holds ``NAME``, ``HELP`` (one line), ``DESCRIPTION``, ``arguments(parser)`` and
-``run(options, given) -> str``, what to print. It imports what is heavy only where it runs, so
-that ``deqmcl --help`` stays fast.
+A file holds ``NAME``, ``HELP`` (one line), ``arguments(parser)`` and ``run(options) -> str``, what to
+print; ``options.words`` are the words of the command line. The docstring of the file is what
+``--help`` says. It imports what is heavy only where it runs, so that ``deqmcl --help`` stays fast.
 """
 
 from collections.abc import Sequence

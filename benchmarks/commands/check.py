@@ -1,7 +1,9 @@
-"""``deqmcl check``."""
+"""Check a localizer against named laws on a short random drive.
+
+One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
+"""
 
 import argparse
-from collections.abc import Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -12,10 +14,6 @@ if TYPE_CHECKING:  # loaded when needed
 
 NAME = "check"
 HELP = "check that a localizer obeys the laws the benchmarks rely on"
-DESCRIPTION = (
-    "Check a localizer against named laws on a short random drive. One line per law: ok, FAILED or "
-    "skipped, with the reason. Exit code 3 if a law fails."
-)
 
 
 _BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
@@ -42,9 +40,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last lines."""
-    del given
     from deqmcl_gym.maps import GridMap
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
