@@ -129,16 +129,16 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parsers: dict[str, _Parser] = {}
-    for command in COMMANDS:
+    for name, command in COMMANDS.items():
         own = subparsers.add_parser(
-            command.NAME, allow_abbrev=False, help=command.HELP, description=command.__doc__
+            name, allow_abbrev=False, help=command.HELP, description=command.__doc__
         )
-        if command.NAME in arguments:
+        if name in arguments:
             command.arguments(own)
         words = "show a traceback when something fails"
         own.add_argument("--debug", action="store_true", help=words)
         own.set_defaults(run=command.run)
-        parsers[command.NAME] = own
+        parsers[name] = own
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags

@@ -12,7 +12,6 @@ from benchmarks.console import doing
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks.laws import Law
 
-NAME = "check"
 HELP = "check that a localizer obeys the laws the benchmarks rely on"
 
 
@@ -25,19 +24,18 @@ class LawsBrokenError(RuntimeError):
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "name",
         metavar="NAME",
         help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
     )
-    parser.add_argument(
+    add(
         "--map",
         metavar="MAP.yaml",
         help="try it on this map, in m, instead of a small room of polygons",
     )
-    parser.add_argument(
-        "--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"
-    )
+    add("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)")
 
 
 def run(options: argparse.Namespace) -> str:

@@ -9,7 +9,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "export"
 HELP = "tables in LaTeX, figures in PDF and BibTeX from a folder of results"
 
 

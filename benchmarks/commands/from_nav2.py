@@ -7,16 +7,14 @@ file as --nav2.
 import argparse
 from pathlib import Path
 
-NAME = "from-nav2"
 HELP = "turn Nav2's AMCL parameters into a sweep file"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("params", type=Path, metavar="PARAMS.yaml", help="Nav2's parameter file")
-    parser.add_argument(
-        "--node", metavar="NAME", help="the node, as in /robot1/amcl (the only amcl)"
-    )
+    add = parser.add_argument
+    add("params", type=Path, metavar="PARAMS.yaml", help="Nav2's parameter file")
+    add("--node", metavar="NAME", help="the node, as in /robot1/amcl (the only amcl)")
 
 
 def run(options: argparse.Namespace) -> str:

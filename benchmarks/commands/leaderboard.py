@@ -9,7 +9,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "leaderboard"
 HELP = "rank the methods of several folders of results on the same worlds"
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 from benchmarks.console import doing
 
-NAME = "list"
 HELP = "list suites, localizers, scenarios and agents"
 
 

@@ -6,7 +6,6 @@ from shlex import quote
 
 from benchmarks.commands import shared
 
-NAME = "new-localizer"
 HELP = "write a small working localizer to start from"
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from benchmarks.commands import shared
 
-NAME = "new-map"
 HELP = "write a generated building as a ROS map and as polygons"
 _NUMBERS = (
     ("seed", int, "seed of the building (0)"),
@@ -26,15 +25,14 @@ _SWITCHES = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments, those of ``Office``; what is not given is its own default."""
+    add = parser.add_argument
     absent = argparse.SUPPRESS
-    parser.add_argument("kind", choices=("office",), help="kind of building")
+    add("kind", choices=("office",), help="kind of building")
     for name, kind, words in _NUMBERS:
-        parser.add_argument(f"--{name}", type=kind, default=absent, metavar="N", help=words)
+        add(f"--{name}", type=kind, default=absent, metavar="N", help=words)
     for name, words in _SWITCHES:
-        parser.add_argument(f"--{name}", action="store_true", default=absent, help=words)
-    parser.add_argument(
-        "--out", type=shared.folder, required=True, metavar="DIR", help="a new or empty folder"
-    )
+        add(f"--{name}", action="store_true", default=absent, help=words)
+    add("--out", type=shared.folder, required=True, metavar="DIR", help="a new or empty folder")
 
 
 def run(options: argparse.Namespace) -> str:

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from benchmarks.sweeps.design import Sweep
     from benchmarks.sweeps.results import Results
 
-NAME = "paper"
 HELP = "run the paper's experiment: Table 1, figures, report"
 NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
@@ -24,9 +23,10 @@ NOTE = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
+    add = parser.add_argument
     shared.add_setting(parser)
-    parser.add_argument("--trials", type=int, default=10, metavar="K", help="worlds (10)")
-    parser.add_argument(
+    add("--trials", type=int, default=10, metavar="K", help="worlds (10)")
+    add(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )
     shared.add_jobs(parser)

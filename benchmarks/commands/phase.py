@@ -9,19 +9,15 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "phase"
 HELP = "draw the queue as place fields over the theta phase"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
+    add = parser.add_argument
     shared.add_setting(parser)
-    parser.add_argument(
-        "--localizers", metavar="A,B,…", help="methods, comma-separated (MCL's and DEQ-MCL's)"
-    )
-    parser.add_argument(
-        "--fields", type=int, default=12, metavar="K", help="place fields along the lap (12)"
-    )
+    add("--localizers", metavar="A,B,…", help="methods, comma-separated (MCL's and DEQ-MCL's)")
+    add("--fields", type=int, default=12, metavar="K", help="place fields along the lap (12)")
     shared.add_out(parser)
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "replay"
 HELP = "play a recorded log to localizers, and compare them"
 
 

@@ -9,16 +9,14 @@ import sys
 
 from benchmarks.commands import shared
 
-NAME = "report"
 HELP = "rewrite the report of a folder of results"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("folder", type=shared.folder, metavar="DIR", help="folder of results")
-    parser.add_argument(
-        "--out", type=shared.folder, metavar="DIR", help="output folder (DIR itself)"
-    )
+    add = parser.add_argument
+    add("folder", type=shared.folder, metavar="DIR", help="folder of results")
+    add("--out", type=shared.folder, metavar="DIR", help="output folder (DIR itself)")
 
 
 def run(options: argparse.Namespace) -> str:

@@ -8,16 +8,16 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "run"
 HELP = "run one lap: animation, error curve, trace"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
+    add = parser.add_argument
     shared.add_setting(parser)
-    parser.add_argument("--localizer", required=True, metavar="NAME", help="the method")
+    add("--localizer", required=True, metavar="NAME", help="the method")
     shared.add_params(parser)
-    parser.add_argument(
+    add(
         "--log",
         type=shared.file,
         metavar="FILE",

@@ -9,7 +9,6 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "sweep"
 HELP = "run a suite or a sweep file; resumable, on one or many machines"
 
 

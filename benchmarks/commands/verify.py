@@ -10,7 +10,6 @@ import argparse
 
 from benchmarks.commands import shared
 
-NAME = "verify"
 HELP = "see whether today's code, libraries and plug-ins get the numbers in a folder"
 
 

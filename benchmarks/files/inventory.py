@@ -126,13 +126,9 @@ def write_part(
             (folder / name).unlink(missing_ok=True)
         _write(folder, parts | {part: Part(source, new)})
         for path in {(folder / name).parent for name in either}:
-            _remove_temporary(path)
+            for left in filter(is_temporary, path.glob(".*")):
+                left.unlink(missing_ok=True)
     return [folder / name for name in new]
-
-
-def _remove_temporary(folder: Path) -> None:
-    for path in filter(is_temporary, folder.glob(".*")):
-        path.unlink(missing_ok=True)
 
 
 def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:

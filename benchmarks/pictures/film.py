@@ -169,7 +169,10 @@ class Film:
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
-        _cross(drawing, mean)
+        (place,) = drawing.view.pixels([mean[:2]])
+        cv2.drawMarker(
+            drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA
+        )
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
         x, y, _ = moment.truth.tolist()
@@ -224,11 +227,6 @@ def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     around = round(radius * drawing.view.per_length)
     cv2.circle(drawing.image, _at(centre), around, _BEST, 2, cv2.LINE_AA)
     cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
-
-
-def _cross(drawing: Drawing, pose: tuple[float, ...]) -> None:
-    (place,) = drawing.view.pixels([pose[:2]])
-    cv2.drawMarker(drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA)
 
 
 def _at(place: Floats) -> tuple[int, int]:

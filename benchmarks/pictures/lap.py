@@ -64,15 +64,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         write(_log(film.moments, stage.room), log)
     write_part(out, "run", files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
-    return "\n".join(
-        [
-            f"{heading}: {trace.steps} steps",
-            *lines,
-            *left.warnings,
-            f"Written to {out}: {', '.join(files)}.",
-            *([] if log is None else [f"Log: {log}"]),
-        ]
-    )
+    lines += [*left.warnings, f"Written to {out}: {', '.join(files)}."]
+    lines += [] if log is None else [f"Log: {log}"]
+    return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 
 def _line(row: Mapping[str, Any], unit: str) -> str:
@@ -126,16 +120,14 @@ def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
 def _curves_csv(trace: Trace) -> str:
     header = ["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"]
     header += ["position_error", "heading_error"]
-    return csv_text(header, _curve_lines(trace))
-
-
-def _curve_lines(trace: Trace) -> Iterator[list[str]]:
+    rows: list[list[str]] = []
     for offset, kept in trace.offsets.items():
         truth = trace.truth[kept.states]
         errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
         for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
             cells = (offset, state, *true, mean[0], mean[1], *off)
-            yield [str(cell) for cell in cells]  # a NaN as nan, no empty cell
+            rows.append([str(cell) for cell in cells])  # a NaN as nan, no empty cell
+    return csv_text(header, rows)
 
 
 def trajectories(trace: Trace) -> dict[str, bytes]:

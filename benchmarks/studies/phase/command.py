@@ -1,7 +1,7 @@
 """``deqmcl phase``: from laps to the figure, the data and the page."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -130,10 +130,7 @@ def _cycles_csv(laps: Sequence[Lap], unit: str) -> str:
     count = laps[0].cycles.activity.shape[2]
     header = ["method", "step", "offset", "state", "phase_deg"]
     header += [f"error_{unit}", f"spread_{unit}"]
-    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
-
-
-def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
+    rows: list[list[object]] = []
     for lap in laps:
         cycles = lap.cycles
         phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
@@ -141,4 +138,5 @@ def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
         for t, column in np.argwhere(cycles.held).tolist():
             k = column - cycles.reach
             numbers = (f"{value:.4g}" for value in values[t, column].tolist())
-            yield [lap.name, t, k, t + k, phases[column], *numbers]
+            rows.append([lap.name, t, k, t + k, phases[column], *numbers])
+    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], rows)

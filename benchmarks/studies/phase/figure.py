@@ -42,7 +42,10 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         figure = Figure(figsize=(11, 1.3 + 2.15 * len(laps)), dpi=100, layout="constrained")
         shares: Any = {"width_ratios": (2.1, 1, 1.15), "height_ratios": [*[1.0] * len(laps), 0.09]}
         axes = figure.subplots(len(laps) + 1, 3, squeeze=False, **shares)
-        extent, farthest = _extent(perfect.cycles), _farthest(laps[1:])
+        told = np.nan_to_num(perfect.cycles.activity) > 0  # the queue tells of the field
+        extent = float(np.abs(perfect.cycles.passed[told]).max(initial=0.0)) or 1.0
+        off = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps[1:]])
+        farthest = float(np.quantile(off, 0.98)) if off.size else 1.0  # 2 % are farther
         for row, lap in zip(axes[:-1], laps, strict=True):
             _draw_cycles(row[0], lap.cycles)
             row[0].set_title(f"{lap.title}: {_words(lap)}", loc="left", fontweight="bold")
@@ -204,10 +207,8 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
     known = ~np.isnan(cycles.activity) & (cycles.passed < extent)
     row = np.broadcast_to(cycles.offsets[:, None], known.shape)[known]
     reach = cycles.reach + 0.5
-    bins: Any = {
-        "bins": (cycles.offsets.size, _CELLS),
-        "range": ((-reach, reach), (-extent, extent)),
-    }
+    span = ((-reach, reach), (-extent, extent))
+    bins: Any = {"bins": (cycles.offsets.size, _CELLS), "range": span}
     counts, _, _ = np.histogram2d(row, cycles.passed[known], **bins)
     active = cycles.activity[known]
     sums, _, _ = np.histogram2d(row, cycles.passed[known], weights=active, **bins)
@@ -218,15 +219,3 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
 def _colors(count: int) -> Floats:
     """RGB of each field, (count, 3)."""
     return np.array([to_rgb(_COLORS[i % len(_COLORS)]) for i in range(count)])
-
-
-def _extent(perfect: Cycles) -> float:
-    """The farthest from a field's centre that the robot is while the queue tells of it."""
-    active = np.nan_to_num(perfect.activity) > 0
-    return float(np.abs(perfect.passed[active]).max(initial=0.0)) or 1.0
-
-
-def _farthest(laps: Sequence[Lap]) -> float:
-    """Upper end of the colours: all but the farthest 2 % of the cells."""
-    values = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps])
-    return float(np.quantile(values, 0.98)) if values.size else 1.0

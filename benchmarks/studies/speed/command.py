@@ -51,16 +51,8 @@ class Extent:
     largest: int
 
 
-FULL = Extent(
-    figures=Effort(repeats=15, seconds=0.2),
-    scaling=Effort(repeats=5, seconds=0.1),
-    largest=1_000_000,
-)
-QUICK = Extent(
-    figures=Effort(repeats=11, seconds=0.06),
-    scaling=Effort(repeats=3, seconds=0.01),
-    largest=100_000,
-)
+FULL = Extent(figures=Effort(15, seconds=0.2), scaling=Effort(5, seconds=0.1), largest=1_000_000)
+QUICK = Extent(figures=Effort(11, seconds=0.06), scaling=Effort(3, seconds=0.01), largest=100_000)
 
 
 def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str]) -> str:

@@ -24,7 +24,7 @@ class Job:
     clock: Callable[[], float] = time.process_time
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Effort:
     """How often each job has its turn, and the seconds that a turn takes at least."""
 

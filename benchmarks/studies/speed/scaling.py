@@ -107,7 +107,7 @@ def scaling_plot(measured: Sequence[Scaling]) -> bytes:
         else:
             axes.set_ylim(0, 1.15 * max(seen))
         axes.set_xticks(curve.values, [f"{value:,}" for value in curve.values])
-        axes.yaxis.set_major_formatter(_plain)
+        axes.yaxis.set_major_formatter(lambda y, _: f"{y / 1e6:,g} M" if y >= 1e6 else f"{y:,g}")
         axes.set(xlabel=curve.varied, ylabel=curve.unit)
         axes.set_title(what, fontsize="medium")
         axes.grid(alpha=0.3)
@@ -124,7 +124,3 @@ def _rays_among(segments: int) -> Job:
 def _by_task(measured: Iterable[Scaling]) -> list[tuple[str, list[Scaling]]]:
     """Return the curves of each task, which follow each other."""
     return [(what, list(same)) for what, same in groupby(measured, lambda seen: seen[0].what)]
-
-
-def _plain(value: float, _place: object) -> str:
-    return f"{value / 1e6:,g} M" if value >= 1e6 else f"{value:,g}"
