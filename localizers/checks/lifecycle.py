@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from localizers.checks.spawned import Spawned
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
@@ -38,7 +37,7 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.naming.isolation import enter
+from localizers.naming.isolation import SPAWN, Isolated, NoAnswerError, enter
 from localizers.naming.plugins import raised
 from localizers.naming.registry import made_by, resolve
 
@@ -111,10 +110,12 @@ def _task(subject: Subject) -> bytes:
 
 def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
     """Let a spawned process run the localizer; return what it computed, or what it raised."""
-    process = Spawned(_answer, task)
+    process = Isolated(SPAWN, _answer, task)
     try:
         answer: list[Snapshot] | str = process.answer(timeout)
         return answer
+    except NoAnswerError as error:
+        raise LawBrokenError(str(error)) from None
     finally:
         process.close()
 
