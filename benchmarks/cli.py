@@ -128,7 +128,6 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    parsers: dict[str, _Parser] = {}
     for name, command in COMMANDS.items():
         own = subparsers.add_parser(
             name, allow_abbrev=False, help=command.HELP, description=command.__doc__
@@ -138,9 +137,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         words = "show a traceback when something fails"
         own.add_argument("--debug", action="store_true", help=words)
         own.set_defaults(run=command.run)
-        parsers[name] = own
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags
-        parsers[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+        subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     return options

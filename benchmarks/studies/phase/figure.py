@@ -1,6 +1,5 @@
 """phase.png: a row per method; its theta cycles, its precession, its table of the queue."""
 
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
+from benchmarks.pictures.plots import png_of
 from benchmarks.studies.phase.cycles import Cycles, Lap, PlaceFields, Precession
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
@@ -60,10 +60,7 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         for image, bar, label in ((mass, 1, "mean mass in the field"), (table, 2, distance)):
             figure.colorbar(image, cax=axes[-1][bar], orientation="horizontal", label=label)
         figure.suptitle(title, fontsize=11)
-        buffer = io.BytesIO()
-        metadata, smaller = {"Software": None}, {"optimize": True}
-        figure.savefig(buffer, format="png", metadata=metadata, pil_kwargs=smaller)
-    return buffer.getvalue()
+        return png_of(figure, pil_kwargs={"optimize": True})
 
 
 def _words(lap: Lap) -> str:

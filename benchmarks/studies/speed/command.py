@@ -61,7 +61,10 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     rows, reasons = _measured(extent.figures, peers=peers)
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
-    files = {"speed.csv": _csv(rows).encode(), "scaling.csv": scaling_csv(seen).encode()}
+    # rates are per second, times in their unit
+    lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
+    table = csv_text(["figure", "ours", "other", "ratio"], lines)
+    files = {"speed.csv": table.encode(), "scaling.csv": scaling_csv(seen).encode()}
     if find_spec("matplotlib"):
         files["scaling.png"] = scaling_plot(seen)
     else:
@@ -85,12 +88,6 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
         except ImportError as error:
             reasons.append(f"No row: {figure.name}: {error} (docs/speed.md says what to install).")
     return rows, reasons
-
-
-def _csv(rows: Iterable[Measured]) -> str:
-    """Return speed.csv; rates per second, or times in their unit."""
-    lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
-    return csv_text(["figure", "ours", "other", "ratio"], lines)
 
 
 def _table(rows: Iterable[Measured], style: str) -> str:

@@ -1,12 +1,12 @@
 """How rays and steps grow with the map, the particles, the beams and the queue: curves."""
 
-import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 from tabulate import tabulate
 
+from benchmarks.pictures.plots import png_of
 from benchmarks.studies.speed import rays
 from benchmarks.studies.speed.figure import Effort, Job, amount, digits, in_unit, rates
 from benchmarks.studies.speed.steps import FEW, numpy_job, our_job
@@ -112,9 +112,7 @@ def scaling_plot(measured: Sequence[Scaling]) -> bytes:
         axes.set_title(what, fontsize="medium")
         axes.grid(alpha=0.3)
         axes.legend()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    return png_of(figure)
 
 
 def _rays_among(segments: int) -> Job:
