@@ -7,6 +7,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import NoReturn
 
 from benchmarks import console
@@ -128,14 +129,15 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, command in COMMANDS.items():
-        own = subparsers.add_parser(
-            name, allow_abbrev=False, help=command.HELP, description=command.__doc__
-        )
-        if name in arguments:
-            command.arguments(own)
-        words = "show a traceback when something fails"
-        own.add_argument("--debug", action="store_true", help=words)
+    for name, words in COMMANDS.items():
+        own = subparsers.add_parser(name, allow_abbrev=False, help=words)
+        if name not in arguments:
+            continue
+        command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
+        own.description = command.__doc__
+        command.arguments(own)
+        traced = "show a traceback when something fails"
+        own.add_argument("--debug", action="store_true", help=traced)
         own.set_defaults(run=command.run)
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]

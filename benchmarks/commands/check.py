@@ -12,7 +12,6 @@ from benchmarks.console import doing
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks.laws import Law
 
-HELP = "check that a localizer obeys the laws the benchmarks rely on"
 _BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
 
 

@@ -9,8 +9,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "tables in LaTeX, figures in PDF and BibTeX from a folder of results"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

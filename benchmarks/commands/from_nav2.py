@@ -7,8 +7,6 @@ file as --nav2.
 import argparse
 from pathlib import Path
 
-HELP = "turn Nav2's AMCL parameters into a sweep file"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -9,8 +9,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "rank the methods of several folders of results on the same worlds"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -5,8 +5,6 @@ from collections.abc import Iterable
 
 from benchmarks.console import doing
 
-HELP = "list suites, localizers, scenarios and agents"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments: none."""

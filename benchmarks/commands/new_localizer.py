@@ -6,8 +6,6 @@ from shlex import quote
 
 from benchmarks.commands import shared
 
-HELP = "write a small working localizer to start from"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from benchmarks.commands import shared
 
-HELP = "write a generated building as a ROS map and as polygons"
 _NUMBERS = (
     ("seed", int, "seed of the building (0)"),
     ("wings", int, "wings side by side, 1 to 8, each 16 to 24 m long (2)"),

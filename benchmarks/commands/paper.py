@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from benchmarks.sweeps.design import Sweep
     from benchmarks.sweeps.results import Results
 
-HELP = "run the paper's experiment: Table 1, figures, report"
 NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
     "nats from the four variances. The paper does not say at which offset it took its rows with a "

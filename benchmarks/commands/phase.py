@@ -9,8 +9,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "draw the queue as place fields over the theta phase"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -9,8 +9,6 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "play a recorded log to localizers, and compare them"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

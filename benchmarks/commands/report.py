@@ -9,8 +9,6 @@ import sys
 
 from benchmarks.commands import shared
 
-HELP = "rewrite the report of a folder of results"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -8,8 +8,6 @@ import argparse
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "run one lap: animation, error curve, trace"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

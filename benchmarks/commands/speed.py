@@ -8,8 +8,6 @@ import os
 
 from benchmarks.commands import shared
 
-HELP = "measure speed against NumPy, pymunk, CartPole and peers"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

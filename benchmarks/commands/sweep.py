@@ -9,8 +9,6 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-HELP = "run a suite or a sweep file; resumable, on one or many machines"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""

@@ -10,8 +10,6 @@ import argparse
 
 from benchmarks.commands import shared
 
-HELP = "see whether today's code, libraries and plug-ins get the numbers in a folder"
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
