@@ -16,7 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.files import write_text
+    from deqmcl_gym.files import write_text
     from deqmcl_gym.validation import InputError
 
     path: Path = options.file

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from tempfile import TemporaryDirectory
 
-    from benchmarks.files import writable_folder, write_text
+    from deqmcl_gym.files import writable_folder, write_text
     from deqmcl_gym.maps import Office, polygon_file
     from deqmcl_gym.validation import InputError
 

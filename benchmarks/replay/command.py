@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.console import doing, warn
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files import own_folder, utf8, write_part
+from benchmarks.files import own_folder, write_part
 from benchmarks.replay.agreement import disagreement, misfit_words, sideways
 from benchmarks.replay.running import Run, attempt, guest_of
 from benchmarks.replay.scoring import Played, Row, rows_of
@@ -18,6 +18,7 @@ from benchmarks.replay.verdict import comparison, tables_of, verdict
 from benchmarks.replay.words import facts, overview
 from benchmarks.report import load, no_report
 from benchmarks.sweeps.running import TrialsFailedError, counted
+from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Trajectory
 
 _TRACKS = "tracks"

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import matplotlib as mpl
 
-from benchmarks.files import command_line
 from benchmarks.replay.charts import error_charts, localized_chart, trajectory_charts
 from benchmarks.replay.scoring import Row
 from benchmarks.replay.setting import Setting
@@ -16,6 +15,7 @@ from benchmarks.replay.words import facts, overview
 from benchmarks.report.pages import page
 from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.trials.provenance import environment
+from deqmcl_gym.files import command_line
 
 
 def report(

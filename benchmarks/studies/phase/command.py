@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from benchmarks.files import command_line, own_folder, write_part
+from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.plots import require_plots
 from benchmarks.studies.phase.cycles import PERFECT, Lap, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")

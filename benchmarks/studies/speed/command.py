@@ -9,7 +9,7 @@ from typing import TypeVar
 from tabulate import tabulate
 from tqdm import tqdm
 
-from benchmarks.files import command_line, own_folder, write_part
+from benchmarks.files import own_folder, write_part
 from benchmarks.studies.speed import rays, steps, worlds
 from benchmarks.studies.speed.figure import (
     Effort,
@@ -30,6 +30,7 @@ from benchmarks.studies.speed.scaling import (
 )
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.provenance import environment
+from deqmcl_gym.files import command_line
 
 T = TypeVar("T")
 
