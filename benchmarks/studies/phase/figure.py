@@ -81,7 +81,6 @@ def _draw_cycles(axes: Axes, cycles: Cycles) -> None:
     picture[~cycles.held] = to_rgb(_NOT_HELD)
     over_phase = picture.clip(0, 1).transpose(1, 0, 2)
     _image(axes, over_phase, (-0.5, cycles.steps + 0.5, *_phase_span(cycles)))
-    _phase_axis(axes)
 
 
 def _number_fields(axes: Axes, perfect: Cycles) -> None:
@@ -106,7 +105,6 @@ def _draw_precession(axes: Axes, lap: Lap, true: Precession, extent: float, unit
             places = line.late + (phases - 180) / line.slope
             axes.plot(places, phases, color=color, linestyle=style, linewidth=1.6)
     axes.set_xlim(-extent, extent)
-    _phase_axis(axes)
     words = f"slope {found.slope:#.3g} °/{unit}" if math.isfinite(found.slope) else "no slope"
     axes.set_title(words, loc="left")
     return image
@@ -151,7 +149,8 @@ def _draw_map(axes: Axes, fields: PlaceFields, floor_plan: Map) -> None:
 
 def _label(axes: NDArray[Any], unit: str) -> None:
     for row in axes:
-        row[0].set_ylabel("theta phase (°)")
+        row[0].set(ylim=(0, 360), yticks=[0, 90, 180, 270, 360], ylabel="theta phase (°)")
+        row[1].set_ylim(0, 360)
         row[1].set_yticks([90, 180, 270], ["past", "now", "future"], rotation=90, va="center")
         row[1].tick_params(axis="y", length=0)
     axes[-1][0].set_xlabel("theta cycle = step t")
@@ -186,11 +185,6 @@ def _image(
 def _write(axes: Axes, x: float, y: float, place: int, *, size: float) -> None:
     style: Any = {"color": "white", "ha": "center", "va": "center", "fontweight": "bold"}
     axes.text(x, y, str(place + 1), fontsize=size, **style)
-
-
-def _phase_axis(axes: Axes) -> None:
-    axes.set_ylim(0, 360)
-    axes.set_yticks([0, 90, 180, 270, 360])
 
 
 def _phase_span(cycles: Cycles) -> tuple[float, float]:
