@@ -11,15 +11,7 @@ from tqdm import tqdm
 
 from benchmarks.files import own_folder, write_part
 from benchmarks.studies.speed import rays, steps, worlds
-from benchmarks.studies.speed.figure import (
-    Effort,
-    Measured,
-    amount,
-    digits,
-    is_time,
-    measured,
-    three_digits,
-)
+from benchmarks.studies.speed.figure import Effort, Measured, digits, figures_table, measured
 from benchmarks.studies.speed.scaling import (
     Scaling,
     curves,
@@ -73,7 +65,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
     write_part(out, "speed", files)
     written = f"Written to {out}: {', '.join(files)}."
-    return "\n\n".join([_table(rows, "simple"), _HOW, *reasons, written])
+    return "\n\n".join([figures_table(rows, "simple"), _HOW, *reasons, written])
 
 
 def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]]:
@@ -89,19 +81,6 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
         except ImportError as error:
             reasons.append(f"No row: {figure.name}: {error} (docs/speed.md says what to install).")
     return rows, reasons
-
-
-def _table(rows: Iterable[Measured], style: str) -> str:
-    """Return the figures as a table; ``style`` is a format of tabulate."""
-    lines = []
-    for row in rows:
-        unit, target = row.figure.unit, row.figure.target
-        aim = "" if target is None else f"{'≤' if is_time(unit) else '≥'} {target:,g}"
-        sides = amount(row.ours, unit), amount(row.other, unit)
-        lines.append([row.figure.name, *sides, three_digits(row.ratio), aim, row.verdict])
-    header = ["figure", "ours", "other", "ratio", "target", "reached"]
-    align = ("left", "right", "right", "right", "right", "left")
-    return tabulate(lines, header, tablefmt=style, disable_numparse=True, colalign=align)
 
 
 def _page(
@@ -120,7 +99,7 @@ def _page(
     parts = [
         "# Speed",
         f"`{command_line(command)}`",
-        _table(rows, "github"),
+        figures_table(rows, "github"),
         _HOW,
         *reasons,
         f"{', '.join(versions)}; {machine['platform']}.",
