@@ -89,7 +89,6 @@ class Processes(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
-        del cancel_futures
         self._kill()
         atexit.unregister(self._kill)
         for _ in self._threads:

@@ -87,7 +87,7 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
 def _noting(outside: list[int], episode: Iterable[Moment], floor_plan: Map) -> Iterator[Moment]:
     """Pass an episode on; note steps at which more than half of the weight is not free.
 
-    That is inside walls or outside the map, where the belief of a filter without it may get.
+    That is inside walls or outside the map, where a filter that does not use it may end up.
     """
     for moment in episode:
         if (points := moment.belief.points()) is not None:
