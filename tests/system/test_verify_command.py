@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from benchmarks.sweeps.results import results_in
 from deqmcl_command import exit_code, files
 from sweep_command import report, sweep, trial_files, write_small
 
