@@ -1,27 +1,13 @@
-"""``deqmcl replay``."""
+"""Play the same records of a log to every localizer, as fast as possible, and compare them.
+
+Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
+"""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import (
-    add_jobs,
-    add_params,
-    add_seed,
-    add_timeout,
-    folder,
-    localizers_named,
-    log_warnings,
-    params_named,
-)
+from benchmarks.commands import shared
 from benchmarks.console import doing
-
-NAME = "replay"
-HELP = "play a recorded log to localizers, and compare them"
-DESCRIPTION = (
-    "Play the same records of a log to every localizer, as fast as possible, and write tables, "
-    "trajectories (TUM, for evo) and a page: docs/your-map-your-log.md."
-)
 
 _SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of the setting
 
@@ -57,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="A,B,…",
         help="methods, comma-separated (mcl,amcl)",
     )
-    add_params(parser)
+    shared.add_params(parser)
     add(
         "--start",
         metavar="S",
@@ -78,7 +64,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="particles (each method's default: 1000; amcl: at most 2000)",
     )
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
-    add_seed(parser)
+    shared.add_seed(parser)
     add(
         "--motion",
         metavar="alpha1=…,alpha2=…,…",
@@ -98,12 +84,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="Nav2's parameter file: sets all of amcl, and the options above that are not given",
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
-    add_jobs(parser, "runs")
-    add_timeout(parser, "run")
-    add("--out", type=folder, required=True, metavar="DIR", help="output folder")
+    shared.add_jobs(parser, "runs")
+    shared.add_timeout(parser, "run")
+    shared.add_out(parser)
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
@@ -122,7 +108,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     if nav2 is not None:
         scan = ",".join([nav2.options["scan"], *filter(None, [options.scan])])
         told = {**nav2.options, **told, "scan": scan}
-    with doing("reading the log and the map"), log_warnings() as said:
+    with doing("reading the log and the map"), shared.log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
         setting = setting_of(
             options.log, options.map, reference=options.reference, reading=reading, **told
@@ -131,7 +117,7 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
         with doing("fitting the power of the scan model to the first part of the log"):
             setting = calibrated(setting)
     with answered_within(options.timeout):
-        localizers = localizers_named(options.localizers)
+        localizers = shared.localizers_named(options.localizers)
         sweep = sweep_of(
             setting,
             localizers,
@@ -139,10 +125,9 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
             seeds=options.seeds,
             root=options.seed,
             shared={} if nav2 is None else {"amcl": nav2.params},
-            own=params_named(options.param, localizers),
+            own=shared.params_named(options.param, localizers),
         )
         check(sweep)
         said += gated(sweep, told.get("every"))
         notes = said if nav2 is None else [*said, *nav2.notes]
-        command = ["deqmcl", *given]
-        return run_replay(setting, sweep, options.out, Options(where=where), command, notes)
+        return run_replay(setting, sweep, options.out, Options(where=where), options.words, notes)

@@ -11,7 +11,7 @@ from tabulate import tabulate
 
 from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
-from benchmarks.files import utf8, write_part
+from benchmarks.files import write_part
 from benchmarks.replay.options import EVERY, NAME, Setting
 from benchmarks.report import load, no_report
 from benchmarks.report.animations import Kept
@@ -25,6 +25,7 @@ from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
+from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.validation import InputError, integer
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make

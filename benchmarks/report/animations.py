@@ -13,12 +13,13 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from benchmarks.files import UnreadableError, as_written, content_of, json_of, typed
+from benchmarks.files import as_written
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import JOURNEY_SCORES
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed
 from deqmcl_gym.validation import InputError
 
 IMAGES, INDEX = "images", "laps.json"

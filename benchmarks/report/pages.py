@@ -10,13 +10,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from tabulate import tabulate
 
-from benchmarks.files import command_line
 from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import capital
 from benchmarks.tables.text import full_name
+from deqmcl_gym.files import command_line
 
 
 def html(story: Story) -> str:

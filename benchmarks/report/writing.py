@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, utf8, written
+from benchmarks.files import own_folder, refuse_changed, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
+from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:

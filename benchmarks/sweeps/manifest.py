@@ -11,18 +11,11 @@ from typing import Any
 from msgspec import Struct, field
 
 from benchmarks.execution.apart import provenance
-from benchmarks.files import (
-    UnreadableError,
-    content_of,
-    is_empty,
-    json_of,
-    refuse_changed,
-    typed,
-    write_text,
-)
+from benchmarks.files import is_empty, refuse_changed
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Provenance, environment
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
 
 NAME = "manifest.json"
