@@ -8,7 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_vector_parity import both, run_beside
+from test_vector_env import both, run_beside
 
 import deqmcl_gym
 from deqmcl_gym import GridMap

@@ -9,8 +9,18 @@ from following import follow, same, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from ring_filters import RESAMPLING, beliefs, ring_filter
-from ring_world import AS_PLANNED, OBSERVED, PRIOR, SENSOR, STATES, STEPS, transition
+from ring import (
+    AS_PLANNED,
+    OBSERVED,
+    PRIOR,
+    RESAMPLING,
+    SENSOR,
+    STATES,
+    STEPS,
+    beliefs,
+    ring_filter,
+    transition,
+)
 
 import localizers
 from deqmcl_gym.maps import Lidar
@@ -144,7 +154,7 @@ class Doubt(Recovery):
 
 @pytest.mark.parametrize("strategy", RESAMPLING)
 def test_with_a_given_share_the_mixture_is_exact(strategy):
-    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring_world.
+    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring.
 
     Fails at |z| > 5, for 50 figures: a false alarm in 3e-5 runs; the seeds are fixed.
     """

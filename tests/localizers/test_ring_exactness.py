@@ -1,4 +1,4 @@
-"""Every method is unbiased for its γ_t, with eight particles (see ring_world).
+"""Every method is unbiased for its γ_t, with eight particles (see ring).
 
 So the redraw rule is exact too: after a change the target is γ_t of the new plan, for every number
 of pilots. Each z-test fails at |z| > 5: false alarms 6e-7 each if normal, 1e-3 for the 1,600 of the
@@ -13,23 +13,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from ring_filters import (
-    RESAMPLING,
-    beliefs,
-    deq,
-    informed_throughout,
-    rejuvenated,
-    ring_filter,
-    started_by_plan,
-    twisted_by_h,
-    with_doubt,
-    with_h,
-    with_pilots,
-    with_plans,
-    worst,
-    z_scores,
-)
-from ring_world import (
+from ring import (
     AS_PLANNED,
     AUTHORS,
     CHANGES,
@@ -37,12 +21,26 @@ from ring_world import (
     FUTURE,
     PAST,
     PRIOR,
+    RESAMPLING,
     SENSOR,
     STATES,
     Drive,
     RingMotion,
+    beliefs,
+    deq,
     gamma,
+    informed_throughout,
+    rejuvenated,
+    ring_filter,
+    started_by_plan,
     transition,
+    twisted_by_h,
+    with_doubt,
+    with_h,
+    with_pilots,
+    with_plans,
+    worst,
+    z_scores,
 )
 
 from localizers.inference.futures import Sometimes

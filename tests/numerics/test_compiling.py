@@ -1,5 +1,6 @@
-"""Kernels work, and quietly, wherever machine code may be kept, and where it may not."""
+"""Kernels work, and quietly, wherever machine code may be kept or not, and in pure Python."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import tempfile
 from importlib import import_module, invalidate_caches
 
+import kernel_cases
 import numba
 import numpy as np
 import pytest
@@ -202,3 +204,12 @@ def test_the_names_of_all_kernels_are_the_same_in_every_process(capsys):
     exec(NAMES, {})
     assert set(done.stdout.strip().split(",")) <= set(capsys.readouterr().out.strip().split(","))
     assert done.stdout.count("deqmcl_gym.maps") > 20
+
+
+def test_every_kernel_file_says_the_same_compiled_and_in_pure_python():
+    said = subprocess.run(
+        [sys.executable, "-W", "ignore", kernel_cases.__file__],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert json.loads(said) == kernel_cases.digests()
