@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from deqmcl_gym.maps import GridMap, Office, PolygonMap, driven, polygon_file
+from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, driven, polygon_file
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import WORLDS
 
@@ -22,8 +22,9 @@ def test_an_office_is_a_floor_plan_of_cells_or_of_polygons():
     for given in (OFFICE, {"office": said}, {"office": OFFICE}, {"office": said, "form": "grid"}):
         assert floor_plan(given) is OFFICE.grid
     assert floor_plan({"office": said, "form": "polygons"}) is OFFICE.polygons
-    assert isinstance(OFFICE.grid, GridMap)
-    assert isinstance(OFFICE.polygons, PolygonMap)
+    for form, kind in ((OFFICE.grid, GridMap), (OFFICE.polygons, PolygonMap)):
+        assert isinstance(form, kind)
+        assert isinstance(form, Map)
 
 
 def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):

@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from deqmcl_gym.maps import GridMap, Map, PolygonMap
+from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import close_pairs, crossings
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -59,7 +59,7 @@ def seen(grid, pose):
 def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
     """Rays so close to a corner that rounding decides are those that turned by 1e-5 differ much."""
     rng = np.random.default_rng(seed)
-    poses = np.column_stack([somewhere(grid, 40, rng), rng.uniform(-4, 4, 40)])
+    poses = np.column_stack([somewhere(grid, 20, rng), rng.uniform(-4, 4, 20)])
     bearings = rng.uniform(-np.pi, np.pi, 3)
     found = grid.ranges(poses, bearings) / grid.resolution
     assert found.dtype == np.float32
@@ -213,10 +213,6 @@ def test_float32_poses_see_what_float64_ones_do_to_what_they_resolve(origin):
     assert (
         grid.collides(poses, poses, 0.2) == grid.collides(poses.astype("f4"), poses, 0.2)
     ).mean() > 0.99
-
-
-def test_a_grid_map_is_a_map():
-    assert isinstance(office(), Map)
 
 
 ALIKE = ("obstacle", "free")  # to beams and robots

@@ -11,28 +11,30 @@ from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
 from deqmcl_gym.maps import Map, PolygonMap, drive_kernels
 
+BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
+EVERYTHING = pymunk.ShapeFilter()
 
-@pytest.mark.parametrize("radius", [0.0, 8.0])
+
 @pytest.mark.parametrize("name", PLANS)
-def test_a_disc_is_free_iff_it_is_inside_the_outer_wall_in_no_obstacle_and_clear(name, radius):
+def test_a_point_is_as_far_from_walls_as_the_reference_says_and_free_iff_within_and_clear(name):
     plan = PLANS[name]
-    points = anywhere(plan, 10_000, np.random.default_rng(1), margin=50)
+    points = anywhere(plan, 10_000, np.random.default_rng(1), margin=60)
     clearance = reference.clearance(plan.walls, points, points)
-    sure = np.abs(clearance - radius) > 1e-3
-    expected = (clearance > radius) & (reference.winding(plan.walls, points) == 1)
-    assert sure.mean() > 0.99
-    assert 0.1 < expected.mean() < 0.8
-    assert np.array_equal(plan.free(points, radius)[sure], expected[sure])
+    assert plan.distance(points).dtype == np.float32
+    np.testing.assert_allclose(plan.distance(points), clearance, rtol=0, atol=BAND)
+    np.testing.assert_array_equal(plan.distance(np.empty((0, 2))), [])
+    inside = reference.winding(plan.walls, points) == 1
+    for radius in (0.0, 8.0):
+        sure, expected = np.abs(clearance - radius) > BAND, inside & (clearance > radius)
+        assert sure.mean() > 0.99
+        assert 0.1 < expected.mean() < 0.8
+        assert np.array_equal(plan.free(points, radius)[sure], expected[sure])
 
 
 def test_nothing_is_free_at_nan_or_infinity():
     points = [(np.nan, 50.0), (50.0, np.nan), (np.inf, 50.0), (50.0, -np.inf)]
     assert not PLANS["room"].free(points).any()
     assert PLANS["room"].collides([(50.0, 50.0)] * 4, points, 8.0).all()
-
-
-def test_bounds_are_the_smallest_box_around_the_outer_wall():
-    assert PLANS["hall"].bounds == (0.0, 0.0, 400.0, 300.0)
 
 
 @pytest.mark.parametrize("name", ["hall", "forest"])  # few walls, and many
@@ -56,20 +58,10 @@ def test_the_orientation_in_which_polygons_are_given_does_not_matter(name, turne
     outer = plan.outer[::-1] if turned == "outer" else plan.outer
     solid = [o[::-1] if turned == "obstacles" else o for o in plan.obstacles]
     other = PolygonMap(outer, tuple(solid))
-    rng = np.random.default_rng(5)
-    poses = awkward_poses(plan, 5_000, rng)
-    ends = anywhere(plan, 5_000, rng, margin=20)
-    # The same walls in another order, from the other end: float32 rounds differently by a few
-    # units in the last place, so answers near a decision may differ; ranges away from corners
-    # and grazing must be the same to 1e-3 px.
-    sure = np.abs(reference.clearance(plan.walls, poses, ends) - 8) > 1e-3
-    assert np.array_equal(
-        plan.collides(poses, ends, 8.0)[sure], other.collides(poses, ends, 8.0)[sure]
-    )
-    off_walls = reference.clearance(plan.walls, ends, ends) > 1e-3
-    assert np.array_equal(plan.free(ends)[off_walls], other.free(ends)[off_walls])
-    fan = np.random.default_rng(6).uniform(-np.pi, np.pi, 3)
-    apart = np.abs(plan.ranges(poses, fan) - other.ranges(poses, fan))
+    assert sorted(other.walls.tolist()) == sorted(plan.walls.tolist())  # to the left is free space
+    # in another order: float32 rounds differently beside corners
+    poses = awkward_poses(plan, 5_000, np.random.default_rng(5))
+    apart = np.abs(plan.ranges(poses, [0.0, 2.0]) - other.ranges(poses, [0.0, 2.0]))
     assert np.nanmedian(apart) < 1e-4
     assert np.nanmean(apart > 1e-3) < 0.01
 
@@ -104,42 +96,11 @@ def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
     assert np.isfinite(plan.ranges([(*point, 0.0)] * poses, [0.0, 1.0])).all()
 
 
-BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_it_is_the_reference_clearance_inside_walls_and_outside_the_building_too(name):
-    plan = PLANS[name]
-    points = anywhere(plan, 20_000, np.random.default_rng(1), margin=60)
-    expected = reference.clearance(plan.walls, points, points)
-    assert plan.distance(points).dtype == np.float32
-    np.testing.assert_allclose(plan.distance(points), expected, rtol=0, atol=BAND)
-    np.testing.assert_array_equal(plan.distance(np.empty((0, 2))), [])
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_no_beam_is_shorter(name):
-    plan, rng = PLANS[name], np.random.default_rng(3)
-    poses = awkward_poses(plan, 20_000, rng)
-    distance = plan.distance(poses)  # further columns are ignored
-    seen = plan.ranges(poses, rng.uniform(-np.pi, np.pi, 8))
-    inside = ~np.isnan(seen[:, 0])
-    assert (seen[inside] >= distance[inside, None] - BAND).all()
-
-
-def test_a_polygon_map_is_a_map():
-    assert isinstance(PLANS["room"], Map)
-
-
 @pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
 @pytest.mark.parametrize("name", PLANS)
 def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
     plan, rng, n = PLANS[name], np.random.default_rng(3), 100_000
-    near = rng.choice(corners(plan), n) + rng.normal(0, 10, (n, 2))
-    starts = np.where(rng.random((n, 1)) < 0.3, near, anywhere(plan, n, rng, margin=30))
-    length = rng.choice([0.0, 0.1, 5.0, 30.0, 400.0, 1e6], n) * rng.random(n)
-    angle = rng.uniform(-np.pi, np.pi, n)
-    ends = starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    starts, ends = random_steps(plan, n, rng, longest=(0.1, 5.0, 30.0, 400.0, 1e6))
     before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
     square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
     walls = plan.walls.astype(np.float32)
@@ -153,7 +114,7 @@ def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
 def test_no_point_is_nearer_to_a_wall_than_its_square_says(name):
     plan = PLANS[name]
     corner, per_side, bounds = plan._clearance
-    points = anywhere(plan, 20_000, np.random.default_rng(4))
+    points = anywhere(plan, 10_000, np.random.default_rng(4))
     column, row = ((points - corner) * per_side).astype(int).T
     bound = bounds[row, column]
     assert (reference.clearance(plan.walls, points, points) >= np.abs(bound)).all()
@@ -162,19 +123,14 @@ def test_no_point_is_nearer_to_a_wall_than_its_square_says(name):
     assert not free[bound < 0].any()
 
 
-BAND = 1e-3  # px
-EVERYTHING = pymunk.ShapeFilter()
-
-
-def random_steps(plan: PolygonMap, n: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Starts and ends anywhere, also in solids and outside; steps of 0 to 400 px; near corners."""
+def random_steps(plan: PolygonMap, n: int, rng, longest=(0.1, 5.0, 30.0, 400.0)):
+    """Starts and ends anywhere, also in solids and outside, or near corners; some do not move."""
     starts = anywhere(plan, n, rng, margin=30)
     near = rng.choice(corners(plan), n) + rng.normal(0, 10, (n, 2))
     starts = np.where(rng.random((n, 1)) < 0.3, near, starts)
-    length = rng.choice([0.0, 0.1, 5.0, 30.0, 400.0], n) * rng.random(n)
+    length = rng.choice([0.0, *longest], n) * rng.random(n)
     angle = rng.uniform(-np.pi, np.pi, n)
-    ends = starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    return starts, ends
+    return starts, starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def pymunk_touches(space: pymunk.Space, start: tuple, end: tuple, radius: float) -> bool:
@@ -212,7 +168,7 @@ def test_a_step_collides_iff_pymunk_touches_or_it_ends_outside_free_space(name, 
 @pytest.mark.parametrize("name", PLANS)
 def test_a_point_without_a_radius_collides_iff_it_crosses_a_wall_or_ends_outside_free_space(name):
     plan = PLANS[name]
-    starts, ends = random_steps(plan, 10_000, np.random.default_rng(3))
+    starts, ends = random_steps(plan, 4_000, np.random.default_rng(3))
 
     def exact(shift: tuple[float, float]) -> np.ndarray:
         crosses = reference.clearance(plan.walls, starts + shift, ends + shift) == 0
