@@ -155,10 +155,6 @@ def test_what_unknown_cells_count_as_is_an_argument(path):
         plan = {"file": path, "unknown": unknown}
         return RoomEnv(floor_plan=plan, lap={"waypoints": WAYPOINTS}).floor_plan
 
-    corner = [(4.0, 3.0)]
-    assert [bool(room(one).free(corner)[0]) for one in ("free", "obstacle", "transparent")] == [
-        True,
-        False,
-        False,
-    ]
+    words = {"free": True, "obstacle": False, "transparent": False}
+    assert {word: bool(room(word).free([(4.0, 3.0)])[0]) for word in words} == words
     assert "GridMap" in deqmcl_gym.__all__

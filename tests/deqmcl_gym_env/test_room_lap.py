@@ -18,8 +18,13 @@ from deqmcl_gym.envs.room import RoomEnv
 # (300, 250), (50, 250). From its bottom centre (175, 50): 125 px, 200, 250, 200, 125, in steps of
 # 5 px 25 + 40 + 50 + 40 + 25 = 180; between them 4 turns of 90° in 6 steps of 15° each: 24.
 LEGS = (25, 40, 50, 40, 25)
+FULL = 900.0  # px: 2 · (250 + 200)
 DRIVE, TURN = [5.0, 0.0], [0.0, math.pi / 12]
 BY_HAND = np.float32(np.vstack([part for n in LEGS for part in ([TURN] * 6, [DRIVE] * n)][1:]))
+
+
+def rewards_of(said: list[tuple]) -> np.ndarray:
+    return np.array([step[1] for step in said])
 
 
 def test_the_paper_lap_is_the_204_actions_counted_by_hand_from_the_bottom_centre():
@@ -30,7 +35,7 @@ def test_the_paper_lap_is_the_204_actions_counted_by_hand_from_the_bottom_centre
 
 
 @pytest.mark.parametrize("name", FLOOR_PLANS)
-def test_the_lap_is_free_goes_once_counterclockwise_around_all_obstacles_and_back(name):
+def test_the_lap_is_free_goes_once_counterclockwise_around_all_obstacles_and_earns_its_length(name):
     env = calm(floor_plan=FLOOR_PLANS[name], ends_at_goal=False)
     corners = env.course.path.corners
     lap = np.hstack([corners, np.roll(corners, -1, axis=0)])
@@ -39,9 +44,12 @@ def test_the_lap_is_free_goes_once_counterclockwise_around_all_obstacles_and_bac
     for inside in (corners.mean(axis=0, keepdims=True), *env.floor_plan.obstacles):
         assert (reference.winding(lap, np.array(inside)) == 1).all()
     x, y, heading = env.pose
-    said = [env.step(action)[4] for action in env.plan]
-    assert not any(info["collided"] for info in said)
-    end = said[-1]["truth"]
+    said = drive(env, env.plan)
+    assert not any(step[4]["collided"] for step in said)
+    length = np.hypot(*(lap[:, 2:] - lap[:, :2]).T).sum()
+    assert name != "paper" or length == FULL
+    assert abs(rewards_of(said).sum() - length) < closing_error(env.plan)
+    end = said[-1][4]["truth"]
     assert math.hypot(end[0] - x, end[1] - y) < closing_error(env.plan)
     # one counterclockwise turn in all; waypoints, and so headings, are exact, float32 turns are not
     rounded = len(env.plan) * 2.0**-26
@@ -103,23 +111,8 @@ def test_several_obstacles_are_gone_around_by_their_hull():
     assert len(lap) == len(ConvexHull(points).vertices)
 
 
-FULL = 900.0  # px: the paper's lap, 2 · (250 + 200)
 DONE = FULL - 8 + 100  # the robot's rim at the line; the bonus
 EXACT = 1e-9  # px: sums of some hundred float64 numbers below 1000
-
-
-def rewards_of(said: list[tuple]) -> np.ndarray:
-    return np.array([step[1] for step in said])
-
-
-@pytest.mark.parametrize("name", FLOOR_PLANS)
-def test_without_noise_the_rewards_of_a_lap_add_up_to_its_length(name):
-    env = calm(floor_plan=FLOOR_PLANS[name], ends_at_goal=False)
-    corners = env.course.path.corners
-    length = np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).sum()
-    assert name != "paper" or length == FULL
-    total = rewards_of(drive(env, env.plan)).sum()
-    assert abs(total - length) < closing_error(env.plan)
 
 
 @pytest.mark.parametrize("name", FLOOR_PLANS)
@@ -205,14 +198,9 @@ def beside_the_lap(env, offset, speed, lap=1) -> Iterator[tuple[float, float]]:
                 yield min(speed, way) if abs(turn) < most else 0.0, min(max(turn, -most), most)
 
 
-def stops(env, after) -> Iterator[tuple[float, float]]:
+def lap_then(env, after, action) -> Iterator[tuple[float, float]]:
     yield from itertools.islice(beside_the_lap(env, 0, 10), after)
-    yield from itertools.repeat((0.0, 0.0))
-
-
-def circles(env, after) -> Iterator[tuple[float, float]]:
-    yield from itertools.islice(beside_the_lap(env, 0, 10), after)
-    yield from itertools.repeat((5.0, math.pi / 12))
+    yield from itertools.repeat(action)
 
 
 def returned(policy) -> tuple[float, bool, bool, int]:
@@ -232,8 +220,10 @@ POLICIES = {
        for offset in (-20, -9, -4, 4, 9, 20, 30)},
     **{f"slow, {offset} px outside": lambda env, by=offset: beside_the_lap(env, by, 5)
        for offset in (9, 20)},
-    **{f"stops after {steps}": lambda env, n=steps: stops(env, n) for steps in (0, 40, 100, 105)},
-    **{f"circles after {steps}": lambda env, n=steps: circles(env, n) for steps in (0, 40, 105)},
+    **{f"stops after {steps}": lambda env, n=steps: lap_then(env, n, (0.0, 0.0))
+       for steps in (0, 40, 100, 105)},
+    **{f"circles after {steps}": lambda env, n=steps: lap_then(env, n, (5.0, math.pi / 12))
+       for steps in (0, 40, 105)},
     "into the wall": lambda env: itertools.chain([(0.0, -0.7)] * 2, itertools.repeat((10.0, 0.0))),
     "the other way round": lambda env: beside_the_lap(env, 0, 10, lap=-1),
 }  # fmt: skip

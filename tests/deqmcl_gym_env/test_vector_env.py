@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
-from room_cases import EMPTY, PAPER, SEVERAL, SPIKE, TRIANGLE
+from room_cases import FLOOR_PLANS, SPIKE
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.validation import InputError
 
-PLANS = {
-    "paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "spike": SPIKE, "empty": EMPTY,
-}  # fmt: skip
+PLANS = FLOOR_PLANS | {"spike": SPIKE}
 
 # Contacts differ by rounding errors, some 1e-13 px a step. What is asked for is a thousandth of a
 # pixel.

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from reference import mounted
 
 import localizers
 from deqmcl_gym.logs.motion import composed, increments_of
@@ -42,14 +43,9 @@ def drive() -> np.ndarray:
 
 
 def scans_at(poses: np.ndarray, place: tuple[float, float], rng) -> np.ndarray:
-    """Ranges from a lidar at ``place`` on the robot, placed here by plain trigonometry."""
-    x, y, heading = poses.T
-    (ahead, aside), cosine, sine = place, np.cos(heading), np.sin(heading)
-    at = np.column_stack(
-        [x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine, heading]
-    )
+    """Ranges from a lidar at ``place`` on the robot."""
     bearings = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
-    return HALL.ranges(at, bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
+    return HALL.ranges(mounted(poses, place), bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
 
 
 def error(method: str, place: tuple[float, float], noise: float, seed: int) -> tuple[float, float]:
@@ -107,11 +103,7 @@ def test_perfect_odometry_is_followed_exactly_with_any_mounting_turning_on_the_s
 @pytest.mark.parametrize("place", PLACES)
 def test_the_rays_of_all_filters_start_where_the_lidar_is(place):
     lidar, poses = Lidar(mounting=place), drive()
-    expected = [lidar.origin(pose) for pose in poses]
+    expected = mounted(poses, place)
+    np.testing.assert_allclose([lidar.origin(pose) for pose in poses], expected, atol=1e-12)
     found = lidar.origins(poses.T.astype(np.float32)).T
     np.testing.assert_allclose(found, expected, atol=3e-6)
-    x, y, heading = poses[20]
-    ahead, aside = place
-    at = (x + ahead * math.cos(heading) - aside * math.sin(heading),
-          y + ahead * math.sin(heading) + aside * math.cos(heading), heading)  # fmt: skip
-    assert lidar.origin(poses[20]) == pytest.approx(at)

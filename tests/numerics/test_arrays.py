@@ -23,8 +23,8 @@ def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
     quarters = np.arange(-1000, 1001) * math.pi / 2
     spread = np.random.default_rng(0).uniform(-1, 1, (10, 5_000)) * 10.0 ** np.arange(10)[:, None]
     angles = np.concatenate([quarters, quarters + 1e-9, spread.ravel(), [-1e9, 1e9]])
-    assert arrays.sin(angles) == pytest.approx(each(math.sin, angles), abs=TOLERANCE, rel=0)
-    assert arrays.cos(angles) == pytest.approx(each(math.cos, angles), abs=TOLERANCE, rel=0)
+    np.testing.assert_allclose(arrays.sin(angles), each(math.sin, angles), rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(arrays.cos(angles), each(math.cos, angles), rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("function", [arrays.sin, arrays.cos])
@@ -37,13 +37,13 @@ def test_arctan2_is_accurate_in_all_quadrants_on_the_axes_and_at_all_scales():
     rng = np.random.default_rng(1)
     y, x = rng.standard_normal((2, 50_000)) * 10.0 ** rng.integers(-150, 150, (2, 50_000))
     y[:5], x[:5] = [0.0, 0.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 0.0, 0.0]
-    assert arrays.arctan2(y, x) == pytest.approx(each(math.atan2, y, x), abs=TOLERANCE, rel=0)
+    np.testing.assert_allclose(arrays.arctan2(y, x), each(math.atan2, y, x), rtol=0, atol=TOLERANCE)
 
 
 def test_exp_is_accurate_down_to_the_least_normal_number_and_zero_beyond():
     x = -np.concatenate([np.linspace(0, 708, 50_001), [708.5, 800.0, 1e6, np.inf]])
     expected = np.where(x > -708, np.exp(x), 0.0)
-    assert arrays.exp(x) == pytest.approx(expected, rel=TOLERANCE, abs=0)
+    np.testing.assert_allclose(arrays.exp(x), expected, rtol=TOLERANCE)
 
 
 def test_log_is_accurate_over_all_normal_numbers():
@@ -59,7 +59,7 @@ def test_log_is_accurate_over_all_normal_numbers():
 def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
     z = np.linspace(-9, 9, 20_001)
     expected = each(lambda v: math.erfc(-v / math.sqrt(2)) / 2, z)
-    assert arrays.normal_cdf(z) == pytest.approx(expected, abs=1e-15, rel=0)
+    np.testing.assert_allclose(arrays.normal_cdf(z), expected, rtol=0, atol=1e-15)
     assert arrays.normal_cdf([-np.inf, -40.0, 40.0, np.inf]).tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
