@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from following import robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -21,12 +22,7 @@ def room() -> PolygonMap:
 @pytest.fixture(scope="session")
 def robot(room) -> localizers.RobotModel:
     """One beam; a sensor and a motion that make weights differ and steps collide."""
-    return localizers.RobotModel(
-        floor_plan=room,
-        lidar=Lidar(beams=1, max_range=400.0),
-        motion=localizers.OdometryMotion(drive=0.2, turn=0.3, drift=0.02),
-        scan=localizers.GaussianUniform(sigma=30.0),
-    )
+    return robot_of(room, Lidar(beams=1, max_range=400.0), (0.2, 0.3, 0.02), sigma=30.0)
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from following import updated
+from following import robot_of, updated
 
 import localizers
 from benchmarks.trials.spec import Trial
@@ -116,12 +116,9 @@ def test_the_moments_of_a_beam_that_hits_are_those_of_its_density(model, expecte
 
 @pytest.fixture
 def corridor() -> localizers.RobotModel:
-    return localizers.RobotModel(
-        floor_plan=PolygonMap(outer=[(0, 0), (300, 0), (300, 100), (0, 100)]),
-        lidar=Lidar(beams=3, field_of_view=math.pi, max_range=400.0),
-        motion=localizers.OdometryMotion(drive=0.05, turn=0.05, drift=0.0),
-        scan=localizers.GaussianUniform(sigma=4.0),
-    )
+    plan = PolygonMap(outer=[(0, 0), (300, 0), (300, 100), (0, 100)])
+    lidar = Lidar(beams=3, field_of_view=math.pi, max_range=400.0)
+    return robot_of(plan, lidar, (0.05, 0.05, 0.0), sigma=4.0)
 
 
 def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):

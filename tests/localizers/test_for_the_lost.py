@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from following import follow, same, varied
+from following import follow, robot_of, same, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -42,12 +42,8 @@ FOR_THE_LOST = ["mcl-map", "mcl-plan"]
 
 @pytest.fixture(scope="module")
 def office() -> localizers.RobotModel:
-    return localizers.RobotModel(
-        floor_plan=Office(seed=3, wings=1, corridors=1).grid,
-        lidar=Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0),
-        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.05),
-        scan=localizers.GaussianUniform(sigma=0.1),
-    )
+    lidar = Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0)
+    return robot_of(Office(seed=3, wings=1, corridors=1).grid, lidar, (0.1, 0.1, 0.05), sigma=0.1)
 
 
 @pytest.mark.parametrize("name", sorted(set(localizers.names()) - {"dead-reckoning"}))

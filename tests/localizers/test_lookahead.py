@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from following import follow, same
+from following import STILL, follow, same
 
 import localizers
 from deqmcl_gym.maps import Map
@@ -125,11 +125,10 @@ def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued)
 
 def test_a_moved_future_starts_from_its_own_present(room, robot, queued):
     # Without noise the proposal is the plan rolled out from the particle's present.
-    still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
-    moved = RenewedFuture(Rollout(still))(queued, None, np.random.default_rng(0))
+    moved = RenewedFuture(Rollout(STILL))(queued, None, np.random.default_rng(0))
     expected = queued.present
     for offset, action in enumerate(queued.drawn, start=1):
-        expected = still.sample(expected, action, np.random.default_rng(0))
+        expected = STILL.sample(expected, action, np.random.default_rng(0))
         assert np.array_equal(moved.queue.at(offset), expected)
 
 

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 import pytest
+from following import STILL
 
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
@@ -100,11 +101,10 @@ def test_standing_still_changes_no_bit_even_where_the_noise_is_large():
 
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 3])
 def test_the_heading_comes_back_to_within_half_a_turn_and_means_the_same_direction(turns):
-    still = OdometryMotion(drive=0, turn=0, drift=0)
     headings = np.linspace(-math.pi, math.pi, 2001, dtype=np.float32)
     poses = np.stack([np.zeros_like(headings), np.zeros_like(headings), headings])
     turn = turns * 2 * math.pi + 0.3
-    after = still.sample(poses, np.array([0.0, turn]), np.random.default_rng(0))[2]
+    after = STILL.sample(poses, np.array([0.0, turn]), np.random.default_rng(0))[2]
     assert np.abs(after).max() <= np.float32(math.pi)
     # sums up to 22 rad are resolved to 2e-6 by float32
     assert np.abs(wrapped(after.astype(float) - headings - turn)).max() < 4e-6

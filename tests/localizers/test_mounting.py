@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from following import STILL, robot_of
 from reference import mounted
 
 import localizers
 from deqmcl_gym.logs.motion import composed, increments_of
 from deqmcl_gym.maps import GridMap, Lidar
-from localizers import GaussianPrior, GaussianUniform, OdometryMotion, RobotModel, mean_pose
+from localizers import GaussianPrior, mean_pose
 
 BEAMS, SIGMA = 24, 0.02
 CENTRE = (0.0, 0.0)
@@ -54,12 +55,8 @@ def error(method: str, place: tuple[float, float], noise: float, seed: int) -> t
     scans = scans_at(truth, place, rng)
     moved = increments_of(truth)
     moved = moved * (1 + noise * rng.standard_normal(moved.shape))
-    robot = RobotModel(
-        floor_plan=HALL,
-        lidar=Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place),
-        motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.05),
-        scan=GaussianUniform(sigma=0.1),
-    )
+    lidar = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place)
+    robot = robot_of(HALL, lidar, (0.1, 0.1, 0.05), sigma=0.1)
     localizer = localizers.make(method, robot, **METHODS[method], **particles(method))
     start = GaussianPrior(mean=tuple(truth[0]), sd_position=0.1, sd_heading=0.05)
     localizer.reset(start, moved, np.random.default_rng(seed))
@@ -93,10 +90,9 @@ def test_a_lidar_anywhere_on_the_robot_localizes_it_as_well_as_one_in_its_centre
 
 def test_perfect_odometry_is_followed_exactly_with_any_mounting_turning_on_the_spot_and_strafing():
     truth = drive()
-    still = OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
     pose = truth[:1].T.astype(np.float32)
     for t, step in enumerate(increments_of(truth), start=1):
-        pose = still.sample(pose, step, np.random.default_rng(0))
+        pose = STILL.sample(pose, step, np.random.default_rng(0))
         np.testing.assert_allclose(pose[:2, 0], truth[t, :2], atol=1e-4)  # 96 float32 steps
 
 

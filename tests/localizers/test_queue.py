@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from following import follow, same
+from following import STILL, follow, same
 
 import localizers
 from localizers.inference.queue import Queue, SlidingComposition
@@ -202,8 +202,7 @@ def test_an_action_equal_to_the_planned_one_in_value_is_no_change_whatever_its_t
 
 
 def test_the_queued_future_is_the_plan_rolled_out(robot, prior):
-    still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
-    exact = replace(robot, motion=still)
+    exact = replace(robot, motion=STILL)
     plan = np.array([(10.0, 0.0), (10.0, np.pi / 2), (10.0, 0.0)])
     belief = deq(exact, 3, beta=0.0).reset(prior, plan, np.random.default_rng(0))
     (start, _), (end, _) = belief.points(0), belief.points(3)
