@@ -81,7 +81,7 @@ def test_many_rooms_in_it_are_as_many_single_ones(yaw, unknown):
     assert contacts > 50
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["obstacle", "transparent"]))
 def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed, unknown):
     """What the map says of drives that end within 1e-6 m of a wall is left to rounding."""

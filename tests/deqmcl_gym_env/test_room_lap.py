@@ -243,7 +243,7 @@ def test_no_way_of_driving_earns_more_than_the_lap_as_planned(policy):
     assert done == (policy in passes)  # the line counts wherever it is crossed
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.lists(st.tuples(st.floats(0, 10, width=32), st.floats(-0.75, 0.75, width=32)), min_size=1),
     st.booleans(),

@@ -43,7 +43,7 @@ def test_a_driver_who_sees_the_pose_reaches_every_goal_without_contact(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 2**32), st.integers(0, 2**32), st.integers(1, 3), st.integers(1, 3))
 def test_a_driver_who_sees_the_pose_reaches_every_goal_of_every_office(seed, way, wings, corridors):
     check_arrives(office(seed, wings=wings, corridors=corridors, driver={}), way)

@@ -39,6 +39,24 @@ def drive() -> tuple[np.ndarray, np.ndarray]:
     return actions, scans
 
 
+STRATEGIES = [
+    {},
+    {"ess_threshold": 0.5, "resampler": "stratified"},
+    {"ess_threshold": 0.9, "resampler": "multinomial"},
+]
+
+
+@pytest.fixture(params=STRATEGIES, ids=str)
+def make(request, robot):
+    """make(name, **params) with 60 particles, one of the strategies and a β of 2, if any."""
+
+    def made(name: str, **params):
+        beta = {"beta": 2.0} if "beta" in localizers.parameters(name) else {}
+        return localizers.make(name, robot, particles=60, **(request.param | beta | params))
+
+    return made
+
+
 WORKING = """
 class Mine:
     def __init__(self, robot, *, gain=1.0):

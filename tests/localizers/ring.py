@@ -16,7 +16,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from localizers.inference.futures import RenewedFuture
+from localizers.inference.futures import RenewedFuture, Sometimes
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
     DoubtedPlans,
@@ -24,6 +24,7 @@ from localizers.inference.plan_evidence import (
     PlanEvidence,
     Tabulated,
     nothing_known,
+    steps_known,
 )
 from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
 from localizers.inference.start import InformedStart
@@ -259,6 +260,34 @@ def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
 
 def informed_throughout(beta: float, **parts) -> ParticleFilter:
     return replace(with_plans(beta, **parts), start=started_by_plan(beta).start)
+
+
+METHODS = {
+    "mcl": lambda beta, **parts: ring_filter(0.0, **parts),
+    "past": lambda beta, **parts: ring_filter(0.0, past=PAST, **parts),
+    "g": ring_filter,
+    "g and past": partial(ring_filter, past=PAST),
+    "deq": deq,
+    "deq, 2 pilots": partial(deq, pilots=2),
+    "deq, 16 pilots": partial(deq, pilots=16),
+    "rejuvenated": rejuvenated,
+    "rejuvenated at a third of the steps": partial(
+        rejuvenated, when=lambda move: Sometimes(move, 1 / 3)
+    ),
+    "h": with_h,
+    "h, twisted": twisted_by_h,
+    "pilots": with_pilots,
+}
+PLANS = {
+    "plans": with_plans,
+    "plans, to their end": partial(with_plans, steps=None),
+    "plans, when new": partial(with_plans, steps=3, known=steps_known),
+    "plans, doubted": with_doubt,
+    "start": started_by_plan,
+    "start, two draws": partial(started_by_plan, draws=2),
+    "start and plans": informed_throughout,
+    "start and plans, when new": partial(informed_throughout, steps=3, known=steps_known),
+}
 
 
 def looked_ahead(ring: ParticleFilter) -> int:

@@ -76,7 +76,7 @@ def sample_size(weights: np.ndarray) -> float:
     return weights.sum() ** 2 / np.square(weights).sum()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     logs=arrays(np.float64, st.shared(st.integers(2, 40), key="n"), elements=st.floats(-200, 50)),
     keep=st.sampled_from([0.0, 0.1, 0.5, 0.9]),

@@ -15,10 +15,11 @@ from localizers import GaussianPrior, mean_pose
 BEAMS, SIGMA = 24, 0.02
 CENTRE = (0.0, 0.0)
 PLACES = [(0.1, 0.0), (0.4, 0.0), (0.0, 0.2), (-0.25, -0.3)]
+FEW = {"particles": 300}
 METHODS = {
-    "mcl": {}, "mcl-map": {}, "mcl-plan": {"lag": 5}, "deq-mcl": {"lag": 5},
-    "mcl-h": {"lag": 2, "cell": 0.3, "headings": 36}, "mcl-pilots": {"lag": 3}, "ekf": {},
-    "grid": {"cell": 0.3},
+    "mcl": FEW, "mcl-map": FEW, "mcl-plan": FEW | {"lag": 5}, "deq-mcl": FEW | {"lag": 5},
+    "mcl-h": FEW | {"lag": 2, "cell": 0.3, "headings": 36}, "mcl-pilots": FEW | {"lag": 3},
+    "ekf": {}, "grid": {"cell": 0.3, "headings": 36},
 }  # fmt: skip
 STARTS = np.array([3.0, 2.0, 0.3])
 
@@ -57,7 +58,7 @@ def error(method: str, place: tuple[float, float], noise: float, seed: int) -> t
     moved = moved * (1 + noise * rng.standard_normal(moved.shape))
     lidar = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place)
     robot = robot_of(HALL, lidar, (0.1, 0.1, 0.05), sigma=0.1)
-    localizer = localizers.make(method, robot, **METHODS[method], **particles(method))
+    localizer = localizers.make(method, robot, **METHODS[method])
     start = GaussianPrior(mean=tuple(truth[0]), sd_position=0.1, sd_heading=0.05)
     localizer.reset(start, moved, np.random.default_rng(seed))
     off = []
@@ -68,10 +69,6 @@ def error(method: str, place: tuple[float, float], noise: float, seed: int) -> t
         off.append((math.hypot(x - truth[t, 0], y - truth[t, 1]), wrong))
     position, turn = np.mean(off, axis=0).tolist()
     return position, turn
-
-
-def particles(method: str) -> dict[str, int]:
-    return {} if method in ("ekf", "grid") else {"particles": 300}
 
 
 @pytest.mark.parametrize(("method", "noise"), [("mcl", 0.0), *((name, 0.1) for name in METHODS)])

@@ -40,7 +40,7 @@ def cloud(plan: PolygonMap, n: int, seed: int) -> np.ndarray:
     return RNG(seed).uniform(low, high, (n, 3)).T.astype(np.float32).copy()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     floor_plan=st.sampled_from([HALL, SMALL]),
     n=st.sampled_from([1, 7, 512, 700]),
@@ -87,7 +87,7 @@ def sample_size(weights: np.ndarray) -> float:
     return weights.sum() ** 2 / np.square(weights).sum()
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     logs=arrays(np.float64, st.shared(st.integers(1, 40), key="n"), elements=st.floats(-30, 0)),
     count=arrays(np.int32, st.shared(st.integers(1, 40), key="n"), elements=st.integers(0, 20)),
@@ -212,14 +212,6 @@ def test_a_plan_that_nobody_can_follow_is_counted(beta, keep):
 
 INF = math.inf
 RNG = np.random.default_rng
-
-
-@pytest.fixture(params=[{}, {"ess_threshold": 0.5}, {"resampler": "multinomial"}], ids=str)
-def make(request, robot):
-    def made(name: str, **params):
-        return localizers.make(name, robot, particles=60, beta=2.0, **request.param, **params)
-
-    return made
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.8, 1.0])

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -307,7 +307,6 @@ def scans(draw, model, pose: np.ndarray) -> np.ndarray:
     return draw(st.sampled_from([ranges, ranges * 0.3, np.full_like(ranges, np.nan)]))
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data(), model=scan_models())
 def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_number_of_beams(
     data, model
@@ -334,7 +333,6 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
 
 @pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
 @given(used=st.integers(0, 80), lost=st.integers(0, 80))
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
     room, beam, used, lost
 ):

@@ -53,7 +53,6 @@ def cloud(log_weights: list[float]) -> ParticleBelief:
     return ParticleBelief(Queue((states,)), np.array(log_weights), np.empty((0, 2)))
 
 
-@settings(deadline=None)
 @given(lists(LOG))
 def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     expected = shares_of(logs)
@@ -69,7 +68,6 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     assert log_sum_exp(np.array(logs)) == pytest.approx(total)
 
 
-@settings(deadline=None)
 @given(pairs(), st.booleans())
 def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(given_logs, is_scan):
     before, factor = given_logs
@@ -85,7 +83,6 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
         assert after.log_evidence == belief.log_evidence
 
 
-@settings(deadline=None)
 @given(lists(SHARE), lists(LOG))
 def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
     mass = np.resize(shares, max(len(shares), len(logs)))
@@ -101,7 +98,6 @@ def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
         assert after == pytest.approx(relative / relative.sum(), rel=1e-9, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3),
     st.lists(st.floats(-1, 1), min_size=3, max_size=3),
@@ -129,7 +125,6 @@ class Same:
         return self.number if size is None else np.full(size, self.number)
 
 
-@settings(deadline=None)
 @given(lists(SHARE, 1, 20).filter(lambda shares: sum(shares) > 1e-290))
 def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_one(shares):
     # A pointer's place is uniform in its stratum, so what it copies on average is found on a grid
@@ -147,7 +142,6 @@ def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_
         assert np.abs(copies - n * weights).max() <= per_pointer / 200 + 1e-9
 
 
-@settings(deadline=None)
 @given(lists(LOG).filter(lambda logs: max(logs) > -INF), st.integers(0, 2**32 - 1))
 def test_a_resampled_belief_is_evenly_weighted_and_has_the_evidence_of_before(logs, seed):
     belief = cloud(logs)
@@ -284,7 +278,7 @@ def by_the_rule(poses: np.ndarray, weights: np.ndarray, metre: float):
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     n=st.integers(1, 60),
     # the last two: more cells than a table is for, and more than a float64 counts

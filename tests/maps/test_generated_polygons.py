@@ -13,7 +13,7 @@ from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.casting import OVERLAP
 from deqmcl_gym.validation import InputError
 
-quietly = settings(deadline=None, suppress_health_check=list(HealthCheck))
+quietly = settings(suppress_health_check=list(HealthCheck))
 
 
 def made(plan: dict) -> PolygonMap | str:

@@ -54,7 +54,7 @@ def seen(grid, pose):
     return nearest if endless else min(nearest, left_map(grid, at, heading))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(grids(), SEEDS)
 def test_a_ray_ends_where_it_first_enters_a_cell_of_the_other_kind(grid, seed):
     """Rays so close to a corner that rounding decides are those that turned by 1e-5 differ much."""
@@ -106,7 +106,7 @@ def test_poses_that_are_not_on_the_map_see_nothing():
     assert grid.collides(nowhere, nowhere, 0.1).all()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(grids(), SEEDS, st.floats(0.0, 3.0))
 def test_a_swept_disc_collides_if_a_solid_cell_or_the_edge_is_as_near_as_its_radius(
     grid, seed, radius
@@ -130,7 +130,7 @@ def test_a_swept_disc_collides_if_a_solid_cell_or_the_edge_is_as_near_as_its_rad
             assert not hit
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(grids(), SEEDS, st.floats(0.0, 2.0))
 def test_free_is_open_and_farther_from_solid_cells_than_the_radius(grid, seed, radius):
     points = somewhere(grid, 60, np.random.default_rng(seed), margin=1)
@@ -144,7 +144,7 @@ def test_free_is_open_and_farther_from_solid_cells_than_the_radius(grid, seed, r
     np.testing.assert_array_equal(grid.free(points, radius * grid.resolution)[sure], expected[sure])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(grids(), SEEDS)
 def test_distance_is_that_of_the_nearest_cell_of_the_other_kind_or_the_edge(grid, seed):
     points = somewhere(grid, 60, np.random.default_rng(seed), margin=2)
@@ -158,7 +158,7 @@ def test_distance_is_that_of_the_nearest_cell_of_the_other_kind_or_the_edge(grid
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=EXACT)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(grids(), SEEDS, st.floats(0.05, 2.0))
 def test_the_first_contact_is_where_a_drive_begins_to_collide(grid, seed, radius):
     rng, size = np.random.default_rng(seed), radius * grid.resolution
@@ -177,7 +177,7 @@ def test_the_first_contact_is_where_a_drive_begins_to_collide(grid, seed, radius
             assert not grid.collides([start], [end], size * (1 - 1e-6))[0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grids(longest=9))
 def test_walls_are_the_faces_of_cells_with_the_open_side_to_their_left(grid):
     """Faces are told by their middles: of each length of a cell along a wall, one."""
@@ -218,7 +218,7 @@ def test_float32_poses_see_what_float64_ones_do_to_what_they_resolve(origin):
 ALIKE = ("obstacle", "free")  # to beams and robots
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(grids(unknown=ALIKE), st.integers(0, 2**32 - 1))
 def test_what_is_free_in_it_is_open_in_the_grid_and_seen_alike(grid, seed):
     """Points on lines between cells apart; rays past corners apart, which are seen or not."""
@@ -254,7 +254,7 @@ def test_a_room_within_a_wall_is_no_part_of_it_and_what_stands_there_neither():
     assert not plan.free([(8.5, 8.5)])[0]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(grids(longest=24, unknown=ALIKE), st.sampled_from([0.3, 0.8, 1.5, 4.0, 30.0]))
 def test_a_thinned_outline_is_nowhere_farther_off_than_the_tolerance(grid, cells):
     """Also where holes touch by corners; what comes out is a map, which no outline crosses."""

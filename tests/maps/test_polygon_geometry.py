@@ -204,7 +204,7 @@ def poses_around(grid, n, rng) -> np.ndarray:
     return poses
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     grid=st.one_of(grids(), st.just(OFFICE)),
     n=st.sampled_from([1, 7, 512, 700]),
