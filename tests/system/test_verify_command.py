@@ -3,11 +3,11 @@
 import json
 
 import pytest
-from benchmarks.sweeps.collecting import results_in
 from deqmcl_command import exit_code, files
 from sweep_command import report, sweep, trial_files, write_small
 
 from benchmarks.sweeps import verifying
+from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.suites import SUITES
 
 MINE = """
@@ -133,7 +133,7 @@ def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, cap
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"verified": [{"code": 1}]}))
     assert verify(copy) == 2
-    assert "manifest.json has no verified.0" in capsys.readouterr().err
+    assert "manifest.json has int instead of str at verified[0].code" in capsys.readouterr().err
     path.write_text(json.dumps(content))
     for trial in (copy / "trials").iterdir():
         trial.unlink()
