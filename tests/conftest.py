@@ -4,12 +4,13 @@ Generated cases are the same in every run; ``--hypothesis-profile=many`` tries 5
 """
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from benchmarks import console
 
-settings.register_profile("few", max_examples=25, derandomize=True, database=None)
-settings.register_profile("many", max_examples=500, database=None)
+patient = settings(database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("few", patient, max_examples=25, derandomize=True)
+settings.register_profile("many", patient, max_examples=500)
 settings.load_profile("few")
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 
@@ -62,9 +63,28 @@ def wide(**kwargs) -> RoomEnv:
     return env
 
 
+WRAPPED = {
+    "bare": lambda env: env,
+    "kidnap": lambda env: Kidnap(env, step=2),
+    "dropout": lambda env: BeamDropout(env, probability=0.5),
+    "plan-change": lambda env: PlanChange(env, step=2, actions=[(1, 0.1)] * 10),
+    "all": lambda env: PlanChange(BeamDropout(Kidnap(env, step=2), 0.5), 3, [(1, 0.1)] * 10),
+}
+
+
 def drive(env, actions) -> list[tuple]:
     """What ``env.step`` says to each action."""
     return [env.step(np.asarray(action, np.float32)) for action in actions]
+
+
+def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
+    """What is said in an episode in which the first planned action is carried out at each step."""
+    infos, ended = [env.reset(seed=seed)[1]], False
+    while not ended and len(infos) <= most:
+        *_, done, cut, info = env.step(infos[-1]["planned_actions"][0])
+        ended = done or cut
+        infos.append(info)
+    return infos
 
 
 def poses_of(env, actions) -> np.ndarray:

@@ -14,7 +14,7 @@ from room_trace import ROOM_ID
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.validation import InputError
 
-quietly = settings(deadline=None, suppress_health_check=list(HealthCheck))
+quietly = settings(suppress_health_check=list(HealthCheck))
 ROOM = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
 
 

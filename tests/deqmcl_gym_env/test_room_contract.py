@@ -1,14 +1,15 @@
-"""RoomEnv keeps Gymnasium's contract: checker, registration, specs, vector envs."""
+"""RoomEnv keeps Gymnasium's contract: import, registration, checker, specs, vector envs."""
 
 import json
-import warnings
+import subprocess
+import sys
 from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from checked import has_nothing_to_say
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
 from room_cases import STILL
 from room_trace import ROOM_ID
 
@@ -18,8 +19,50 @@ from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import WORLDS as WORLDS_BY_NAME
 
-# The action Box is in px and rad on purpose; this is the only warning allowed.
-UNITS = r".*we recommend using a symmetric and normalized space.*"
+MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'
+MANY = 'gymnasium.make_vec("{}deqmcl_gym/Room-v0", num_envs=2, vectorization_mode="{}")'
+
+
+def run(code: str) -> None:
+    subprocess.run([sys.executable, "-W", "error::UserWarning", "-c", code], check=True)
+
+
+def test_what_is_not_needed_is_not_loaded():
+    unused = "seen = set(sys.modules) & {}; assert not seen, seen".format
+    steps = [
+        "import sys, deqmcl_gym.maps",
+        unused({"gymnasium", "pymunk", "cv2", "benchmarks", "localizers"}),
+        "import localizers; localizers.names()",
+        unused({"gymnasium", "pymunk", "cv2", "benchmarks"}),
+        f"import gymnasium; {MANY.format('deqmcl_gym:', 'vector_entry_point')}",
+        unused({"pymunk"}),
+    ]
+    run("; ".join(steps))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        f"import deqmcl_gym, gymnasium; {MAKE}",
+        f"import gymnasium, deqmcl_gym; {MAKE}",
+        f"import localizers, gymnasium; {MAKE}",
+        f"import gymnasium; gymnasium.make('deqmcl_gym:deqmcl_gym/Room-v0'); {MAKE}",
+        f"import deqmcl_gym, gymnasium; {MANY.format('', 'vector_entry_point')}.reset(seed=1)",
+        f"import gymnasium; {MANY.format('deqmcl_gym:', 'sync')}.reset(seed=1)",
+    ],
+)
+def test_the_id_is_known_in_whatever_order_things_are_imported(code):
+    run(code)
+
+
+def test_gymnasiums_own_module_is_as_without_us():
+    run(
+        "import deqmcl_gym, sys, gymnasium, gymnasium.envs.registration as registry; "
+        "assert 'importlib' in type(registry.__loader__).__module__; "
+        "assert registry.__spec__.loader is registry.__loader__; "
+        f"assert not [f for f in sys.meta_path if type(f).__module__.startswith('deqmcl')]; {MAKE}"
+    )
+
 
 WORLDS = [
     {"preset": "matched"},
@@ -32,11 +75,7 @@ WORLDS = [
 
 @pytest.mark.parametrize("kwargs", WORLDS)
 def test_the_env_checker_has_nothing_to_say(kwargs):
-    env = gym.make("deqmcl_gym/Room-v0", **kwargs)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=UNITS)
-        check_env(env.unwrapped)  # instantiates every declared render mode, too
+    has_nothing_to_say(gym.make(ROOM_ID, **kwargs).unwrapped)
 
 
 @pytest.mark.parametrize("preset", WORLDS_BY_NAME)

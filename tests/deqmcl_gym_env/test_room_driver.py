@@ -8,7 +8,7 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
-from room_cases import STILL, wrapped
+from room_cases import STILL, infos_of, wrapped
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
@@ -23,16 +23,6 @@ ROUNDED = 2.0**-25
 
 def guided(**kwargs) -> RoomEnv:
     return RoomEnv(preset="guided", **kwargs)
-
-
-def infos_of(env, seed: int = 0, most: int = 10_000) -> list[dict]:
-    """What is said in an episode in which the first planned action is carried out at each step."""
-    infos, ended = [env.reset(seed=seed)[1]], False
-    while not ended and len(infos) <= most:
-        *_, done, cut, info = env.step(infos[-1]["planned_actions"][0])
-        ended = done or cut
-        infos.append(info)
-    return infos
 
 
 def planned(info: dict) -> np.ndarray:

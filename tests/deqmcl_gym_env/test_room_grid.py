@@ -8,7 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_vector_parity import both, run_beside
+from test_vector_env import both, run_beside
 
 import deqmcl_gym
 from deqmcl_gym import GridMap
@@ -81,7 +81,7 @@ def test_many_rooms_in_it_are_as_many_single_ones(yaw, unknown):
     assert contacts > 50
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["obstacle", "transparent"]))
 def test_a_step_collides_where_the_map_says_so_and_stops_just_before(seed, unknown):
     """What the map says of drives that end within 1e-6 m of a wall is left to rounding."""
@@ -155,10 +155,6 @@ def test_what_unknown_cells_count_as_is_an_argument(path):
         plan = {"file": path, "unknown": unknown}
         return RoomEnv(floor_plan=plan, lap={"waypoints": WAYPOINTS}).floor_plan
 
-    corner = [(4.0, 3.0)]
-    assert [bool(room(one).free(corner)[0]) for one in ("free", "obstacle", "transparent")] == [
-        True,
-        False,
-        False,
-    ]
+    words = {"free": True, "obstacle": False, "transparent": False}
+    assert {word: bool(room(word).free([(4.0, 3.0)])[0]) for word in words} == words
     assert "GridMap" in deqmcl_gym.__all__

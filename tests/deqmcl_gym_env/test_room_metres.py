@@ -131,14 +131,8 @@ NEAR = 1e-2
 
 
 def exact(poses, place, bearings) -> np.ndarray:
-    """Ranges seen from a place on robots, by plain trigonometry in float64."""
-    x, y, heading = np.asarray(poses, float).T
-    (ahead, aside), cosine, sine = place, np.cos(heading), np.sin(heading)
-    at = np.column_stack(
-        [x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine, heading]
-    )
-    plan = PolygonMap(outer=PAPER["outer"], obstacles=PAPER["obstacles"])
-    return reference.ranges(plan.walls, at, bearings)
+    """Ranges seen from a place on robots, in float64."""
+    return reference.ranges(PolygonMap(**PAPER).walls, reference.mounted(poses, place), bearings)
 
 
 def driven(env, steps: int):

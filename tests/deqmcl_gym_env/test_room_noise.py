@@ -1,10 +1,113 @@
-"""What the formulas of the noise say of special cases; test_room_reproducible has them exactly."""
+"""Noise as documented; a seed means the same everywhere; sources never disturb each other."""
 
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
+import pytest
 import reference
-from room_cases import STILL, calm, drive, wide
+import room_trace
+from room_cases import STILL, calm, drive, poses_of, wide, wrapped
+
+import deqmcl_gym
+from deqmcl_gym.envs.room import RoomEnv
+
+ROOT = Path(deqmcl_gym.__file__).parents[1]
+
+
+@pytest.mark.parametrize("preset", ["paper", "guided"])
+def test_another_process_says_the_same_for_200_steps(preset, tmp_path):
+    file = tmp_path / "trace.npz"
+    subprocess.run(  # in a fresh process that only imports gymnasium: the module: form of the id
+        [sys.executable, room_trace.__file__, str(file), "7", preset],
+        check=True,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
+    )
+    here = room_trace.trace(7, preset)
+    assert len(here["scans"]) == room_trace.STEPS + 1
+    with np.load(file) as there:
+        assert sorted(there.files) == sorted(here)
+        for key, value in here.items():
+            assert there[key].dtype == value.dtype
+            np.testing.assert_array_equal(there[key], value, err_msg=key)
+
+
+def episode(env: RoomEnv, seed: int | None, steps: int = 30) -> np.ndarray:
+    """Truths and first ranges of the plan's first steps, (steps + 1, 4)."""
+    scan, info = env.reset(seed=seed)
+    rows = [[*info["truth"], scan[0]]]
+    rows += [[*said[4]["truth"], said[0][0]] for said in drive(env, env.plan[:steps])]
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("preset", ["matched", "guided"])
+def test_a_seed_starts_all_over_and_without_one_comes_its_next_episode(preset):
+    env = RoomEnv(preset=preset)
+    episodes = [episode(env, seed) for seed in (3, None, None, 4)]
+    assert len(np.unique(episodes, axis=0)) == 4
+    # Episodes cut short: their order counts, not what was drawn in them.
+    again = [episode(env, seed, steps=2) for seed in (3, None)] + [episode(env, None)]
+    np.testing.assert_array_equal(again[0], episodes[0][:3])
+    np.testing.assert_array_equal(again[2], episodes[2])
+
+
+def test_the_first_reset_may_come_without_a_seed():
+    env = RoomEnv(preset="matched")
+    first = episode(env, None)
+    np.testing.assert_array_equal(episode(env, env.np_random_seed), first)
+
+
+def test_a_generator_that_was_set_draws_the_seeds():
+    scans = []
+    for _ in range(2):
+        env = RoomEnv(preset="matched")
+        env.np_random = np.random.default_rng(3)
+        scans.append([episode(env, None), episode(env, None)])
+    np.testing.assert_array_equal(scans[0], scans[1])
+    assert (scans[0][0] != scans[0][1]).any()
+
+
+def test_streams_are_those_of_the_documented_seed_sequence():
+    seed, number = 21, 1  # the second episode after seeding
+    motion, sensor, start = (
+        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, stream)))
+        for stream in range(3)
+    )
+    env = RoomEnv(
+        lidar={"beams": 2, "sigma": 2.0},
+        noise={"drive": 0.1, "turn": 0.05, "drift": 0.01},
+        start={"sd_position": 4.0, "sd_heading": 0.2},
+        lap={"step": 2.0},  # for more than 300 steps
+    )
+    env.reset(seed=seed)
+    scan, info = env.reset()
+    x, y, heading = np.array([175, 50, 0]) + np.array([4.0, 4.0, 0.2]) * start.standard_normal(3)
+    noise = env.world.noise
+    for turn in (0.0, 0.25, -0.5) * 100:  # exact in float32
+        # float64 sums of numbers below 400, 300 of them: some hundred of their ulps (6e-14)
+        np.testing.assert_allclose(info["truth"][:2], (x, y), rtol=0, atol=1e-10)
+        assert abs(wrapped(info["truth"][2] - heading)) < 1e-10
+        # float32 ranges below 512 px: half an ulp is 1.5e-5; noise of σ = 2 leaves [0, 400] never
+        exact = env.floor_plan.ranges([env.pose], env.lidar.bearings)[0]
+        np.testing.assert_allclose(scan - exact, 2 * sensor.standard_normal(2), rtol=0, atol=5e-5)
+        first, second = motion.standard_normal(2)
+        heading += turn + (noise.turn * abs(turn) + noise.drift * 0.5) * second
+        way = 0.5 * (1 + noise.drive * first)
+        x, y = x + way * np.cos(heading), y + way * np.sin(heading)
+        scan, *_, info = env.step(np.float32([0.5, turn]))
+
+
+@pytest.mark.parametrize("lidar", [{"beams": 9}, {"sigma": 0.0}, {"max_range": 50.0}])
+def test_another_lidar_leaves_start_and_motion_alone(lidar):
+    usual, other = RoomEnv(preset="matched"), RoomEnv(preset="matched", lidar=lidar)
+    truths = [env.reset(seed=8)[1]["truth"] for env in (usual, other)]
+    np.testing.assert_array_equal(*truths)
+    steps = usual.plan[:100]
+    np.testing.assert_array_equal(poses_of(usual, steps), poses_of(other, steps))
 
 
 def test_a_turn_on_the_spot_moves_nothing_and_standing_still_turns_nothing():

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from room_cases import SMALL, STILL, WORLD
+from room_cases import PAPER, SMALL, STILL, WORLD, infos_of
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
@@ -17,10 +17,7 @@ from deqmcl_gym.world import route as planner
 from deqmcl_gym.world.course import Path
 from deqmcl_gym.world.route import Routes
 
-CLOSED = {
-    "outer": [(0, 0), (350, 0), (350, 300), (0, 300)],
-    "obstacles": [[(150, 5), (160, 5), (160, 295), (150, 295)]],
-}
+CLOSED = PAPER | {"obstacles": [[(150, 5), (160, 5), (160, 295), (150, 295)]]}
 
 
 def office(seed=0, **kwargs) -> RoomEnv:
@@ -28,18 +25,8 @@ def office(seed=0, **kwargs) -> RoomEnv:
     return RoomEnv(floor_plan={"office": SMALL | kind | {"seed": seed}}, **(WORLD | kwargs))
 
 
-def driven(env, seed, most=3000):
-    """What is said in an episode in which the first planned action is carried out at each step."""
-    infos, ended = [env.reset(seed=seed)[1]], False
-    while not ended and len(infos) < most:
-        *_, done, given_up, info = env.step(infos[-1]["planned_actions"][0])
-        ended = done or given_up
-        infos.append(info)
-    return infos
-
-
 def check_arrives(env, seed):
-    infos = driven(env, seed)
+    infos = infos_of(env, seed)
     assert not any(info["collided"] for info in infos)
     assert np.hypot(*(infos[-1]["truth"][:2] - infos[-1]["goal"])) <= 0.5
     assert infos[-1]["planned_count"] == 0
@@ -56,7 +43,7 @@ def test_a_driver_who_sees_the_pose_reaches_every_goal_without_contact(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 2**32), st.integers(0, 2**32), st.integers(1, 3), st.integers(1, 3))
 def test_a_driver_who_sees_the_pose_reaches_every_goal_of_every_office(seed, way, wings, corridors):
     check_arrives(office(seed, wings=wings, corridors=corridors, driver={}), way)
@@ -65,7 +52,7 @@ def test_a_driver_who_sees_the_pose_reaches_every_goal_of_every_office(seed, way
 def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
     env = office(noise=STILL, ends_at_goal=False)
     for seed in range(5):
-        infos = driven(env, seed)
+        infos = infos_of(env, seed)
         assert not any(info["collided"] for info in infos)
         # float32 commands: half an ulp of a turn below 0.5 rad, 60 m on, some hundred times
         assert infos[-1]["truth"][:2] == pytest.approx(infos[-1]["goal"], abs=60 * 300 * 2.0**-26)
@@ -73,7 +60,7 @@ def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
 
 def test_the_episode_ends_at_the_goal():
     env = office(noise=STILL)
-    infos = driven(env, 1)
+    infos = infos_of(env, 1)
     off = [np.hypot(*(info["truth"][:2] - info["goal"])) for info in infos]
     assert off[-1] <= 0.5 < min(off[:-1])
     assert infos[-1]["planned_count"] > 0
@@ -126,7 +113,7 @@ def test_progress_adds_up_to_the_way():
 
 def test_a_driver_plans_from_where_the_robot_was_carried_or_shows_what_was_planned():
     seen, blind = (Kidnap(office(driver={}), 20, noticed=noticed) for noticed in (True, False))
-    one, other = driven(seen, 4), driven(blind, 4)
+    one, other = infos_of(seen, 4), infos_of(blind, 4)
     np.testing.assert_array_equal(one[19]["planned_actions"], other[19]["planned_actions"])
     np.testing.assert_allclose(one[20]["goal"], one[19]["goal"])
     assert np.hypot(*(one[-1]["truth"][:2] - one[-1]["goal"])) <= 0.5
@@ -207,10 +194,7 @@ def test_an_open_path_is_followed_to_its_end_and_not_round(corners, share):
     assert rest == pytest.approx((1 - share) * path.length, abs=1e-9)
 
 
-ROOM = PolygonMap(
-    outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-    obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
-)
+ROOM = PolygonMap(**PAPER)
 ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
 _MIRROR = PolygonMap(
     outer=[(0, 0), (355, 0), (355, 300), (0, 300)],
@@ -266,15 +250,6 @@ def test_a_route_keeps_its_distance_where_there_is_room():
 def test_places_without_room_are_refused(start, goal, words):
     with pytest.raises(InputError, match=words):
         ROUTES.between(start, goal)
-
-
-def test_no_way_is_said_to_be_none():
-    closed = PolygonMap(
-        outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-        obstacles=[[(150, 5), (160, 5), (160, 295), (150, 295)]],
-    )
-    with pytest.raises(InputError, match="there is no route from"):
-        Routes(closed, radius=10.0, comfort=20.0).between((50, 50), (300, 50))
 
 
 @pytest.mark.parametrize("form", ["grid", "polygons"])

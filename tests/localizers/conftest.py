@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from following import robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -21,12 +22,7 @@ def room() -> PolygonMap:
 @pytest.fixture(scope="session")
 def robot(room) -> localizers.RobotModel:
     """One beam; a sensor and a motion that make weights differ and steps collide."""
-    return localizers.RobotModel(
-        floor_plan=room,
-        lidar=Lidar(beams=1, max_range=400.0),
-        motion=localizers.OdometryMotion(drive=0.2, turn=0.3, drift=0.02),
-        scan=localizers.GaussianUniform(sigma=30.0),
-    )
+    return robot_of(room, Lidar(beams=1, max_range=400.0), (0.2, 0.3, 0.02), sigma=30.0)
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +37,24 @@ def drive() -> tuple[np.ndarray, np.ndarray]:
     actions = np.array([straight] * 8 + [turn] * 4)
     scans = np.array([280, 255, 240, 225, 195, 190, 150, 140, 130, 125, 160, 210.0])[:, None]
     return actions, scans
+
+
+STRATEGIES = [
+    {},
+    {"ess_threshold": 0.5, "resampler": "stratified"},
+    {"ess_threshold": 0.9, "resampler": "multinomial"},
+]
+
+
+@pytest.fixture(params=STRATEGIES, ids=str)
+def make(request, robot):
+    """make(name, **params) with 60 particles, one of the strategies and a β of 2, if any."""
+
+    def made(name: str, **params):
+        beta = {"beta": 2.0} if "beta" in localizers.parameters(name) else {}
+        return localizers.make(name, robot, particles=60, **(request.param | beta | params))
+
+    return made
 
 
 WORKING = """

@@ -7,9 +7,21 @@ from typing import Any
 import numpy as np
 
 import localizers
+from deqmcl_gym.maps import Lidar, Map
 from localizers.inference.bayes_filter import FilterLocalizer
 
 Drive = tuple[np.ndarray, np.ndarray]
+STILL = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
+
+
+def robot_of(
+    floor_plan: Map, lidar: Lidar, noise: tuple[float, float, float], sigma: float
+) -> localizers.RobotModel:
+    """A robot of noise (drive, turn, drift) whose beams have this standard deviation."""
+    drive, turn, drift = noise
+    motion = localizers.OdometryMotion(drive=drive, turn=turn, drift=drift)
+    scan = localizers.GaussianUniform(sigma=sigma)
+    return localizers.RobotModel(floor_plan=floor_plan, lidar=lidar, motion=motion, scan=scan)
 
 
 def small(name: str, particles: int) -> dict[str, float]:
@@ -43,13 +55,18 @@ def follow(
     return beliefs
 
 
+def started(name: str, robot: localizers.RobotModel, prior: localizers.Prior, **params: Any) -> Any:
+    """A localizer at the start of an episode without a plan."""
+    localizer = localizers.make(name, robot, **params)
+    localizer.reset(prior, [], np.random.default_rng(0))
+    return localizer
+
+
 def updated(
     name: str, robot: localizers.RobotModel, prior: localizers.Prior, scan, action=(0, 0), **params
 ) -> Any:
     """Belief after one update, without a plan."""
-    localizer = localizers.make(name, robot, **params)
-    localizer.reset(prior, [], np.random.default_rng(0))
-    return localizer.update(scan, action, [])
+    return started(name, robot, prior, **params).update(scan, action, [])
 
 
 def same(

@@ -6,7 +6,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from following import updated
+from following import robot_of, started, updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
@@ -90,8 +90,7 @@ def test_the_averages_are_of_the_mean_weight_and_random_poses_come_by_their_rati
 
 def test_after_random_poses_the_averages_start_anew(robot, prior):
     params = {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.9, **ROBOTS_OWN}
-    localizer = localizers.make("amcl", robot, **params)
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started("amcl", robot, prior, **params)
     drawn, seen = 0, []
     for scan in (300.0, 300.0, 20.0, 300.0):
         belief = localizer.update([scan], [0.1, 0.0], [])
@@ -125,8 +124,7 @@ def test_an_update_needs_more_than_either_minimum_along_an_axis_of_the_odometry(
 
 
 def test_between_updates_the_cloud_moves_along_the_odometry_without_noise(robot, prior):
-    localizer = localizers.make("amcl", robot, update_min_d=0.5, update_min_a=0.5)  # 25 px
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started("amcl", robot, prior, update_min_d=0.5, update_min_a=0.5)  # 25 px
     first = localizer.update([150.0], [1.0, 0.1], [])  # always used
     assert localizer._running.updates == 1
     one = localizer.update([150.0], [10.0, 0.2], [])
@@ -144,9 +142,8 @@ def test_between_updates_the_cloud_moves_along_the_odometry_without_noise(robot,
 
 def test_what_is_sampled_at_an_update_is_all_the_odometry_since_the_last(robot):
     still = dict.fromkeys(["alpha1", "alpha2", "alpha3", "alpha4"], 0.0)
-    localizer = localizers.make("amcl", robot, update_min_d=0.5, **still)
     prior = localizers.GaussianPrior(mean=(50, 40, 0.0), sd_position=0.0, sd_heading=0.0)
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started("amcl", robot, prior, update_min_d=0.5, **still)
     for action in ([0.0, 0.0], [20.0, 0.1], [20.0, 0.1]):
         belief = localizer.update([150.0], action, [])
     x = 50 + 20 * math.cos(0.1) + 20 * math.cos(0.2)
@@ -155,8 +152,7 @@ def test_what_is_sampled_at_an_update_is_all_the_odometry_since_the_last(robot):
 
 
 def test_a_robot_that_stands_is_not_updated_even_without_minima(robot, prior):
-    localizer = localizers.make("amcl", robot, **ALWAYS)
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started("amcl", robot, prior, **ALWAYS)
     first = localizer.update([150.0], [0.0, 0.0], [])
     second = localizer.update([20.0], [0.0, 0.0], [])
     assert np.array_equal(first.present, second.present)
@@ -164,10 +160,9 @@ def test_a_robot_that_stands_is_not_updated_even_without_minima(robot, prior):
 
 def test_the_number_of_particles_follows_the_spread(robot):
     def count(sd: float) -> int:
-        localizer = localizers.make("amcl", robot, min_particles=20, max_particles=5000, **ALWAYS)
         prior = localizers.GaussianPrior(mean=(175, 50, 0.0), sd_position=sd, sd_heading=sd / 100)
-        localizer.reset(prior, [], np.random.default_rng(0))
-        return len(localizer.update([math.nan], [0.0, 0.0], []).points()[1])
+        most = {"min_particles": 20, "max_particles": 5000, **ALWAYS}
+        return len(updated("amcl", robot, prior, [math.nan], **most).points()[1])
 
     narrow, middle, wide = count(5.0), count(20.0), count(100.0)
     assert 20 <= narrow < middle < wide <= 5000
@@ -203,12 +198,8 @@ def hall(walls: int = 60) -> localizers.RobotModel:
     """A hall of cells whose end wall has a mark, and a robot whose own models are very wide."""
     cells = np.pad(np.zeros((78, 118), np.int8), 1, constant_values=100)
     cells[30:50, walls] = 100
-    return localizers.RobotModel(
-        floor_plan=GridMap(occupancy=cells, resolution=0.05),
-        lidar=Lidar(beams=20, field_of_view=0.4, max_range=10.0),
-        motion=localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0),
-        scan=localizers.GaussianUniform(sigma=5.0),
-    )
+    lidar = Lidar(beams=20, field_of_view=0.4, max_range=10.0)
+    return robot_of(GridMap(occupancy=cells, resolution=0.05), lidar, (0.0, 0.0, 0.0), sigma=5.0)
 
 
 def test_beams_are_skipped_while_the_cloud_is_small_by_the_product_model_if_asked():
@@ -218,9 +209,8 @@ def test_beams_are_skipped_while_the_cloud_is_small_by_the_product_model_if_aske
 
     def evidence(sd, first=(), **params):
         params = {"laser_model_type": "likelihood_field_prob", "max_beams": 20, **params}
-        localizer = localizers.make("amcl", robot, **params, **ALWAYS)
         prior = localizers.GaussianPrior(mean=(1.5, 2.0, 0.0), sd_position=sd, sd_heading=0.0)
-        localizer.reset(prior, [], np.random.default_rng(0))
+        localizer = started("amcl", robot, prior, **params, **ALWAYS)
         for seen in (*first, scan):
             belief = localizer.update(seen, [1e-3, 0.0], [])
         return belief.scan_log_evidence
@@ -270,12 +260,7 @@ def test_the_omni_model_spreads_across_the_drive(robot):
 def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.ndarray, int]:
     """Position errors of a robot that stands, is carried off at step 10, and turns about there."""
     lidar = Lidar(beams=15, field_of_view=5.0, max_range=400.0)
-    robot = localizers.RobotModel(
-        floor_plan=LOPSIDED,
-        lidar=lidar,
-        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.002),
-        scan=localizers.GaussianUniform(sigma=10.0),
-    )
+    robot = robot_of(LOPSIDED, lidar, (0.1, 0.1, 0.002), sigma=10.0)
     truth = np.array(
         [[40.0, 30.0, 0.1 * t] for t in range(11)]
         + [[230.0, 150.0, 1.0 + 0.1 * t] for t in range(60)]
@@ -285,11 +270,9 @@ def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.
     # Nav2's averages start anew after a draw of random poses: it must hit at once and needs many,
     # and its own motion model, which shifts a robot that turns
     own = {"laser_model_type": "robot", "max_particles": 20_000, **ALWAYS} if name == "amcl" else {}
-    localizer = localizers.make(
-        name, robot, recovery_alpha_slow=alpha_slow, recovery_alpha_fast=alpha_fast, **own
-    )
+    rates = {"recovery_alpha_slow": alpha_slow, "recovery_alpha_fast": alpha_fast}
     prior = localizers.GaussianPrior(mean=tuple(truth[0]), sd_position=5.0, sd_heading=0.05)
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started(name, robot, prior, **rates, **own)
     errors = []
     for pose, scan in zip(truth[1:], np.clip(scans[1:], 0, 400), strict=True):
         belief = localizer.update(scan, [0.0, 0.1], [])

@@ -272,21 +272,9 @@ def test_mended(law):
 
 def test_expected_failures_are_strict_xfails(tmp_path):
     (tmp_path / "test_mine.py").write_text(SUITE)
-    options = [
-        "-rfx",
-        "-k",
-        "mended and finite or weights and not mended",
-        "-p",
-        "no:cacheprovider",
-        "--tb=short",
-    ]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, "."],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    chosen = "mended and finite or weights and not mended"
+    command = [sys.executable, "-m", "pytest", "-rfx", "-k", chosen, "-p", "no:cacheprovider", "."]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "XFAIL"))]
     assert [line.split(" - ")[0] for line in lines] == [
         "FAILED test_mine.py::test_undeclared[weights sum to one]",

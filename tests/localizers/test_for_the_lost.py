@@ -5,12 +5,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from following import follow, same, varied
+from following import follow, robot_of, same, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from ring_filters import RESAMPLING, beliefs, ring_filter
-from ring_world import AS_PLANNED, OBSERVED, PRIOR, SENSOR, STATES, STEPS, transition
+from ring import (
+    AS_PLANNED,
+    OBSERVED,
+    PRIOR,
+    RESAMPLING,
+    SENSOR,
+    STATES,
+    STEPS,
+    beliefs,
+    ring_filter,
+    transition,
+)
 
 import localizers
 from deqmcl_gym.maps import Lidar
@@ -32,12 +42,8 @@ FOR_THE_LOST = ["mcl-map", "mcl-plan"]
 
 @pytest.fixture(scope="module")
 def office() -> localizers.RobotModel:
-    return localizers.RobotModel(
-        floor_plan=Office(seed=3, wings=1, corridors=1).grid,
-        lidar=Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0),
-        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.05),
-        scan=localizers.GaussianUniform(sigma=0.1),
-    )
+    lidar = Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0)
+    return robot_of(Office(seed=3, wings=1, corridors=1).grid, lidar, (0.1, 0.1, 0.05), sigma=0.1)
 
 
 @pytest.mark.parametrize("name", sorted(set(localizers.names()) - {"dead-reckoning"}))
@@ -70,7 +76,7 @@ def sample_size(weights: np.ndarray) -> float:
     return weights.sum() ** 2 / np.square(weights).sum()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     logs=arrays(np.float64, st.shared(st.integers(2, 40), key="n"), elements=st.floats(-200, 50)),
     keep=st.sampled_from([0.0, 0.1, 0.5, 0.9]),
@@ -144,7 +150,7 @@ class Doubt(Recovery):
 
 @pytest.mark.parametrize("strategy", RESAMPLING)
 def test_with_a_given_share_the_mixture_is_exact(strategy):
-    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring_world.
+    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring.
 
     Fails at |z| > 5, for 50 figures: a false alarm in 3e-5 runs; the seeds are fixed.
     """

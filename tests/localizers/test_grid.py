@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 import textbook_mcl as book
+from following import STILL, follow, robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -25,12 +26,8 @@ SCANS = [[20.0, 31.0, 12.0], [15.0, math.nan, 40.0], [33.0, 8.0, -1.0], [10.0, 2
 
 @pytest.fixture(scope="module")
 def small() -> localizers.RobotModel:
-    return localizers.RobotModel(
-        floor_plan=SMALL,
-        lidar=Lidar(beams=3, field_of_view=2.0, max_range=80.0),
-        motion=localizers.OdometryMotion(drive=0.3, turn=0.4, drift=0.02),
-        scan=localizers.GaussianUniform(sigma=8.0),
-    )
+    lidar = Lidar(beams=3, field_of_view=2.0, max_range=80.0)
+    return robot_of(SMALL, lidar, (0.3, 0.4, 0.02), sigma=8.0)
 
 
 def split(position: float) -> list[tuple[int, float]]:
@@ -102,10 +99,9 @@ def test_the_grid_is_bayes_rule_with_whole_transition_matrices(small):
 @pytest.mark.parametrize(("turn", "to"), [(0.0, (0, 2)), (math.pi / 2, (2, 0)), (math.pi, (0, -2))])
 def test_without_noise_mass_moves_by_whole_cells(turn, to):
     grid = PoseGrid(bounds=(0, 0, 60, 40), cell=CELL, headings=HEADINGS)
-    still = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
     mass = np.zeros(grid.shape)
     mass[HEADINGS // 2, 1, 3] = 1.0  # heading 0
-    after = GridMotion(grid, still).predicted(mass, np.array([2 * CELL, turn]))
+    after = GridMotion(grid, STILL).predicted(mass, np.array([2 * CELL, turn]))
     heading = (HEADINGS // 2 + round(turn / grid.heading_step)) % HEADINGS
     assert after[heading, 1 + to[0], 3 + to[1]] == pytest.approx(1.0, abs=1e-6)
 
@@ -132,21 +128,16 @@ def test_mass_keeps_its_sum_and_moves_by_the_mean_of_the_motion(action):
 
 def test_halving_the_cell_leads_to_mcl_with_many_particles():
     plan = PolygonMap(outer=[(0, 0), (120, 0), (120, 100), (0, 100)])
-    robot = localizers.RobotModel(
-        floor_plan=plan,
-        lidar=Lidar(beams=2, field_of_view=1.5, max_range=200.0),
-        motion=localizers.OdometryMotion(drive=0.2, turn=0.2, drift=0.01),
-        scan=localizers.GaussianUniform(sigma=15.0),
-    )
+    lidar = Lidar(beams=2, field_of_view=1.5, max_range=200.0)
+    robot = robot_of(plan, lidar, (0.2, 0.2, 0.01), sigma=15.0)
     prior = localizers.GaussianPrior(mean=(40, 40, 0.3), sd_position=8.0, sd_heading=0.2)
     actions, scans = [(8.0, 0.1)] * 4, [[80.0, 60.0], [70.0, 62.0], [60.0, 55.0], [52.0, 50.0]]
 
     def mean(name: str, **params) -> np.ndarray:
-        localizer = localizers.make(name, robot, **params)
-        belief = localizer.reset(prior, [], np.random.default_rng(0))
-        for action, scan in zip(actions, scans, strict=True):
-            belief = localizer.update(scan, action, [])
-        return np.array(localizers.mean_pose(*belief.points()))
+        nothing = [np.empty((0, 2))] * 5
+        made = localizers.make(name, robot, **params)
+        last = follow(made, prior, (actions, scans), plans=nothing)[-1]
+        return np.array(localizers.mean_pose(*last.points()))
 
     coarse, fine, finer = (
         mean("grid", cell=c, headings=h) for c, h in ((10.0, 36), (5.0, 72), (2.5, 144))
@@ -220,8 +211,7 @@ def test_the_number_of_points_is_bounded_and_their_moments_stay(robot):
 
 
 def test_driving_out_of_the_map_is_a_counted_collapse(robot, prior):
-    still = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
-    localizer = localizers.make("grid", replace(robot, motion=still), cell=25.0, headings=12)
+    localizer = localizers.make("grid", replace(robot, motion=STILL), cell=25.0, headings=12)
     before = localizer.reset(prior, [], np.random.default_rng(0))
     belief = localizer.update([math.nan], [1e9, 0.0], [])
     assert belief.events.weight_collapses == 1

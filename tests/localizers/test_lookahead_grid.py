@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from following import STILL
 
 import localizers
 from deqmcl_gym.maps import PolygonMap
@@ -17,7 +18,6 @@ from localizers.models.lookahead_grid import LEAST, LookaheadGrid
 from localizers.models.plan_sensor import FreeSpace
 
 RNG = np.random.default_rng
-STILL = localizers.OdometryMotion(drive=0, turn=0, drift=0)
 NOISY = localizers.OdometryMotion(drive=0.2, turn=0.3, drift=0.03)
 SMALL = PolygonMap(outer=[(0, 0), (80, 0), (80, 60), (0, 60)])
 PLAN = np.array([(8.0, 0.0), (8.0, 0.4), (8.0, 0.0), (8.0, -0.5)])

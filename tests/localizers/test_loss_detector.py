@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from following import follow, small
+from following import follow, robot_of, small, started
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -128,12 +128,8 @@ def kidnapped(name: str) -> list[float]:
         outer=[(0, 0), (300, 0), (300, 200), (0, 200)],
         obstacles=[[(60, 60), (140, 60), (140, 150), (60, 150)]],
     )
-    robot = localizers.RobotModel(
-        floor_plan=plan,
-        lidar=Lidar(beams=9, field_of_view=4.0, max_range=400.0),
-        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.002),
-        scan=localizers.GaussianUniform(sigma=10.0),
-    )
+    lidar = Lidar(beams=9, field_of_view=4.0, max_range=400.0)
+    robot = robot_of(plan, lidar, (0.1, 0.1, 0.002), sigma=10.0)
     ahead = [[40.0 + 5 * t, 30.0, 0.0] for t in range(15)]
     elsewhere = [[200.0, 120.0, 2.0 + 0.3 * t] for t in range(10)]
     truth = np.array(ahead + elsewhere)
@@ -156,8 +152,7 @@ def test_the_quality_is_high_on_the_way_and_low_after_a_kidnap(name):
 
 
 def test_without_scans_the_quality_goes_to_one_half(robot, prior):
-    localizer = localizers.make("mcl", robot, particles=30)
-    localizer.reset(prior, [], np.random.default_rng(0))
+    localizer = started("mcl", robot, prior, particles=30)
     for _ in range(600):
         belief = localizer.update([math.nan], [0.0, 0.0], [])
     assert belief.quality == pytest.approx(0.5, abs=1e-4)  # 0.49 · 0.98^600

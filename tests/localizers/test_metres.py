@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 import pytest
-from following import follow
+from following import follow, robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -27,12 +27,8 @@ CLOSE = 0.001  # px
 @pytest.fixture(scope="module")
 def lap(room):
     """A robot, a prior, actions round the block and what is seen on the way, in px."""
-    robot = localizers.RobotModel(
-        floor_plan=room,
-        lidar=Lidar(beams=4, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0),
-        motion=localizers.OdometryMotion(drive=0.1, turn=0.1, drift=0.005),
-        scan=localizers.GaussianUniform(sigma=20.0),
-    )
+    lidar = Lidar(beams=4, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
+    robot = robot_of(room, lidar, (0.1, 0.1, 0.005), sigma=20.0)
     prior = localizers.GaussianPrior(mean=(50.0, 50.0, 0.0))
     actions, poses = [], [np.array(prior.mean)]
     for length in (250, 200, 250, 200):

@@ -1,4 +1,4 @@
-"""The motion model: exact without noise, and its moments against the analytic ones.
+"""Priors, and the motion model: exact without noise; moments against the analytic ones.
 
 θ' ~ N(μ, s²) with μ = θ + φ, s = turn |φ| + drift |d|, and D ~ N(d, (drive |d|)²), independent.
 With E cos θ' = e^(-s²/2) cos μ and E cos² θ' = (1 + e^(-2s²) cos 2μ) / 2:
@@ -16,8 +16,12 @@ import math
 
 import numpy as np
 import pytest
+from following import STILL
 
-from localizers import OdometryMotion
+from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.validation import InputError
+from localizers import GaussianPrior, OdometryMotion, RobotModel, UniformPrior, make
+from localizers.checks.subject import default_robot
 from localizers.models import motion as kernels
 
 N = 100_000
@@ -97,11 +101,10 @@ def test_standing_still_changes_no_bit_even_where_the_noise_is_large():
 
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 3])
 def test_the_heading_comes_back_to_within_half_a_turn_and_means_the_same_direction(turns):
-    still = OdometryMotion(drive=0, turn=0, drift=0)
     headings = np.linspace(-math.pi, math.pi, 2001, dtype=np.float32)
     poses = np.stack([np.zeros_like(headings), np.zeros_like(headings), headings])
     turn = turns * 2 * math.pi + 0.3
-    after = still.sample(poses, np.array([0.0, turn]), np.random.default_rng(0))[2]
+    after = STILL.sample(poses, np.array([0.0, turn]), np.random.default_rng(0))[2]
     assert np.abs(after).max() <= np.float32(math.pi)
     # sums up to 22 rad are resolved to 2e-6 by float32
     assert np.abs(wrapped(after.astype(float) - headings - turn)).max() < 4e-6
@@ -137,3 +140,73 @@ def test_the_least_and_the_largest_uniform_number_make_finite_pairs():
     ends = pairs(np.array([0.0, 1 - 2**-53]))
     assert ends[0, 0] == pytest.approx(np.sqrt(2 * np.log(2**25)), rel=1e-6)
     assert np.isfinite(ends).all()
+
+
+HALL = PolygonMap(outer=[(0, 0), (9, 0), (9, 6), (0, 6)], unit="m")
+PRIOR = GaussianPrior(mean=(50.0, 40.0, 3.0), sd_position=15.0, sd_heading=0.2)
+
+
+def test_draws_have_the_priors_mean_and_standard_deviations():
+    # 100,000 draws, 9 statistics at 5 standard errors: false alarms 5e-6 together
+    n, sd = 100_000, np.array([15.0, 15.0, 0.2])
+    off = (PRIOR.sample(n, np.random.default_rng(1)) - PRIOR.mean) / sd
+    assert np.abs(off.mean(axis=0) * math.sqrt(n)).max() < 5
+    assert np.abs(((off**2).mean(axis=0) - 1) * math.sqrt(n / 2)).max() < 5
+    correlations = (off.T @ off / n)[np.triu_indices(3, k=1)]
+    assert np.abs(correlations * math.sqrt(n)).max() < 5
+
+
+def test_the_log_density_is_that_of_three_normals():
+    poses = np.array([(50, 40, 3.0), (65, 40, 3.0), (50, 10, 3.2)])
+    peak = -3 / 2 * math.log(2 * math.pi) - math.log(15 * 15 * 0.2)
+    assert PRIOR.log_density(poses) == pytest.approx([peak, peak - 0.5, peak - 2 - 0.5])
+
+
+def test_headings_a_full_turn_apart_have_the_same_density():
+    poses = np.array([(50, 40, 3.1), (50, 40, 3.1 - 2 * math.pi), (50, 40, 3.1 + 4 * math.pi)])
+    density = PRIOR.log_density(poses)
+    assert density == pytest.approx(np.full(3, density[0]), abs=1e-9)
+
+
+def test_draws_of_a_uniform_prior_are_free_and_even_over_space_and_headings(room):
+    prior = UniformPrior(floor_plan=room, radius=8.0)
+    poses = prior.sample(4000, np.random.default_rng(0))
+    assert prior.mean is None
+    assert room.free(poses, 8.0).all()
+    # share of a quarter of the area or of the turns: sd √(¼ ¾ / 4000) = 0.0068; 5 sd
+    for quarter in ((poses[:, 0] < 175) & (poses[:, 1] < 150), poses[:, 2] < -np.pi / 2):
+        assert quarter.mean() == pytest.approx(0.25, abs=0.034)
+
+
+def test_the_density_of_a_uniform_prior_is_one_over_free_space_and_turns(room):
+    prior = UniformPrior(floor_plan=room)
+    poses = np.array([(50, 50, 0.0), (300, 250, 9.0), (175, 150, 0.0), (-1, 50, 0.0)])
+    level = -math.log((350 * 300 - 150 * 100) * 2 * math.pi)
+    # free space is counted at 16,384 even points: to a percent
+    assert prior.log_density(poses)[:2] == pytest.approx([level, level], abs=0.01)
+    assert prior.log_density(poses)[2:].tolist() == [-math.inf, -math.inf]
+
+
+def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):
+    prior = UniformPrior(floor_plan=robot.floor_plan)
+    poses, _ = make("ekf", robot).reset(prior, [], np.random.default_rng(0)).points()
+    # symmetric about (175, 150); 10,000 draws: 5 standard errors of sds of about 100 px
+    assert np.abs(poses.mean(axis=0)[:2] - (175, 150)).max() < 5 * 110 / 100
+    drawn = prior.sample(10_000, np.random.default_rng(1))[:, :2]
+    assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)
+
+
+@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid", "amcl"])
+def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres(name):
+    localizer = make(name, RobotModel(floor_plan=HALL, lidar=Lidar(max_range=9.0)))
+    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
+    with pytest.raises(InputError, match="give sd_position in m"):
+        localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0)), plan, rng)
+    localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0), sd_position=10.0), plan, rng)
+
+
+def test_a_spread_that_is_not_given_is_10_px_in_a_room():
+    assert GaussianPrior(mean=(1.0, 2.0, 0.0)) == GaussianPrior(mean=(1, 2, 0), sd_position=10.0)
+    robot = default_robot()
+    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
+    make("mcl", robot).reset(GaussianPrior(mean=(50.0, 50.0, 0.0)), plan, rng)

@@ -4,19 +4,22 @@ import math
 
 import numpy as np
 import pytest
+from following import STILL, robot_of
+from reference import mounted
 
 import localizers
 from deqmcl_gym.logs.motion import composed, increments_of
 from deqmcl_gym.maps import GridMap, Lidar
-from localizers import GaussianPrior, GaussianUniform, OdometryMotion, RobotModel, mean_pose
+from localizers import GaussianPrior, mean_pose
 
 BEAMS, SIGMA = 24, 0.02
 CENTRE = (0.0, 0.0)
 PLACES = [(0.1, 0.0), (0.4, 0.0), (0.0, 0.2), (-0.25, -0.3)]
+FEW = {"particles": 300}
 METHODS = {
-    "mcl": {}, "mcl-map": {}, "mcl-plan": {"lag": 5}, "deq-mcl": {"lag": 5},
-    "mcl-h": {"lag": 2, "cell": 0.3, "headings": 36}, "mcl-pilots": {"lag": 3}, "ekf": {},
-    "grid": {"cell": 0.3},
+    "mcl": FEW, "mcl-map": FEW, "mcl-plan": FEW | {"lag": 5}, "deq-mcl": FEW | {"lag": 5},
+    "mcl-h": FEW | {"lag": 2, "cell": 0.3, "headings": 36}, "mcl-pilots": FEW | {"lag": 3},
+    "ekf": {}, "grid": {"cell": 0.3, "headings": 36},
 }  # fmt: skip
 STARTS = np.array([3.0, 2.0, 0.3])
 
@@ -42,14 +45,9 @@ def drive() -> np.ndarray:
 
 
 def scans_at(poses: np.ndarray, place: tuple[float, float], rng) -> np.ndarray:
-    """Ranges from a lidar at ``place`` on the robot, placed here by plain trigonometry."""
-    x, y, heading = poses.T
-    (ahead, aside), cosine, sine = place, np.cos(heading), np.sin(heading)
-    at = np.column_stack(
-        [x + ahead * cosine - aside * sine, y + ahead * sine + aside * cosine, heading]
-    )
+    """Ranges from a lidar at ``place`` on the robot."""
     bearings = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
-    return HALL.ranges(at, bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
+    return HALL.ranges(mounted(poses, place), bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
 
 
 def error(method: str, place: tuple[float, float], noise: float, seed: int) -> tuple[float, float]:
@@ -58,13 +56,9 @@ def error(method: str, place: tuple[float, float], noise: float, seed: int) -> t
     scans = scans_at(truth, place, rng)
     moved = increments_of(truth)
     moved = moved * (1 + noise * rng.standard_normal(moved.shape))
-    robot = RobotModel(
-        floor_plan=HALL,
-        lidar=Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place),
-        motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.05),
-        scan=GaussianUniform(sigma=0.1),
-    )
-    localizer = localizers.make(method, robot, **METHODS[method], **particles(method))
+    lidar = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=12.0, mounting=place)
+    robot = robot_of(HALL, lidar, (0.1, 0.1, 0.05), sigma=0.1)
+    localizer = localizers.make(method, robot, **METHODS[method])
     start = GaussianPrior(mean=tuple(truth[0]), sd_position=0.1, sd_heading=0.05)
     localizer.reset(start, moved, np.random.default_rng(seed))
     off = []
@@ -75,10 +69,6 @@ def error(method: str, place: tuple[float, float], noise: float, seed: int) -> t
         off.append((math.hypot(x - truth[t, 0], y - truth[t, 1]), wrong))
     position, turn = np.mean(off, axis=0).tolist()
     return position, turn
-
-
-def particles(method: str) -> dict[str, int]:
-    return {} if method in ("ekf", "grid") else {"particles": 300}
 
 
 @pytest.mark.parametrize(("method", "noise"), [("mcl", 0.0), *((name, 0.1) for name in METHODS)])
@@ -97,21 +87,16 @@ def test_a_lidar_anywhere_on_the_robot_localizes_it_as_well_as_one_in_its_centre
 
 def test_perfect_odometry_is_followed_exactly_with_any_mounting_turning_on_the_spot_and_strafing():
     truth = drive()
-    still = OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
     pose = truth[:1].T.astype(np.float32)
     for t, step in enumerate(increments_of(truth), start=1):
-        pose = still.sample(pose, step, np.random.default_rng(0))
+        pose = STILL.sample(pose, step, np.random.default_rng(0))
         np.testing.assert_allclose(pose[:2, 0], truth[t, :2], atol=1e-4)  # 96 float32 steps
 
 
 @pytest.mark.parametrize("place", PLACES)
 def test_the_rays_of_all_filters_start_where_the_lidar_is(place):
     lidar, poses = Lidar(mounting=place), drive()
-    expected = [lidar.origin(pose) for pose in poses]
+    expected = mounted(poses, place)
+    np.testing.assert_allclose([lidar.origin(pose) for pose in poses], expected, atol=1e-12)
     found = lidar.origins(poses.T.astype(np.float32)).T
     np.testing.assert_allclose(found, expected, atol=3e-6)
-    x, y, heading = poses[20]
-    ahead, aside = place
-    at = (x + ahead * math.cos(heading) - aside * math.sin(heading),
-          y + ahead * math.sin(heading) + aside * math.cos(heading), heading)  # fmt: skip
-    assert lidar.origin(poses[20]) == pytest.approx(at)

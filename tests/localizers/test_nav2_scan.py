@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import mounted
 from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
@@ -242,12 +243,10 @@ def test_beams_start_where_the_scanner_is_mounted_on_the_robot(building, model):
     field = {} if model is BeamCubes else FIELD
     poses = thousand_poses(building)[:50].astype(float)
     scan = noisy_scan(building)
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    scanners = poses + np.column_stack([0.4 * c + 0.2 * s, 0.4 * s - 0.2 * c, 0 * c])
-    mounted = replace(LIDAR, mounting=(0.4, -0.2))
+    moved, scanners = replace(LIDAR, mounting=(0.4, -0.2)), mounted(poses, (0.4, -0.2))
     told = [
         log_w(model(floor_plan=building, lidar=lidar, **field), at.T, scan)
-        for lidar, at in ((mounted, poses), (LIDAR, scanners))
+        for lidar, at in ((moved, poses), (LIDAR, scanners))
     ]
     # float32 of both: a beam in a hundred thousand ends in the next cell
     assert np.isclose(*told, rtol=1e-3).mean() > 0.95

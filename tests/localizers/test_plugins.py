@@ -1,9 +1,11 @@
-"""One resolver for every way to name a localizer, and what it says when there is none."""
+"""Names, parameters and plug-ins: one resolver for every way to name a localizer; digests."""
 
+import inspect
 import multiprocessing
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import pytest
 
@@ -11,6 +13,49 @@ import localizers
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
 from localizers.naming.installed import unreadable
+from localizers.template import MyLocalizer
+
+BUILT_IN = localizers.names()
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_built_in_localizer_can_be_made_with_its_defaults_said_or_not(robot, name):
+    assert isinstance(localizers.make(name, robot), localizers.Localizer)
+    for parameter in localizers.parameters(name):
+        given = inspect.signature(localizers.resolve(name)).parameters[parameter]
+        localizers.make(name, robot, **{parameter: given.default})
+
+
+@localizers.registered("mine", MyLocalizer)
+def test_a_plug_in_is_made_by_its_name_with_its_parameters(robot):
+    assert localizers.names() == (*BUILT_IN, "mine")
+    assert localizers.parameters("mine") == ("particles",)
+    made = localizers.make("mine", robot, particles=3)
+    assert type(made) is MyLocalizer
+    assert (made.robot, made.particles) == (robot, 3)
+    with pytest.raises(InputError, match="did you mean 'particles'"):
+        localizers.make("mine", robot, particels=3)
+
+
+@localizers.registered("open", lambda robot, **given: MyLocalizer(robot, particles=given["any"]))
+def test_a_factory_that_takes_any_parameter_gets_it(robot):
+    assert localizers.parameters("open") is None
+    assert localizers.make("open", robot, any=7).particles == 7
+
+
+@localizers.registered("mine", MyLocalizer)
+@pytest.mark.parametrize(("name", "words"), [("mcl", "taken"), ("mine", "taken"), ("a:b", "colon")])
+def test_a_name_that_is_taken_or_has_a_colon_is_refused_and_the_first_one_stays(name, words):
+    before = [(one, localizers.resolve(one)) for one in localizers.names()]
+    with pytest.raises(InputError, match=f"{name!r}.*{words}"):
+        localizers.register(name, lambda robot: None)
+    assert before == [(one, localizers.resolve(one)) for one in localizers.names()]
+
+
+def test_a_name_is_known_in_its_with_block_alone():
+    with localizers.registered("mine", MyLocalizer):
+        assert localizers.resolve("mine") is MyLocalizer
+    assert localizers.names() == BUILT_IN
 
 
 def refusal(name):
@@ -195,3 +240,83 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / "pipe.py")
     with pytest.raises(InputError, match="is a named pipe"):
         localizers.parameters(registry.complete(str(tmp_path / name)))
+
+
+def test_the_digest_of_a_file_changes_with_its_text_alone_wherever_it_lies(file, tmp_path):
+    before = localizers.source_digest(f"{file}:Mine")
+    (tmp_path / "elsewhere").mkdir()
+    elsewhere = file.rename(tmp_path / "elsewhere" / file.name)
+    (tmp_path / "elsewhere" / "other.py").write_text("x = 1")
+    assert localizers.source_digest(f"{elsewhere}:Mine") == before
+    elsewhere.write_text(elsewhere.read_text() + "\n")
+    assert localizers.source_digest(f"{elsewhere}:Mine") != before
+
+
+def test_the_digest_of_a_module_covers_its_package(module, install):
+    install("theirs = pack.good:Mine")
+    before = localizers.source_digest("pack.good:Mine")
+    assert localizers.source_digest("theirs") == before
+    (module / "torn.py").write_text("x = 1")
+    assert localizers.source_digest("pack.good:Mine") != before
+
+
+def test_the_digest_runs_nothing_so_what_cannot_be_imported_has_one_but_what_is_not_there(module):
+    expected = localizers.source_digest("pack.good:Mine")
+    for name in ("pack.raises:Mine", "pack.torn:Mine", "pack.gone:Mine"):
+        assert localizers.source_digest(name) == expected
+    assert localizers.source_digest("pack/torn.py:Mine") is not None
+    for name in ("no_such_pack:Mine", "no_such_file.py:Mine", ":", "..:Mine"):
+        assert localizers.source_digest(name) is None
+    assert not [name for name in sys.modules if name.partition(".")[0] == "pack"]
+
+
+def test_built_in_localizers_have_no_digest_of_their_own_and_registered_ones_that_of_their_file(
+    file,
+):
+    assert {localizers.source_digest(name) for name in localizers.names()} == {None}
+    factory = localizers.resolve(f"{file}:Mine")
+    expected = localizers.source_digest(f"{file}:Mine")
+    for own in (factory, partial(factory, gain=2.0)):
+        with localizers.registered("mine", own):
+            assert localizers.source_digest("mine") == expected
+
+
+SHIPS = """
+SHIPS = ("table.bin", "nets/layer-*.npy", "*.onnx", "folder", "", "/table", "absent")
+class Mine:
+    def __init__(self, robot): self.table = open("results.csv")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "covered"),
+    [
+        *((name, True) for name in ("ships.npz", "table.bin", "nets/layer-0.npy", "a.onnx")),
+        ("folder/deep/er.bin", True),
+        # of somebody else, or not declared
+        *((name, False) for name in ("other.bin", "other/table.bin", "results.csv", "other.py")),
+        ("__pycache__/ships.cpython-311.pyc", False),
+    ],
+)
+@pytest.mark.parametrize("new", [b"other weights", None])
+def test_the_digest_of_a_file_covers_the_files_that_it_declares_or_that_have_its_name(
+    tmp_path, name, covered, new
+):
+    (tmp_path / "ships.py").write_text(SHIPS)
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True, parents=True)
+    path.write_bytes(b"weights")
+    before = localizers.source_digest(f"{tmp_path}/ships.py:Mine")
+    path.unlink() if new is None else path.write_bytes(new)
+    assert (localizers.source_digest(f"{tmp_path}/ships.py:Mine") != before) == covered
+
+
+@pytest.mark.parametrize(
+    ("name", "covered"),
+    [("weights.npz", True), ("deep/er/w.bin", True), ("__pycache__/good.cpython-311.pyc", False)],
+)
+def test_the_digest_of_a_package_covers_all_that_it_ships(module, name, covered):
+    before = localizers.source_digest("pack.good:Mine")
+    (module / name).parent.mkdir(parents=True, exist_ok=True)
+    (module / name).write_bytes(b"weights")
+    assert (localizers.source_digest("pack.good:Mine") != before) == covered

@@ -1,9 +1,14 @@
-"""The queue by ancestry against a queue that copies all its states at every resampling."""
+"""The queue by ancestry, and what it holds: L states back, min(L, what is planned) ahead."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from following import STILL, follow, same
 
+import localizers
 from localizers.inference.queue import Queue, SlidingComposition
+from localizers.models.motion import increments
 
 
 class CopyingQueue:
@@ -98,3 +103,113 @@ def test_a_sliding_composition_is_the_composition_of_the_links_it_holds(seed):
             plain = plain if link is None else link[plain]
         composed = window.composed()
         assert np.array_equal(np.arange(n) if composed is None else composed, plain)
+
+
+T = 12
+
+
+def held(belief, reach: int = 30) -> list[int]:
+    return [offset for offset in range(-reach, reach + 1) if belief.points(offset) is not None]
+
+
+def deq(robot, lag: int, **params):
+    return localizers.make("deq-mcl", robot, particles=20, lag=lag, **params)
+
+
+@pytest.mark.parametrize("lag", [0, 1, 3, 12, 25])
+def test_the_queue_holds_lag_states_to_either_side_as_far_as_they_exist(robot, prior, drive, lag):
+    for t, belief in enumerate(follow(deq(robot, lag), prior, drive)):
+        assert held(belief) == list(range(-min(lag, t), min(lag, T - t) + 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "past"),
+    [("mcl", {}, 0), ("mcl-map", {}, 0), ("mcl-smoother", {"lag": 4}, 4)],
+)
+def test_a_method_without_future_holds_none_whatever_the_plan(
+    robot, prior, drive, name, params, past
+):
+    localizer = localizers.make(name, robot, particles=20, **params)
+    for t, belief in enumerate(follow(localizer, prior, drive)):
+        assert held(belief) == list(range(-min(past, t), 1))
+
+
+@pytest.mark.parametrize("empty", [[], np.empty(0), [[]]])
+def test_an_empty_plan_may_come_in_any_shape(robot, prior, drive, empty):
+    localizer = deq(robot, 3)
+    assert held(localizer.reset(prior, empty, np.random.default_rng(0))) == [0]
+    assert held(localizer.update(drive[1][0], drive[0][0], empty)) == [-1, 0]
+
+
+@pytest.mark.parametrize("horizon", [0, 1, 2, 4])
+def test_a_plan_shorter_than_the_lag_shrinks_the_window(robot, prior, drive, horizon):
+    actions, _ = drive
+    plans = [actions[t : t + horizon] for t in range(T + 1)]
+    beliefs = follow(deq(robot, 5), prior, drive, plans=plans)
+    for t, belief in enumerate(beliefs):
+        assert held(belief) == list(range(-min(5, t), min(horizon, T - t) + 1))
+    assert beliefs[-1].events.replanned_steps == 0  # it ends earlier and grows by itself
+
+
+def test_a_plan_longer_than_the_lag_is_looked_at_no_further(robot, prior, drive):
+    window = [drive[0][t : t + 4] for t in range(T + 1)]
+    whole, cut = (follow(deq(robot, 4), prior, drive, plans=plans) for plans in (None, window))
+    assert same(whole, cut, offsets=range(-5, 6))
+
+
+def test_a_plan_that_is_cut_and_grows_again_is_followed_and_the_cut_is_counted(robot, prior, drive):
+    actions, _ = drive
+    plans = [actions[t:] for t in range(T + 1)]
+    plans[4], plans[5] = actions[4:5], actions[5:5]
+    beliefs = follow(deq(robot, 5), prior, drive, plans=plans)
+    ahead = [held(belief)[-1] for belief in beliefs]
+    assert ahead == [5, 5, 5, 5, 1, 0, 5, 5, 4, 3, 2, 1, 0]
+    # at 4 four queued steps are dropped; at 5 the queue has no more than was carried out
+    assert [belief.events.replanned_steps for belief in beliefs] == [0] * 4 + [1] * 9
+
+
+@pytest.mark.parametrize("change", [0, 1, 3])
+def test_a_changed_action_is_redrawn_once_and_the_steps_before_it_are_kept(
+    robot, prior, drive, change
+):
+    # At t = 5 the action ``change`` steps on becomes another one; 0: the one carried out.
+    actions, scans = drive
+    driven = actions.copy()
+    driven[4 + change] += (0.0, 0.05)
+    plans = [actions[t:] if t < 5 else driven[t:] for t in range(T + 1)]
+    changed = follow(deq(robot, 4, beta=1.0), prior, (driven, scans), plans=plans)
+    assert [belief.events.replanned_steps for belief in changed] == [0] * 5 + [1] * 8
+    for belief in changed:
+        assert belief.drawn.shape[0] == held(belief)[-1]
+    after = changed[5]
+    assert np.array_equal(after.drawn, increments(driven[5:9]))
+    # The steps that both plans share are those of the run without a change.
+    kept = follow(deq(robot, 4, beta=1.0), prior, drive)[5]
+    for offset in range(-4, 5):
+        equal = np.array_equal(after.points(offset)[0], kept.points(offset)[0])
+        assert equal == (offset < change)
+
+
+def test_an_action_equal_to_the_planned_one_in_value_is_no_change_whatever_its_type(
+    robot, prior, drive
+):
+    actions, scans = drive
+    localizer = deq(robot, 4)
+    localizer.reset(prior, [tuple(a) for a in actions.tolist()], np.random.default_rng(0))
+    for t in range(4):
+        belief = localizer.update(list(scans[t]), tuple(actions[t]), actions[t + 1 :].tolist())
+    assert belief.events.replanned_steps == 0
+
+
+def test_the_queued_future_is_the_plan_rolled_out(robot, prior):
+    exact = replace(robot, motion=STILL)
+    plan = np.array([(10.0, 0.0), (10.0, np.pi / 2), (10.0, 0.0)])
+    belief = deq(exact, 3, beta=0.0).reset(prior, plan, np.random.default_rng(0))
+    (start, _), (end, _) = belief.points(0), belief.points(3)
+    # equal weights: systematic resampling keeps everyone in its place
+    x, y, heading = start.astype(float).T
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    left = np.array([-ahead[1], ahead[0]])
+    # float32 at 100 px: 4e-6 per operation, three steps
+    assert np.abs(end[:, :2].T - (np.array([x, y]) + 10 * ahead + 20 * left)).max() < 5e-5
+    assert np.abs(end[:, 2] - heading - np.pi / 2).max() < 2e-6

@@ -1,4 +1,4 @@
-"""Every method is unbiased for its γ_t, with eight particles (see ring_world).
+"""Every method is unbiased for its γ_t, with eight particles (see ring).
 
 So the redraw rule is exact too: after a change the target is γ_t of the new plan, for every number
 of pilots. Each z-test fails at |z| > 5: false alarms 6e-7 each if normal, 1e-3 for the 1,600 of the
@@ -9,71 +9,32 @@ for the redraw alone.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
-from ring_filters import (
-    RESAMPLING,
-    beliefs,
-    deq,
-    informed_throughout,
-    rejuvenated,
-    ring_filter,
-    started_by_plan,
-    twisted_by_h,
-    with_doubt,
-    with_h,
-    with_pilots,
-    with_plans,
-    worst,
-    z_scores,
-)
-from ring_world import (
+from ring import (
     AS_PLANNED,
     AUTHORS,
     CHANGES,
     DRIVES,
     FUTURE,
+    METHODS,
     PAST,
+    PLANS,
     PRIOR,
+    RESAMPLING,
     SENSOR,
     STATES,
     Drive,
     RingMotion,
+    beliefs,
+    deq,
     gamma,
     transition,
+    worst,
+    z_scores,
 )
 
-from localizers.inference.futures import Sometimes
-from localizers.inference.plan_evidence import steps_known
-
-METHODS = {
-    "mcl": lambda beta, **parts: ring_filter(0.0, **parts),
-    "past": lambda beta, **parts: ring_filter(0.0, past=PAST, **parts),
-    "g": ring_filter,
-    "g and past": partial(ring_filter, past=PAST),
-    "deq": deq,
-    "deq, 2 pilots": partial(deq, pilots=2),
-    "deq, 16 pilots": partial(deq, pilots=16),
-    "rejuvenated": rejuvenated,
-    "rejuvenated at a third of the steps": partial(
-        rejuvenated, when=lambda move: Sometimes(move, 1 / 3)
-    ),
-    "h": with_h,
-    "h, twisted": twisted_by_h,
-    "pilots": with_pilots,
-}
-PLANS = {
-    "plans": with_plans,
-    "plans, to their end": partial(with_plans, steps=None),
-    "plans, when new": partial(with_plans, steps=3, known=steps_known),
-    "plans, doubted": with_doubt,
-    "start": started_by_plan,
-    "start, two draws": partial(started_by_plan, draws=2),
-    "start and plans": informed_throughout,
-    "start and plans, when new": partial(informed_throughout, steps=3, known=steps_known),
-}
 ALWAYS, DEGENERATE = RESAMPLING
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]  # how it resamples, and β
 

@@ -5,7 +5,12 @@ from functools import cached_property
 
 import numpy as np
 import pytest
-from ring_filters import (
+from ring import (
+    AS_PLANNED,
+    AUTHORS,
+    DRIVES,
+    RingPlans,
+    RingWalls,
     deq,
     informed_throughout,
     rejuvenated,
@@ -15,7 +20,6 @@ from ring_filters import (
     worst,
     z_scores,
 )
-from ring_world import AS_PLANNED, AUTHORS, DRIVES, RingPlans, RingWalls
 
 from localizers.inference.futures import Redraw, RenewedFuture, Rollout, WhenResampled
 from localizers.inference.particle_filter import ParticleFilter

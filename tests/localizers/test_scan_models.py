@@ -1,15 +1,19 @@
-"""Beam models: each is a probability distribution over [0, max_range], and has its book's form."""
+"""Scan models: a beam is a distribution of its book's form, a scan a product over the beams."""
 
 import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import LARGEST, InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.beams import beam_model
+from localizers.models.scan import LidarScan, Scan, ScanTable
 
 MAX = 400.0
 MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]
@@ -159,3 +163,181 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
+
+
+NAN, INF = math.nan, math.inf
+LIDAR = Lidar(beams=5, field_of_view=2.0, max_range=400.0)
+SCAN = np.array([60.0, 80.0, 250.0, 80.0, 60.0])
+POSES = np.array(
+    [(50, 50, 0.1), (300, 50, 1.5), (60, 250, -1.0), (175, 150, 0.0)], dtype=np.float32
+).T
+
+
+@pytest.fixture(params=[GaussianUniform(), CensoredGaussianUniform(sigma=20.0), BeamModel()])
+def scan(request, room) -> LidarScan:
+    return LidarScan(floor_plan=room, lidar=LIDAR, beam=request.param)
+
+
+def told(model: LidarScan, ranges: np.ndarray, poses: np.ndarray = POSES) -> np.ndarray:
+    return model.log_likelihood(poses, Scan.of(ranges, LIDAR.max_range))
+
+
+def only(scan: LidarScan, beam: int) -> np.ndarray:
+    """The likelihood of one beam, all others being unusable."""
+    ranges = np.full(5, NAN)
+    ranges[beam] = SCAN[beam]
+    return told(scan, ranges)
+
+
+@pytest.mark.parametrize("bad", [NAN, INF, -INF, -1e-9, 400.001, 1e9])
+def test_a_scan_is_the_product_of_its_beams_but_for_those_that_are_no_number_in_range(scan, bad):
+    # sums of five logs in another order: some units of float64
+    each = np.array([only(scan, beam) for beam in range(5)])
+    together = told(scan, SCAN)
+    assert together == pytest.approx(each.sum(axis=0), rel=1e-12)
+    assert np.ptp(together) > 0.1
+    for beam in range(5):
+        spoilt = SCAN.copy()
+        spoilt[beam] = bad
+        others = np.delete(each, beam, axis=0).sum(axis=0)
+        assert told(scan, spoilt) == pytest.approx(others, rel=1e-12)
+        assert Scan.of(spoilt, 400.0).usable.tolist() == [i != beam for i in range(5)]
+
+
+@pytest.mark.parametrize("limit", [0.0, 400.0])
+def test_zero_and_the_maximum_range_are_measurements(scan, limit):
+    ranges = np.full(5, NAN)
+    ranges[2] = limit
+    assert Scan.of(ranges, 400.0).beams == 1
+    assert np.ptp(told(scan, ranges)) > 0
+
+
+@pytest.mark.parametrize("bad", [NAN, INF, -5.0, 401.0])
+def test_a_scan_without_a_usable_beam_says_nothing(scan, bad):
+    outside_too = np.hstack([POSES, np.array([[-50], [50], [0]], dtype=np.float32)])
+    assert told(scan, np.full(5, bad), outside_too).tolist() == [0.0] * 5
+
+
+def test_inside_the_solid_rectangle_its_own_walls_are_what_is_seen(scan):
+    # At (175, 150, 0), in the solid: 75 px to the right. As published, feasibility is g's business.
+    one = np.full(5, NAN)
+    one[2] = 75.0
+    likelihoods = told(scan, one)
+    assert likelihoods.argmax() == 3
+
+
+def test_many_poses_are_looked_at_block_by_block_each_by_itself(scan):
+    poses = np.random.default_rng(2).uniform((-30, -30, -4), (380, 330, 4), (10_000, 3)).T
+    together = told(scan, SCAN, poses)
+    assert together[8200:8300].tolist() == told(scan, SCAN, poses[:, 8200:8300]).tolist()
+
+
+class Hall:
+    """A map of one's own: all walls are 80 px away."""
+
+    @property
+    def caster(self):
+        return self
+
+    def cast(self, poses, bearings, out):
+        out[:] = 80.0
+
+
+def test_any_map_and_any_beam_model_will_do():
+    class Flat:
+        def log_likelihood(self, ranges, expected, max_range):
+            return (expected - 79.0).sum(axis=1).astype(float)
+
+        def least_density(self, max_range):
+            return 1.0
+
+    scan = LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=Flat())
+    assert told(scan, SCAN).tolist() == [5.0] * 4
+    del Flat.least_density
+    for beam, lacking in ((Flat(), "least_density"), (None, "log_likelihood and least_density")):
+        kind = type(beam).__name__
+        with pytest.raises(InputError, match=rf"of type {kind}, without {lacking}: [^.]*\.$"):
+            LidarScan(floor_plan=Hall(), lidar=LIDAR, beam=beam)
+
+
+# outside the building no scan is likelier than at any pose inside it, and each beam counts
+SHARES = st.one_of(st.sampled_from([0.0, 1e-300, 1e-16, 0.05, 1.0]), st.floats(0, 1))
+
+
+def sizes(*usual: float):
+    """The sizes given, and any between the smallest and the largest."""
+    exponents = st.floats(np.log10(usual[0]), np.log10(usual[-1]))
+    return st.sampled_from(usual) | exponents.map(lambda e: min(10.0**e, usual[-1]))
+
+
+@st.composite
+def maps(draw) -> PolygonMap:
+    """A room of any proportions, with a solid rectangle in it or none."""
+    width, height = draw(st.floats(5, 800)), draw(st.floats(5, 800))
+    outer = [(0, 0), (width, 0), (width, height), (0, height)]
+    solid = [(x * width, y * height) for x, y in [(0.3, 0.3), (0.6, 0.3), (0.6, 0.7), (0.3, 0.7)]]
+    return PolygonMap(outer=outer, obstacles=draw(st.sampled_from([[], [solid]])))
+
+
+@st.composite
+def scan_models(draw) -> LidarScan:
+    """Every model there is, at any noise, and any shares, none too."""
+    floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, LARGEST))
+    lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
+    sigma, share = draw(sizes(1e-30, 1.0, 100.0, LARGEST)), draw(SHARES)
+    kind = draw(st.sampled_from(["gaussian", "censored", "beam"]))
+    if kind == "beam":
+        short, largest = share * draw(SHARES), draw(st.sampled_from([0.0, 0.5])) * (1 - share)
+        rest = {"short": short, "max": largest, "rand": share - short}
+        beam = BeamModel(sigma=sigma, hit=1 - sum(rest.values()), **rest)
+    else:
+        model = GaussianUniform if kind == "gaussian" else CensoredGaussianUniform
+        beam = model(sigma=sigma, uniform=share)
+    return LidarScan(floor_plan=floor_plan, lidar=lidar, beam=beam)
+
+
+def scans(draw, model, pose: np.ndarray) -> np.ndarray:
+    """What is seen from a pose, but for beams that are short, noisy, at the ends, or lost."""
+    lidar = model.lidar
+    ranges = model.floor_plan.ranges(pose[None], lidar.bearings)[0].astype(float)
+    ranges = np.minimum(ranges, lidar.max_range)
+    odd = [0.0, lidar.max_range, np.nan, np.inf, -1.0, 0.5 * lidar.max_range]
+    which = draw(st.lists(st.sampled_from(odd), max_size=lidar.beams))
+    ranges[: len(which)] = which
+    return draw(st.sampled_from([ranges, ranges * 0.3, np.full_like(ranges, np.nan)]))
+
+
+@given(data=st.data(), model=scan_models())
+def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_number_of_beams(
+    data, model
+):
+    _, _, x1, y1 = model.floor_plan.bounds
+    share = st.floats(0.01, 0.99)
+    truth = np.array([x1 * data.draw(share), y1 * data.draw(share), data.draw(st.floats(-3, 3))])
+    inside = np.array([truth, [0.5 * x1, 0.5 * y1, 1.0], [0.05 * x1, 0.9 * y1, -2.0]])
+    outside = np.array([[-0.1 * x1, y1 / 2, 0.0], [x1 / 2, 1.5 * y1, 2.0], [3 * x1, -y1, 1.0]])
+    poses = np.ascontiguousarray(np.vstack([inside, outside]).T, np.float32)
+    scan = Scan.of(scans(data.draw, model, truth), model.lidar.max_range)
+    seen = model.log_likelihood(poses, scan)
+    assert not np.isnan(seen).any()
+    within, beyond = seen[:3], seen[3:]
+    assert beyond.tolist() == [beyond[0]] * 3
+    assert ScanTable(model, poses).log_likelihood(scan) == pytest.approx(seen, rel=1e-9)
+    if scan.beams == 0:
+        assert seen.tolist() == [0.0] * 6
+        return
+    assert beyond[0] <= scan.beams * -30.0
+    # a sum of logarithms is right to some units of each: 1e-12 of the sum
+    assert (within >= beyond[0] - 1e-12 * abs(np.nan_to_num(beyond[0], neginf=0.0))).all()
+
+
+@pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
+@given(used=st.integers(0, 80), lost=st.integers(0, 80))
+def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
+    room, beam, used, lost
+):
+    lidar = Lidar(beams=used + lost + 1, field_of_view=6.0, max_range=400.0)
+    model = LidarScan(floor_plan=room, lidar=lidar, beam=beam)
+    ranges = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
+    outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
+    assert model.log_likelihood(outside, Scan.of(ranges, 400.0)).tolist() == [used * -30.0]

@@ -6,6 +6,7 @@ import random
 import numpy as np
 import pytest
 import textbook_mcl as book
+from following import STILL
 
 import localizers
 from deqmcl_gym.maps import Lidar
@@ -107,12 +108,11 @@ def test_the_log_likelihood_of_a_scan_is_the_textbooks(robot, room):
 
 
 def test_motion_without_noise_is_the_textbooks():
-    still = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
     robot = book.Robot([], [], [], 0, 1, 0, 0.0, 0.0, 0.0)
     rng = np.random.default_rng(2)
     poses = rng.uniform((0, 0, -np.pi), (350, 300, np.pi), (500, 3)).astype(np.float32)
     for distance, turn in rng.uniform((-30, -np.pi), (30, np.pi), (20, 2)).tolist():
-        seen = still.sample(poses.T, np.array([distance, turn]), np.random.default_rng(0))
+        seen = STILL.sample(poses.T, np.array([distance, turn]), np.random.default_rng(0))
         exact = np.array(
             [book.moved(robot, p, distance, turn, random.Random(0)) for p in poses.tolist()]
         )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from following import follow, updated
+from following import follow, started, updated
 
 import localizers
 from deqmcl_gym.maps import Lidar
@@ -75,8 +75,7 @@ def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
         lidar=Lidar(),
         scan=localizers.GaussianUniform(sigma=0.5, uniform=0.0),
     )
-    localizer = localizers.make("mcl", robot, particles=50)
-    localizer.reset(start, [], np.random.default_rng(0))
+    localizer = started("mcl", robot, start, particles=50)
     belief = localizer.update([10.0], [0.0, 0.0], [])  # 300 px seen: z = 580, density 0
     assert belief.events.weight_collapses == 1
     assert belief.points()[1].tolist() == [1 / 50] * 50

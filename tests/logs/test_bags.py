@@ -89,13 +89,6 @@ def test_odometry_lies_straight_between_the_messages_around_a_scan(tmp_path):
     assert "no static transform from base_footprint to laser" in warned
 
 
-def test_a_scan_that_nobody_knows_the_place_of_is_counted(tmp_path):
-    times = (0.5, 1.0, 2.5, 99.0)
-    log, warned = read_and_warned(bag(tmp_path / "x", *drive(times=times)))
-    assert log.times.tolist() == [0.5, 1.0]
-    assert "skipped 2 of 4 records: 2 without odometry" in warned
-
-
 @pytest.mark.parametrize(("roll", "sign"), [(0.0, 1), (math.pi, -1)])
 def test_static_transforms_say_the_mounting_through_a_chain_and_upside_down(tmp_path, roll, sign):
     chain = [
@@ -159,11 +152,24 @@ def test_a_bag_with_an_empty_laser_topic_is_refused(tmp_path):
         read_and_warned(bag(tmp_path / "x", *drive(("/scan", SCAN, None), times=())))
 
 
-def test_a_scan_of_another_length_or_geometry_is_counted(tmp_path):
-    odd = ("/scan", SCAN, scan(0.7, ranges=(1.0, 2.0)))
-    log, warned = read_and_warned(bag(tmp_path / "x", *drive(odd)))
-    assert len(log) == 3
-    assert "1 with a scan of another length" in warned
+@pytest.mark.parametrize(
+    ("more", "times", "kept", "said"),
+    [
+        ((), (0.5, 1.0, 2.5, 99.0), [0.5, 1.0], "skipped 2 of 4 records: 2 without odometry"),
+        # within a long gap of the odometry; the last one stands at a message
+        (("/odom", ODOMETRY, odometry(9.0, 9.0)), (0.5, 5.0, 9.0), [0.5, 9.0],
+         "1 without odometry"),
+        (("/scan", SCAN, scan(0.7, ranges=(1.0, 2.0))), (0.5, 1.0), [0.5, 1.0],
+         "1 with a scan of another length"),
+    ],
+)  # fmt: skip
+def test_a_scan_that_nobody_knows_the_place_of_or_of_another_length_is_counted(
+    tmp_path, more, times, kept, said
+):
+    messages = drive(*([more] if more else []), times=times)
+    log, warned = read_and_warned(bag(tmp_path / "x", *messages))
+    assert log.times.tolist() == kept
+    assert said in warned
 
 
 def test_without_rosbags_one_sentence_names_the_command(tmp_path, monkeypatch):
@@ -171,10 +177,3 @@ def test_without_rosbags_one_sentence_names_the_command(tmp_path, monkeypatch):
     for call in (lambda: logs.read(tmp_path / "x.bag"), lambda: logs.check_writable("x.mcap")):
         with pytest.raises(InputError, match=r'pip install "deqmcl-gym\[ros\]"'):
             call()
-
-
-def test_a_scan_within_a_long_gap_of_the_odometry_is_counted(tmp_path):
-    late = ("/odom", ODOMETRY, odometry(9.0, 9.0))
-    log, warned = read_and_warned(bag(tmp_path / "x", late, *drive(times=(0.5, 5.0, 9.0))))
-    assert log.times.tolist() == [0.5, 9.0]  # the last one stands at a message
-    assert "1 without odometry" in warned

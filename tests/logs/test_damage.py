@@ -21,6 +21,24 @@ def carmen_lines(n=12):
     return [f"FLASER 3 1.5 2.5 3.5 0 0 0 {t}.0 0 0.1 {t} host {t}" for t in range(n)]
 
 
+@pytest.fixture
+def read_lines(tmp_path):
+    """Read a CARMEN log of such lines: the log and what was warned of."""
+
+    def read(lines):
+        (tmp_path / "x.log").write_text("\n".join(lines))
+        return read_and_warned(tmp_path / "x.log")
+
+    return read
+
+
+@pytest.fixture
+def csv(tmp_path):
+    """The path of an episode's log, and the lines of its text."""
+    logs.write(episode(), tmp_path / "x.csv")
+    return tmp_path / "x.csv", (tmp_path / "x.csv").read_text().splitlines()
+
+
 DAMAGES = {
     "cut within its ranges": lambda line: line[:12],
     "cut before its time": lambda line: line[: line.index("host") - 3],
@@ -39,7 +57,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(hurt=st.sets(st.integers(1, 11), min_size=1, max_size=4))
 def test_every_damaged_record_is_left_out_and_counted_and_no_other(tmp_path_factory, damage, hurt):
     lines = carmen_lines()
@@ -55,21 +73,17 @@ def test_every_damaged_record_is_left_out_and_counted_and_no_other(tmp_path_fact
 
 @pytest.mark.parametrize("time", ["-5", "1e9"])
 @pytest.mark.parametrize("index", [2, 5, 9])
-def test_a_time_stamp_that_is_off_costs_one_record(tmp_path, time, index):
+def test_a_time_stamp_that_is_off_costs_one_record(read_lines, time, index):
     lines = carmen_lines()
     lines[index] = re.sub(r"\d+ host", f"{time} host", lines[index])
-    (tmp_path / "x.log").write_text("\n".join(lines))
-    log, warned = read_and_warned(tmp_path / "x.log")
+    log, warned = read_lines(lines)
     assert log.times.tolist() == [t for t in range(12) if t != index]
     assert "skipped 1 of 12 records: 1 whose time runs backwards" in warned
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, NAN, float("inf"), float("-inf"), 81.83, 1e300])
-def test_a_bad_range_costs_its_beam_not_the_record(tmp_path, bad):
-    (tmp_path / "x.log").write_text(
-        "\n".join(line.replace("2.5", repr(bad)) for line in carmen_lines())
-    )
-    log, warned = read_and_warned(tmp_path / "x.log")
+def test_a_bad_range_costs_its_beam_not_the_record(read_lines, bad):
+    log, warned = read_lines([line.replace("2.5", repr(bad)) for line in carmen_lines()])
     assert log.ranges.tolist() == [[1.5, np.inf, 3.5]] * 12
     assert not warned
     assert "33.3% of the ranges without a return" in str(log)
@@ -92,11 +106,10 @@ def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
 
 @pytest.mark.parametrize("kind", ["GYRO", "ARM_STATE", "RADAR2"])
 @pytest.mark.parametrize("end", ["3.5 host 0.1", "3.5 host", "9 robot-2.lan 12"])
-def test_messages_of_other_kinds_are_told_but_are_no_damage(tmp_path, kind, end):
+def test_messages_of_other_kinds_are_told_but_are_no_damage(read_lines, kind, end):
     lines = carmen_lines()
     lines[3:3] = [f"{kind} {end}", f"{kind} 1 2 {end}", f"{kind} 1 2"]  # the third breaks off
-    (tmp_path / "x.log").write_text("\n".join(lines))
-    log, warned = read_and_warned(tmp_path / "x.log")
+    log, warned = read_lines(lines)
     assert (len(log), log.skipped) == (12, {"unreadable": 1})
     assert f"left out messages of other kinds: 2 {kind}." in warned
 
@@ -131,7 +144,7 @@ def test_a_file_that_breaks_off_is_refused_or_its_loss_is_counted(tmp_path, endi
 
 
 @pytest.mark.parametrize("ending", [*ENDINGS[:-1], ".db3"])
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(noise=st.binary(max_size=200))
 def test_noise_is_refused_in_one_sentence(tmp_path_factory, ending, noise):
     path = tmp_path_factory.getbasetemp() / f"noise{ending}"
@@ -175,15 +188,10 @@ def test_a_carmen_log_without_a_choice_of_scans_is_refused(tmp_path, text, said)
 def test_what_cannot_be_a_log_is_refused(tmp_path):
     (tmp_path / "x.dat").write_text("1")
     (tmp_path / "x").write_text("1")
-    for name, said in (
-        ("x.npz.gz", "unknown format"),
-        ("x.dat", "unknown format"),
-        ("x", "unknown format"),
-        ("no.log", "exist"),
-    ):
-        assert said in refused(tmp_path / name)
-    for name in ("no.csv", "no.npz", "no.mcap", "no.bag", "no"):
-        assert re.search("exist", refused(tmp_path / name))
+    for name in ("x.npz.gz", "x.dat", "x"):
+        assert "unknown format" in refused(tmp_path / name)
+    for name in ("no.log", "no.csv", "no.npz", "no.mcap", "no.bag", "no"):
+        assert "exist" in refused(tmp_path / name)
     logs.write(episode(), tmp_path / "x.csv")
     assert "does not take it" in refused(tmp_path / "x.csv", scan_topic="/scan")
     with pytest.raises(InputError, match="not written"):
@@ -197,27 +205,25 @@ def test_a_pipe_is_not_waited_for(tmp_path, ending):
     assert "is a named pipe" in refused(pipe)
 
 
-def test_a_stray_quote_or_a_number_beyond_all_use_costs_one_record(tmp_path):
-    logs.write(episode(), tmp_path / "x.csv")
-    lines = (tmp_path / "x.csv").read_text().splitlines()
+def test_a_stray_quote_or_a_number_beyond_all_use_costs_one_record(csv):
+    path, lines = csv
     lines[10] = lines[10].replace(",", ',"x', 1)
     time, _, *rest = lines[20].split(",")
     lines[20] = ",".join([time, "1e300", *rest])
-    (tmp_path / "x.csv").write_text("\n".join(lines))
-    log, warned = read_and_warned(tmp_path / "x.csv")
+    path.write_text("\n".join(lines))
+    log, warned = read_and_warned(path)
     assert len(log) == len(episode()) - 2
     assert "1 unreadable" in warned
     assert "beyond 1e+12" in warned
 
 
-def test_an_array_that_is_no_archive_and_half_a_reference_are_refused(tmp_path):
+def test_an_array_that_is_no_archive_and_half_a_reference_are_refused(tmp_path, csv):
     np.save(tmp_path / "x.npy", np.zeros(3))
     (tmp_path / "x.npy").rename(tmp_path / "x.npz")
     assert "not a complete npz file" in refused(tmp_path / "x.npz")
-    logs.write(episode(), tmp_path / "x.csv")
-    text = (tmp_path / "x.csv").read_text().replace("ref_heading", "ref_theta")
-    (tmp_path / "x.csv").write_text(text)
-    assert "2 of the columns ref_x, ref_y, ref_heading" in refused(tmp_path / "x.csv")
+    path, lines = csv
+    path.write_text("\n".join(lines).replace("ref_heading", "ref_theta"))
+    assert "2 of the columns ref_x, ref_y, ref_heading" in refused(path)
 
 
 def test_a_scanner_that_measures_nothing_is_refused():
@@ -226,7 +232,7 @@ def test_a_scanner_that_measures_nothing_is_refused():
             logs.Scanner(angles=(0.0,), max_range=5.0, **bad)
 
 
-def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path):
+def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path, csv):
     header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
     with (
         zipfile.ZipFile(tmp_path / "x.npz", "w") as archive,
@@ -234,19 +240,14 @@ def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path):
     ):
         np.lib.format.write_array_header_1_0(file, header)
     assert "not a complete npz file" in refused(tmp_path / "x.npz")
-    logs.write(episode(), tmp_path / "x.csv")
-    lines = (tmp_path / "x.csv").read_text().splitlines()
-    (tmp_path / "x.csv").write_text("\n".join(["# " + "[" * 10**5, *lines[1:]]))
-    assert "is not a JSON object" in refused(tmp_path / "x.csv")
+    path, lines = csv
+    path.write_text("\n".join(["# " + "[" * 10**5, *lines[1:]]))
+    assert "is not a JSON object" in refused(path)
 
 
 def test_pickles_are_never_loaded(tmp_path):
-    arrays = {
-        "times": np.array([{}], object),
-        "odometry": np.zeros((1, 3)),
-        "ranges": np.ones((1, 1)),
-    }
-    np.savez(tmp_path / "x.npz", **arrays)
+    times = np.array([{}], object)
+    np.savez(tmp_path / "x.npz", times=times, odometry=np.zeros((1, 3)), ranges=np.ones((1, 1)))
     assert "pickles" in refused(tmp_path / "x.npz")
 
 

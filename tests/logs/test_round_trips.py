@@ -72,7 +72,7 @@ finite = st.floats(-1e6, 1e6, allow_nan=False)
 readings = st.one_of(st.floats(0.5, 78.5, width=32), st.sampled_from([0.0, 79.0, 81.83, math.inf]))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     rows=st.lists(
         st.tuples(

@@ -85,7 +85,7 @@ def test_transparent_cells_are_unknown_in_mode_scale(tmp_path):
     assert grid.occupancy.tolist() == [[-1, 0], [0, 100]]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grids(), st.sampled_from([(0.196, 0.65), (0.25, 0.65), (0.4, 0.9)]))
 def test_a_saved_map_is_read_back_as_it_was(tmp_path_factory, grid, thresholds):
     path = tmp_path_factory.mktemp("map") / "office.yaml"
@@ -99,7 +99,7 @@ def test_a_saved_map_is_read_back_as_it_was(tmp_path_factory, grid, thresholds):
         assert GridMap.load(path, given_map.unknown).digest == given_map.digest
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.integers(-1, 100), min_size=4, max_size=60))
 def test_occupancies_in_between_survive_raw_exactly_and_scale_to_one_step(tmp_path_factory, values):
     cells = np.array([values, [0] * len(values)], np.int8)
@@ -183,7 +183,7 @@ def test_a_yaml_without_what_map_server_needs_is_refused(tmp_path, missing):
         GridMap.load(path)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.binary(max_size=60), st.integers(0, 60))
 def test_an_image_of_any_bytes_is_read_or_refused(tmp_path_factory, junk, cut):
     path = written(tmp_path_factory.mktemp("map"), PGM[:cut] + junk)
@@ -191,7 +191,7 @@ def test_an_image_of_any_bytes_is_read_or_refused(tmp_path_factory, junk, cut):
         GridMap.load(path)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.text(max_size=40),
     st.sampled_from(["origin", "negate", "resolution", "image", "free_thresh"]),

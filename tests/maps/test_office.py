@@ -29,7 +29,7 @@ def offices(draw, **fixed):
     return Office(**given | fixed)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(offices())
 def test_a_robot_comes_through_the_doors_to_all_that_is_free(office):
     """Its disc goes from cell to cell; what it covers, corners filled up, is all that is free."""
@@ -52,7 +52,7 @@ def test_a_robot_comes_through_the_doors_to_all_that_is_free(office):
     assert covered[~grid.solid].all()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(offices())
 def test_its_border_is_wall_and_its_polygons_are_all_of_it(office):
     solid = office.grid.solid
@@ -62,7 +62,7 @@ def test_its_border_is_wall_and_its_polygons_are_all_of_it(office):
     assert area == pytest.approx((~solid).sum() * CELL**2)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     offices(repeated=False, symmetric=True, wings=2)
     | offices(repeated=False, symmetric=True, wings=4)
@@ -71,7 +71,7 @@ def test_a_half_turn_of_a_symmetric_office_is_the_same_office(office):
     assert (office.grid.solid == office.grid.solid[::-1, ::-1]).all()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(offices(repeated=True))
 def test_wings_of_an_office_that_repeats_them_are_alike(office):
     solid = office.grid.solid[:, 2:-2]  # without the outer walls, and with a corridor left over

@@ -120,15 +120,9 @@ def test_a_refused_number_is_told_with_its_bounds_to_the_last_bit(value, bound, 
         assert bound <= value <= LARGEST
 
 
-def test_numbers_beside_a_bound_are_told_with_the_digits_that_differ():
-    assert [digits(x) for x in (10.0, 0.1, 10.0000001, 1e308)] == [
-        "10",
-        "0.1",
-        "10.0000001",
-        "1e+308",
-    ]
-    with pytest.raises(InputError, match=r"it is 10\.0000001, but must be .* from 0 to 10\."):
-        number("it", 10.0000001, low=0, high=10)
+def test_numbers_are_told_with_as_few_digits_as_tell_them_apart():
+    said = ["10", "0.1", "10.0000001", "1e+308"]
+    assert [digits(x) for x in (10.0, 0.1, 10.0000001, 1e308)] == said
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float16, fractions.Fraction])

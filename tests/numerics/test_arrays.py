@@ -1,4 +1,4 @@
-"""The elementary functions against the C library's, through Python's own math."""
+"""Elementary functions against the C library's, and seeds against NumPy's."""
 
 import math
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from deqmcl_gym.numerics import arrays, elementary, exponential_kernels
+from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
+from deqmcl_gym.numerics.entropy import Seeds
 
 EPS = np.finfo(float).eps
 # Each function is a short polynomial, scaled: a handful of roundings, stated as 4 units in the
@@ -21,8 +23,8 @@ def test_sin_and_cos_are_accurate_far_from_zero_and_beside_every_quarter_turn():
     quarters = np.arange(-1000, 1001) * math.pi / 2
     spread = np.random.default_rng(0).uniform(-1, 1, (10, 5_000)) * 10.0 ** np.arange(10)[:, None]
     angles = np.concatenate([quarters, quarters + 1e-9, spread.ravel(), [-1e9, 1e9]])
-    assert arrays.sin(angles) == pytest.approx(each(math.sin, angles), abs=TOLERANCE, rel=0)
-    assert arrays.cos(angles) == pytest.approx(each(math.cos, angles), abs=TOLERANCE, rel=0)
+    np.testing.assert_allclose(arrays.sin(angles), each(math.sin, angles), rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(arrays.cos(angles), each(math.cos, angles), rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("function", [arrays.sin, arrays.cos])
@@ -35,13 +37,13 @@ def test_arctan2_is_accurate_in_all_quadrants_on_the_axes_and_at_all_scales():
     rng = np.random.default_rng(1)
     y, x = rng.standard_normal((2, 50_000)) * 10.0 ** rng.integers(-150, 150, (2, 50_000))
     y[:5], x[:5] = [0.0, 0.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 0.0, 0.0]
-    assert arrays.arctan2(y, x) == pytest.approx(each(math.atan2, y, x), abs=TOLERANCE, rel=0)
+    np.testing.assert_allclose(arrays.arctan2(y, x), each(math.atan2, y, x), rtol=0, atol=TOLERANCE)
 
 
 def test_exp_is_accurate_down_to_the_least_normal_number_and_zero_beyond():
     x = -np.concatenate([np.linspace(0, 708, 50_001), [708.5, 800.0, 1e6, np.inf]])
     expected = np.where(x > -708, np.exp(x), 0.0)
-    assert arrays.exp(x) == pytest.approx(expected, rel=TOLERANCE, abs=0)
+    np.testing.assert_allclose(arrays.exp(x), expected, rtol=TOLERANCE)
 
 
 def test_log_is_accurate_over_all_normal_numbers():
@@ -57,7 +59,7 @@ def test_log_is_accurate_over_all_normal_numbers():
 def test_normal_cdf_is_accurate_and_monotone_at_both_ends():
     z = np.linspace(-9, 9, 20_001)
     expected = each(lambda v: math.erfc(-v / math.sqrt(2)) / 2, z)
-    assert arrays.normal_cdf(z) == pytest.approx(expected, abs=1e-15, rel=0)
+    np.testing.assert_allclose(arrays.normal_cdf(z), expected, rtol=0, atol=1e-15)
     assert arrays.normal_cdf([-np.inf, -40.0, 40.0, np.inf]).tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
@@ -109,3 +111,73 @@ def test_shapes_are_kept_and_arguments_left_alone():
     assert arrays.exp(given).shape == (2, 2)
     assert (given == before).all()
     assert arrays.sin(0.5).shape == ()
+
+
+# Half a unit in the last place of a float32 below 1 is 3e-8. The polynomial, its evaluation and the
+# reduction of the argument add a few more half units: 1.2e-7 is four of them (the kernel says
+# "about 1e-7").
+SINGLE = 1.2e-7
+
+
+def sincos(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    sines, cosines = np.empty_like(angles), np.empty_like(angles)
+    sincos32(angles, sines, cosines)
+    return sines, cosines
+
+
+def test_sincos_is_accurate_to_four_half_units_and_beside_every_eighth_of_a_turn():
+    eighths = (np.arange(-1273, 1274) * (np.pi / 4)).astype(np.float32)
+    up, down = np.nextafter(eighths, np.float32(2e3)), np.nextafter(eighths, np.float32(-2e3))
+    rng = np.random.default_rng(1)
+    spread = [rng.uniform(-bound, bound, 200_000) for bound in (1.0, 10.0, 100.0, 1000.0)]
+    angles = np.concatenate([eighths, up, down, *spread]).astype(np.float32)
+    sines, cosines = sincos(angles)
+    assert np.abs(sines - np.sin(angles.astype(np.float64))).max() < SINGLE
+    assert np.abs(cosines - np.cos(angles.astype(np.float64))).max() < SINGLE
+
+
+def test_zero_is_exact_and_sine_is_odd_and_cosine_even():
+    angles = np.linspace(0, 50, 10_001, dtype=np.float32)
+    sines, cosines = sincos(angles)
+    mirrored_sines, mirrored_cosines = sincos(-angles)
+    assert (sines[0], cosines[0]) == (0.0, 1.0)
+    assert np.array_equal(mirrored_sines, -sines)
+    assert np.array_equal(mirrored_cosines, cosines)
+
+
+@pytest.mark.parametrize("n", [0, 1, 511, 512, 513, 1500])
+def test_an_array_has_the_bits_of_its_angles_one_by_one(n):
+    angles = np.random.default_rng(n).uniform(-1000, 1000, n).astype(np.float32)
+    sines, cosines = sincos(angles)
+    assert sines.tolist() == [sin32(angle) for angle in angles]
+    assert cosines.tolist() == [cos32(angle) for angle in angles]
+
+
+# one word, its edges, the pool's four words, and more than the pool holds
+SEEDS = (0, 1, 2**32 - 1, 2**32, 2**64 + 3, 2**128 - 1, 2**128, 2**300 + 1)
+KEYS = ((0,), (0, 0), (7, 1), (2**32 - 1, 4), (3, 4, 1))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("key", KEYS)
+def test_generators_are_those_of_numpys_seed_sequence(seed, key):
+    ours = np.random.PCG64(Seeds(seed, key))
+    theirs = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
+    assert ours.state == theirs.state
+
+
+@pytest.mark.parametrize("words", [0, 1, 2, 3, 9])
+@pytest.mark.parametrize("dtype", [np.uint32, np.uint64, "uint64"])
+def test_any_number_of_words_agrees(words, dtype):
+    ours = Seeds(5, (1, 2)).generate_state(words, dtype)
+    theirs = np.random.SeedSequence(5, spawn_key=(1, 2)).generate_state(words, dtype)
+    np.testing.assert_array_equal(ours, theirs)
+    assert ours.dtype == theirs.dtype
+
+
+def test_a_generator_spawns_the_children_that_numpys_would():
+    ours = np.random.Generator(np.random.PCG64(Seeds(5, (1, 2))))
+    theirs = np.random.default_rng(np.random.SeedSequence(5, spawn_key=(1, 2)))
+    for _ in range(2):
+        for one, other in zip(ours.spawn(2), theirs.spawn(2), strict=True):
+            assert one.bit_generator.state == other.bit_generator.state

@@ -1,10 +1,10 @@
-"""``ekf``: the book's matrices, the moments of a beam, the points, the gate, consistency."""
+"""``dead-reckoning`` and ``ekf``: the book's matrices, the moments of a beam, the gate."""
 
 import math
 
 import numpy as np
 import pytest
-from following import updated
+from following import robot_of, updated
 
 import localizers
 from benchmarks.trials.spec import Trial
@@ -12,6 +12,35 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference import gaussian as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
+
+
+def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):
+    square = np.array([(10.0, math.pi / 2)] * 4)
+    localizer = localizers.make("dead-reckoning", robot)
+    belief = localizer.reset(prior, square, np.random.default_rng(0))
+    x, y, heading = prior.mean
+    corners = [(x, y), (x, y + 10), (x - 10, y + 10), (x - 10, y), (x, y)]
+    for t in range(5):
+        for offset in range(-6, 7):
+            points = belief.points(offset)
+            if not 0 <= t + offset <= 4:
+                assert points is None
+                continue
+            assert points[1].tolist() == [1.0]
+            assert points[0][0, :2] == pytest.approx(corners[t + offset], abs=1e-12)
+            assert points[0][0, 2] == pytest.approx(heading + (t + offset) * math.pi / 2)
+        if t < 4:
+            belief = localizer.update([math.nan], square[t], square[t + 1 :])
+
+
+def test_it_follows_what_was_carried_out_not_what_was_planned(robot, prior):
+    localizer = localizers.make("dead-reckoning", robot)
+    localizer.reset(prior, [(10.0, 0.0), (10.0, 0.0)], np.random.default_rng(0))
+    belief = localizer.update([100.0], [3.0, 0.0], [(7.0, 0.0)])
+    x, y, _ = prior.mean
+    assert belief.points()[0][0, :2].tolist() == [x + 3, y]
+    assert belief.points(1)[0][0, :2].tolist() == [x + 10, y]
+
 
 COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])
 
@@ -87,12 +116,9 @@ def test_the_moments_of_a_beam_that_hits_are_those_of_its_density(model, expecte
 
 @pytest.fixture
 def corridor() -> localizers.RobotModel:
-    return localizers.RobotModel(
-        floor_plan=PolygonMap(outer=[(0, 0), (300, 0), (300, 100), (0, 100)]),
-        lidar=Lidar(beams=3, field_of_view=math.pi, max_range=400.0),
-        motion=localizers.OdometryMotion(drive=0.05, turn=0.05, drift=0.0),
-        scan=localizers.GaussianUniform(sigma=4.0),
-    )
+    plan = PolygonMap(outer=[(0, 0), (300, 0), (300, 100), (0, 100)])
+    lidar = Lidar(beams=3, field_of_view=math.pi, max_range=400.0)
+    return robot_of(plan, lidar, (0.05, 0.05, 0.0), sigma=4.0)
 
 
 def test_a_scan_tells_what_it_should_of_a_straight_corridor(corridor):

@@ -1,17 +1,23 @@
-"""What looking ahead changes and what it leaves alone, number for number."""
+"""Looking ahead: what it changes and what it leaves alone; roll-outs bit by bit."""
+
+import math
 
 import numpy as np
 import pytest
-from following import follow, same
+from following import STILL, follow, same
 
-import localizers
+from deqmcl_gym.maps import Map
+from localizers import OdometryMotion
 from localizers.inference.futures import (
     RenewedFuture,
     Rollout,
     Sometimes,
+    StepByStep,
     WhenResampled,
 )
+from localizers.inference.queue import Queue
 from localizers.inference.weights import log_sum_exp
+from localizers.models import motion
 from localizers.models.plan_sensor import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
@@ -21,18 +27,6 @@ LOOKING = [
     ("mcl-h", {"form": "twisted"}),
     ("mcl-pilots", {}),
 ]
-STRATEGIES = [{}, {"ess_threshold": 0.5}]
-
-
-@pytest.fixture(params=STRATEGIES, ids=str)
-def make(request, robot):
-    """make(name, **params) with 60 particles, β = 2 and one of the strategies."""
-
-    def made(name: str, **params):
-        given = {"particles": 60, "beta": 2.0, **request.param, **params}
-        return localizers.make(name, robot, **given)
-
-    return made
 
 
 @pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
@@ -92,8 +86,8 @@ def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing
 
 @pytest.fixture
 def queued(make, prior, drive):
-    """A belief of DEQ-MCL in mid-drive, five steps looked ahead."""
-    return follow(make("deq-mcl", lag=5), prior, drive)[4]
+    """A belief of DEQ-MCL in mid-drive, five steps looked ahead; some futures collide."""
+    return follow(make("deq-mcl", lag=5, beta=0.0), prior, drive)[4]
 
 
 def test_a_move_is_always_accepted_where_nothing_is_charged(robot, queued):
@@ -118,11 +112,10 @@ def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued)
 
 def test_a_moved_future_starts_from_its_own_present(room, robot, queued):
     # Without noise the proposal is the plan rolled out from the particle's present.
-    still = localizers.OdometryMotion(drive=0, turn=0, drift=0)
-    moved = RenewedFuture(Rollout(still))(queued, None, np.random.default_rng(0))
+    moved = RenewedFuture(Rollout(STILL))(queued, None, np.random.default_rng(0))
     expected = queued.present
     for offset, action in enumerate(queued.drawn, start=1):
-        expected = still.sample(expected, action, np.random.default_rng(0))
+        expected = STILL.sample(expected, action, np.random.default_rng(0))
         assert np.array_equal(moved.queue.at(offset), expected)
 
 
@@ -158,3 +151,79 @@ def test_the_forms_of_moving_differ(make, prior, drive):
     ends.append(follow(make("deq-mcl", lag=5, ess_threshold=0.5), prior, drive)[-1])
     clouds = {end.points()[0].tobytes() for end in ends}
     assert len(clouds) == 4
+
+
+RNG = np.random.default_rng
+MOTION = OdometryMotion(drive=0.2, turn=0.2, drift=0.02)
+PLAN = np.array([(5.0, 0.1), (0.0, -0.26), (5.0, 0.26), (40.0, 0.0), (-5.0, 3.0), (1e7, 0.0)])
+
+
+def cloud(n: int) -> np.ndarray:
+    return RNG(1).uniform((-20, -20, -3), (370, 320, 3), (n, 3)).T.astype(np.float32).copy()
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
+@pytest.mark.parametrize("n", [1, 63, 1500])
+def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(room, beta, n, monkeypatch):
+    monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time
+    walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
+    rngs = RNG(2), RNG(2)
+    path, log_g = walls.walk(MOTION)(cloud(n), PLAN, rngs[0], keep=True)
+    plain_path, plain_log_g = StepByStep(MOTION, walls)(cloud(n), PLAN, rngs[1], keep=True)
+    assert np.array_equal(path, plain_path)
+    assert log_g.tobytes() == plain_log_g.tobytes()
+    assert rngs[0].bit_generator.state == rngs[1].bit_generator.state
+    none, alone = walls.walk(MOTION)(cloud(n), PLAN, RNG(2), keep=False)
+    assert none == []
+    assert alone.tobytes() == log_g.tobytes()
+
+
+def test_no_step_is_no_path_and_no_charge(room):
+    rollout = Rollout(MOTION, FreeSpace(floor_plan=room, radius=8.0))
+    paths, log_g = rollout.futures(cloud(5), PLAN[:0], 3, RNG(0))
+    assert paths == []
+    assert np.array_equal(log_g, np.zeros((3, 5)))
+
+
+def test_parts_of_ones_own_are_asked_step_by_step(room):
+    class Straight:
+        def sample(self, states, action, rng):
+            return states
+
+    class Solid(Map):
+        def collides(self, starts, ends, radius):
+            return np.full(len(ends), True)
+
+    walls = FreeSpace(floor_plan=room, radius=8.0)
+    assert walls.walk(Straight()) is None
+    paths, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
+    assert np.array_equal(paths[-1][:, 0], cloud(5))
+    walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
+    _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
+    assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))
+
+
+def test_the_states_of_a_queue_from_a_step_on_are_those_at_each():
+    rng = RNG(0)
+    queue = Queue((cloud(20),))
+    for step in range(6):
+        queue = queue.resampled(rng.integers(0, 20, 20)).appended(cloud(20) + np.float32(step))
+    queue = queue.stepped(1).resampled(rng.integers(0, 20, 20))
+    for offset in range(queue.ahead + 1):
+        each = [queue.at(k) for k in range(offset, queue.ahead + 1)]
+        assert np.array_equal(queue.since(offset), each)
+
+
+@pytest.mark.parametrize("beta", [0.0, 2.0, math.inf])
+@pytest.mark.parametrize("radius", [0.0, 5.0, 20.0])
+def test_a_step_whose_swept_disc_collides_is_charged_beta_and_a_free_one_nothing(
+    room, beta, radius
+):
+    rng = np.random.default_rng(1)
+    before = rng.uniform((0, 0, -3), (350, 300, 3), (2000, 3)).astype(np.float32).T
+    after = before + rng.normal(0, 15, (3, 2000)).astype(np.float32)
+    log_g = FreeSpace(floor_plan=room, radius=radius, beta=beta).log_g(before, after)
+    collides = room.collides(before.T, after.T, radius)
+    assert 0.1 < collides.mean() < 0.9
+    assert log_g.dtype == np.float64
+    assert np.array_equal(log_g, np.where(collides, -beta, 0.0))

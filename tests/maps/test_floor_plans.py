@@ -1,12 +1,64 @@
-"""Bad floor plans are refused with one sentence that says what was given."""
+"""What a floor plan may be given as, and the sentences that refuse bad ones."""
+
+import os
 
 import numpy as np
 import pytest
 from refusals import refused
 
-from deqmcl_gym.maps import GridMap, Office, PolygonMap, driven
+from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, driven, polygon_file
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import WORLDS
+
+OFFICE = Office(seed=3, wings=1)
+
+
+def floor_plan(given):
+    return WORLDS["paper"].changed(floor_plan=given).floor_plan
+
+
+def test_an_office_is_a_floor_plan_of_cells_or_of_polygons():
+    said = {"seed": 3, "wings": 1}
+    for given in (OFFICE, {"office": said}, {"office": OFFICE}, {"office": said, "form": "grid"}):
+        assert floor_plan(given) is OFFICE.grid
+    assert floor_plan({"office": said, "form": "polygons"}) is OFFICE.polygons
+    for form, kind in ((OFFICE.grid, GridMap), (OFFICE.polygons, PolygonMap)):
+        assert isinstance(form, kind)
+        assert isinstance(form, Map)
+
+
+def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
+    path = tmp_path / "office.json"
+    path.write_text(polygon_file.text_of(OFFICE.polygons))
+    for given in (path, str(path), {"file": str(path)}):
+        assert floor_plan(given) == OFFICE.polygons
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "is truncated, or not JSON"),
+        ("[]", "is not a JSON object"),
+        ('{"unit": "m"}', "the outer wall is None"),
+        ('{"outer": [[0, 0]], "walls": 3}', "unknown key 'walls'"),
+        ('{"outer": [[0, 0], [1, 0]], "unit": "m"}', "has 2 corners"),
+        ('{"outer": [], "file": "a.json"}', "unknown key 'file'"),
+        ("\xff", "is not UTF-8"),
+    ],
+)
+def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
+    path = tmp_path / "broken.json"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=words) as refusal:
+        floor_plan(path)
+    assert "broken.json" in str(refusal.value)
+
+
+def test_a_pipe_is_no_map_and_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "map.json")
+    with pytest.raises(InputError, match="is a named pipe"):
+        floor_plan(tmp_path / "map.json")
+
 
 NAN = float("nan")
 SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]

@@ -1,0 +1,377 @@
+"""A world of five states on a ring, small enough to enumerate γ_t exactly.
+
+γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
+
+times Π_{s ≤ t} p(π_s | x_s) where plans are evidence.
+
+A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
+number of particles and however it resamples. So thousands of filters with eight particles each
+must average to the enumerated figure, for every t, every state of the queue and every value.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise, product
+
+import numpy as np
+
+from localizers.inference.futures import RenewedFuture, Sometimes
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import (
+    DoubtedPlans,
+    Pilots,
+    PlanEvidence,
+    Tabulated,
+    nothing_known,
+    steps_known,
+)
+from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
+from localizers.inference.start import InformedStart
+from localizers.models.scan import Scan
+
+STATES, STEPS = 5, 4
+FUTURE, PAST, PARTICLES = 2, 1, 8
+PRIOR = np.array([0.4, 0.3, 0.1, 0.1, 0.1])
+NOISE = {-1: 0.25, 0: 0.5, 1: 0.25}  # of a step
+_MOVES, _CUMULATIVE = np.array(list(NOISE)), np.cumsum(list(NOISE.values()))
+SENSOR = np.array(  # p(o | x), row x
+    [[0.7, 0.2, 0.1], [0.2, 0.6, 0.2], [0.1, 0.3, 0.6], [0.5, 0.1, 0.4], [0.2, 0.4, 0.4]]
+)
+OBSERVED = (0, 1, 2, 0)  # o_1 … o_4
+# Steps that collide: the wall between 4 and 0, and a hole at 2 that only standing still avoids.
+COLLIDES = np.zeros((STATES, STATES), dtype=bool)
+COLLIDES[4, 0] = COLLIDES[0, 4] = True
+COLLIDES[[0, 1, 3, 4], 2] = True
+
+Plan = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is carried out, and the plan at each time: the actions after the present one."""
+
+    executed: tuple[int, ...]
+    plans: tuple[Plan, ...]  # at t = 0 … 4
+
+    @classmethod
+    def as_planned(cls, *actions: int) -> "Drive":
+        return cls(actions, tuple(actions[t:] for t in range(STEPS + 1)))
+
+    def commands(self, t: int, future: int) -> Plan:
+        """u_1 … u_{t+F_t}."""
+        return (*self.executed[:t], *self.plans[t][:future])
+
+
+AS_PLANNED = Drive.as_planned(1, 1, 2, 1)
+CHANGES = {
+    "executed differs": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (1, 2, 1), (2, 1), (1,), ())),
+    "queued step changes": Drive((1, 2, 2, 1), ((1, 1, 2, 1), (2, 2, 1), (2, 1), (1,), ())),
+    "plan grows": Drive((1, 1, 2, 1), ((), (1,), (2, 1), (1,), ())),
+    "plan is cut short": Drive((1, 1, 2, 1), ((1, 1, 2, 1), (), (2, 1), (), ())),
+    # executed differs and the plan grows at 1; a queued step changes and the plan grows at 2;
+    # executed differs and the plan is cut short at 3
+    "everything": Drive((2, 1, 0, 1), ((1,), (1, 0), (2, 1), (), ())),
+}
+DRIVES = {"as planned": AS_PLANNED, **CHANGES}
+# Whose plan it is: of one who looks again at every step, of one who stands elsewhere, of nobody
+# at the start. "as planned" is that of one who looked once.
+AUTHORS = {
+    "anew": Drive((1, 2, 2, 1), ((0, 2, 1, 1), (2, 1, 1), (0, 1), (2,), ())),
+    "stale": Drive((1, 1, 2, 1), ((2, 0, 2, 2), (0, 2, 2), (2, 2), (2,), ())),
+    "none at first": Drive((2, 1, 0, 1), ((), (1, 1, 0), (0, 1), (0,), (1,))),
+}
+
+
+class RingPrior:
+    def sample(self, n, rng):
+        return np.searchsorted(np.cumsum(PRIOR), rng.random(n))[:, None]
+
+
+class RingMotion:
+    def sample(self, states, action, rng):
+        noise = _MOVES[_CUMULATIVE.searchsorted(rng.random(states.shape[1]))]
+        return (states + int(action[0]) + noise) % STATES
+
+
+class RingScan:
+    def log_likelihood(self, states, scan):
+        return np.log(SENSOR[states[0], int(scan.ranges[0])])
+
+
+@dataclass(frozen=True)
+class RingWalls:
+    beta: float
+
+    def log_g(self, before, after):
+        return np.where(COLLIDES[before[0], after[0]], -self.beta, 0.0)
+
+
+@dataclass(frozen=True)
+class RingTable:
+    """h by the backward recursion: exact, the states can be counted."""
+
+    beta: float
+
+    def log_h(self, states, window):
+        h = np.ones(STATES)
+        for command in window[::-1, 0]:
+            h = transition(int(command), self.beta) @ h
+        return np.log(h[states[0]])
+
+
+@dataclass(frozen=True)
+class RingPlans:
+    """p(π | x) ∝ exp(-β C): C steps of the plan collide without noise."""
+
+    beta: float
+
+    def collisions(self, states, plan, first=0):
+        at, count = states[0], np.zeros(states.shape[1], np.int32)
+        for k, command in enumerate(plan[:, 0].astype(np.intp)):
+            to = (at + command) % STATES
+            count += COLLIDES[at, to] * (k >= first)
+            at = to
+        return count
+
+
+def transition(command: int, beta: float) -> np.ndarray:
+    """p(x' | x, command) g(x, x'), row x."""
+    one_step = np.zeros((STATES, STATES))
+    for x in range(STATES):
+        for noise, share in NOISE.items():
+            one_step[x, (x + command + noise) % STATES] += share
+    return one_step * np.exp(-beta * COLLIDES)
+
+
+def gamma(
+    t: int,
+    commands: Plan,
+    beta: float,
+    shown: np.ndarray | None = None,
+    switching: float | None = None,
+) -> np.ndarray:
+    """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
+
+    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5). With ``switching``, V_s is summed over,
+    too: plans are of x_s or of any state, and switch between both.
+    """
+    moved = np.zeros((STATES, STATES))  # of no command: p(x + k | x)
+    for (noise, share), x in product(NOISE.items(), range(STATES)):
+        moved[x, (x + noise) % STATES] += share
+    g = np.exp(-beta * COLLIDES)
+    total = np.zeros((len(commands) + 1, STATES))
+    for path in product(range(STATES), repeat=len(commands) + 1):
+        weight = PRIOR[path[0]]
+        for s, command in enumerate(commands, start=1):
+            before, after = path[s - 1], path[s]
+            weight *= moved[before, (after - command) % STATES] * g[before, after]
+            if s <= t:
+                weight *= SENSOR[after, OBSERVED[s - 1]]
+        if shown is not None and switching is None:
+            weight *= shown[range(t + 1), path[: t + 1]].prod()
+        elif shown is not None:
+            weight *= sum(
+                chance(valid, switching)
+                * math.prod(
+                    shown[s, path[s]] if v else shown[s].mean() for s, v in enumerate(valid)
+                )
+                for valid in product((True, False), repeat=t + 1)
+            )
+        total[range(len(path)), path] += weight
+    return total
+
+
+def chance(valid: tuple[bool, ...], switching: float) -> float:
+    """p(V_0 … V_t); before the start plans are valid."""
+    return math.prod(
+        switching if before != after else 1 - switching
+        for before, after in pairwise((True, *valid))
+    )
+
+
+def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
+    """p(π | x) of each x, the steps before ``first`` not charged."""
+    figures = []
+    for x in range(STATES):
+        places = [(x + sum(plan[:k])) % STATES for k in range(len(plan) + 1)]
+        steps = list(pairwise(places))[first:]
+        figures.append(math.exp(-beta * sum(COLLIDES[step] for step in steps)))
+    return figures
+
+
+RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
+
+
+def ring_filter(
+    beta: float, filter_class: type[ParticleFilter] = ParticleFilter, **parts
+) -> ParticleFilter:
+    return filter_class(
+        motion=RingMotion(),
+        scan=RingScan(),
+        feasibility=RingWalls(beta),
+        resampling=parts.pop("resampling", Always()),
+        particles=PARTICLES,
+        dtype=np.intp,
+        **parts,
+    )
+
+
+deq = partial(ring_filter, past=PAST, future=FUTURE, pilots=1)
+
+
+def rejuvenated(beta: float, when=lambda move: move, **parts) -> ParticleFilter:
+    ring = deq(beta, **parts)
+    return replace(ring, move=when(RenewedFuture(ring.rollout)))
+
+
+def with_pilots(beta: float, **parts) -> ParticleFilter:
+    ring = ring_filter(beta, past=PAST, **parts)
+    return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=3))
+
+
+def with_h(beta: float, **parts) -> ParticleFilter:
+    table = Tabulated(table=RingTable(beta), steps=FUTURE)
+    return ring_filter(beta, past=PAST, lookahead=table, **parts)
+
+
+def twisted_by_h(beta: float, **parts) -> ParticleFilter:
+    return with_h(beta, selection=by_reported_weight, **parts)
+
+
+def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> ParticleFilter:
+    evidence = PlanEvidence(sensor=RingPlans(beta), steps=steps, known=known)
+    return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
+
+
+def with_doubt(beta: float, switching=0.2, **parts) -> ParticleFilter:
+    everywhere = np.arange(STATES)[None]
+    doubted = DoubtedPlans(
+        sensor=RingPlans(beta), anywhere=everywhere, switching=switching, steps=FUTURE
+    )
+    return ring_filter(beta, past=PAST, lookahead=doubted, **parts)
+
+
+def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
+    """With plans as evidence, or without: the start alone."""
+    start = InformedStart(evidence=PlanEvidence(sensor=RingPlans(beta)), draws=draws)
+    return replace(ring_filter(beta, past=PAST, **parts), start=start)
+
+
+def informed_throughout(beta: float, **parts) -> ParticleFilter:
+    return replace(with_plans(beta, **parts), start=started_by_plan(beta).start)
+
+
+METHODS = {
+    "mcl": lambda beta, **parts: ring_filter(0.0, **parts),
+    "past": lambda beta, **parts: ring_filter(0.0, past=PAST, **parts),
+    "g": ring_filter,
+    "g and past": partial(ring_filter, past=PAST),
+    "deq": deq,
+    "deq, 2 pilots": partial(deq, pilots=2),
+    "deq, 16 pilots": partial(deq, pilots=16),
+    "rejuvenated": rejuvenated,
+    "rejuvenated at a third of the steps": partial(
+        rejuvenated, when=lambda move: Sometimes(move, 1 / 3)
+    ),
+    "h": with_h,
+    "h, twisted": twisted_by_h,
+    "pilots": with_pilots,
+}
+PLANS = {
+    "plans": with_plans,
+    "plans, to their end": partial(with_plans, steps=None),
+    "plans, when new": partial(with_plans, steps=3, known=steps_known),
+    "plans, doubted": with_doubt,
+    "start": started_by_plan,
+    "start, two draws": partial(started_by_plan, draws=2),
+    "start and plans": informed_throughout,
+    "start and plans, when new": partial(informed_throughout, steps=3, known=steps_known),
+}
+
+
+def looked_ahead(ring: ParticleFilter) -> int:
+    """F: of the queue, or of the part that does without one."""
+    if isinstance(ring.lookahead, PlanEvidence | DoubtedPlans):  # the present is all it is about
+        return 0
+    return ring.future or getattr(ring.lookahead, "steps", 0)
+
+
+def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
+    """p(π_s | x_s) at s = 0 … 4 as this filter is meant to take it, (5, 5); None: it is not."""
+    evidence, start, beta = ring.lookahead, ring.start, ring.feasibility.beta
+    if isinstance(evidence, DoubtedPlans):
+        return np.array([likely(plan[: evidence.steps], beta) for plan in drive.plans])
+    if not isinstance(evidence, PlanEvidence) and not isinstance(start, InformedStart):
+        return None
+    figures = np.ones((STEPS + 1, STATES))
+    for s, plan in enumerate(drive.plans):
+        if s == 0 and isinstance(start, InformedStart):
+            figures[s] = likely(plan, beta)
+        elif isinstance(evidence, PlanEvidence):
+            first, seen = 0, plan[: evidence.steps]
+            if s > 0 and evidence.known is not nothing_known:
+                whole = s == 1 and isinstance(start, InformedStart)
+                last = drive.plans[s - 1][: None if whole else evidence.steps][1:]
+                while first < min(len(last), len(seen)) and last[first] == seen[first]:
+                    first += 1
+            figures[s] = likely(seen, beta, first)
+    return figures
+
+
+def beliefs(ring: ParticleFilter, drive: Drive, seed: int):
+    """One filter over the whole drive: its beliefs at t = 0 … 4."""
+    rng = np.random.default_rng(seed)
+
+    def column(plan: Plan) -> np.ndarray:
+        return np.array(plan, dtype=float).reshape(-1, 1)
+
+    belief = ring.initial(RingPrior(), column(drive.plans[0]), rng)
+    yield belief
+    for t, action in enumerate(drive.executed, start=1):
+        scan = Scan.of(np.array([float(OBSERVED[t - 1])]), 5.0)
+        belief = ring.step(belief, scan, np.array([float(action)]), column(drive.plans[t]), rng)
+        yield belief
+
+
+def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, int], np.ndarray]:
+    """Unnormalised estimates of one filter at (t, offset), one figure per value of the state."""
+    figures = {}
+    for t, belief in enumerate(beliefs(ring, drive, seed)):
+        mass = math.exp(belief.log_evidence) * belief.weights
+        for offset in range(-ring.past, ring.future + 1):
+            if (states := belief.queue.at(offset)) is not None:
+                figures[t, offset] = np.bincount(states[0], weights=mass, minlength=STATES)
+    return figures
+
+
+def z_scores(
+    ring: ParticleFilter, drive: Drive, replicates: int, meant: ParticleFilter | None = None
+) -> dict:
+    """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,).
+
+    What is exact is what the filter ``meant`` aims at, itself if it is None.
+    """
+    runs = [estimates(ring, drive, seed) for seed in range(replicates)]
+    scores, shown = {}, plans_shown(meant or ring, drive)
+    switching = getattr((meant or ring).lookahead, "switching", None)
+    paths = [
+        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, switching)
+        for t in range(STEPS + 1)
+    ]
+    for t, offset in runs[0]:
+        exact = paths[t][t + offset]
+        seen = np.array([one[t, offset] for one in runs])
+        error = seen.std(axis=0, ddof=1) / math.sqrt(replicates)
+        # A value never seen must have no weight: an infinite score if it has some.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            score = (seen.mean(axis=0) - exact) / error
+        scores[t, offset] = np.where(
+            np.isclose(seen.mean(axis=0), exact, rtol=1e-12, atol=0), 0.0, score
+        )
+    return scores
+
+
+def worst(scores: dict) -> float:
+    """Largest |z| of all."""
+    return max(float(np.abs(z).max()) for z in scores.values())

@@ -1,0 +1,234 @@
+"""Points, discs and steps among polygons: free or not, how far from a wall, what collides."""
+
+import numpy as np
+import pymunk
+import pytest
+import reference
+from grid_cases import grids, office, somewhere
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
+
+from deqmcl_gym.maps import Map, PolygonMap, drive_kernels
+
+BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
+EVERYTHING = pymunk.ShapeFilter()
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_point_is_as_far_from_walls_as_the_reference_says_and_free_iff_within_and_clear(name):
+    plan = PLANS[name]
+    points = anywhere(plan, 10_000, np.random.default_rng(1), margin=60)
+    clearance = reference.clearance(plan.walls, points, points)
+    assert plan.distance(points).dtype == np.float32
+    np.testing.assert_allclose(plan.distance(points), clearance, rtol=0, atol=BAND)
+    np.testing.assert_array_equal(plan.distance(np.empty((0, 2))), [])
+    inside = reference.winding(plan.walls, points) == 1
+    for radius in (0.0, 8.0):
+        sure, expected = np.abs(clearance - radius) > BAND, inside & (clearance > radius)
+        assert sure.mean() > 0.99
+        assert 0.1 < expected.mean() < 0.8
+        assert np.array_equal(plan.free(points, radius)[sure], expected[sure])
+
+
+def test_nothing_is_free_at_nan_or_infinity():
+    points = [(np.nan, 50.0), (50.0, np.nan), (np.inf, 50.0), (50.0, -np.inf)]
+    assert not PLANS["room"].free(points).any()
+    assert PLANS["room"].collides([(50.0, 50.0)] * 4, points, 8.0).all()
+
+
+@pytest.mark.parametrize("name", ["hall", "forest"])  # few walls, and many
+def test_ranges_are_nan_outside_the_outer_wall_and_nowhere_else(name):
+    plan = PLANS[name]
+    rng = np.random.default_rng(4)
+    points = anywhere(plan, 10_000, rng, margin=50)
+    outer = plan.walls[: len(plan.outer)]
+    points = points[reference.clearance(outer, points, points) > 1e-3]
+    poses = np.column_stack([points, rng.uniform(-np.pi, np.pi, len(points))])
+    nan = np.isnan(plan.ranges(poses, [-0.3, 0.3]))
+    outside = reference.winding(outer, points) != 1
+    assert 0.2 < outside.mean() < 0.8
+    assert np.array_equal(nan, np.column_stack([outside, outside]))
+
+
+@pytest.mark.parametrize("turned", ["outer", "obstacles"])
+@pytest.mark.parametrize("name", PLANS)
+def test_the_orientation_in_which_polygons_are_given_does_not_matter(name, turned):
+    plan = PLANS[name]
+    outer = plan.outer[::-1] if turned == "outer" else plan.outer
+    solid = [o[::-1] if turned == "obstacles" else o for o in plan.obstacles]
+    other = PolygonMap(outer, tuple(solid))
+    assert sorted(other.walls.tolist()) == sorted(plan.walls.tolist())  # to the left is free space
+    # in another order: float32 rounds differently beside corners
+    poses = awkward_poses(plan, 5_000, np.random.default_rng(5))
+    apart = np.abs(plan.ranges(poses, [0.0, 2.0]) - other.ranges(poses, [0.0, 2.0]))
+    assert np.nanmedian(apart) < 1e-4
+    assert np.nanmean(apart > 1e-3) < 0.01
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_walls_have_free_space_on_their_left(name):
+    plan = PLANS[name]
+    start, along = plan.walls[:, :2], plan.walls[:, 2:] - plan.walls[:, :2]
+    left = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    middle = start + along / 2
+    assert plan.free(middle + 0.1 * left).all()
+    assert not plan.free(middle - 0.1 * left).any()
+
+
+def test_what_is_given_is_not_kept_by_reference():
+    outer, obstacle = [[0, 0], [100, 0], [100, 100], [0, 100]], [[20, 20], [40, 20], [40, 40]]
+    plan = PolygonMap(outer, [obstacle])
+    outer[1][0], obstacle[0][0] = 10_000, 99
+    assert plan.bounds == (0.0, 0.0, 100.0, 100.0)
+    assert plan.obstacles == (((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)),)
+
+
+@pytest.mark.parametrize("name", ["room", "hall", "forest"])  # a box, few walls, many
+@pytest.mark.parametrize("poses", [1, 20])  # lanes over beams, over poses
+def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
+    plan = PLANS[name]
+    point = anywhere(plan, 2_000, np.random.default_rng(2), margin=0)
+    point = point[plan.free(point, 1.0)][0]
+    for heading in (np.nan, np.inf, -np.inf):
+        found = plan.ranges([(*point, heading)] * poses, [0.0, 1.0])
+        assert np.isnan(found).all()
+    assert np.isfinite(plan.ranges([(*point, 0.0)] * poses, [0.0, 1.0])).all()
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
+@pytest.mark.parametrize("name", PLANS)
+def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
+    plan, rng, n = PLANS[name], np.random.default_rng(3), 100_000
+    starts, ends = random_steps(plan, n, rng, longest=(0.1, 5.0, 30.0, 400.0, 1e6))
+    before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
+    square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
+    walls = plan.walls.astype(np.float32)
+    drive_kernels.sweep(before, after, walls, square)
+    drive_kernels.wind(after, walls, windings)
+    expected = (square <= np.float32(radius) * np.float32(radius)) | (windings != 1)
+    assert np.array_equal(plan.collides(starts, ends, radius), expected)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_no_point_is_nearer_to_a_wall_than_its_square_says(name):
+    plan = PLANS[name]
+    corner, per_side, bounds = plan._clearance
+    points = anywhere(plan, 10_000, np.random.default_rng(4))
+    column, row = ((points - corner) * per_side).astype(int).T
+    bound = bounds[row, column]
+    assert (reference.clearance(plan.walls, points, points) >= np.abs(bound)).all()
+    free = reference.winding(plan.walls, points) == 1
+    assert free[bound > 0].all()
+    assert not free[bound < 0].any()
+
+
+def random_steps(plan: PolygonMap, n: int, rng, longest=(0.1, 5.0, 30.0, 400.0)):
+    """Starts and ends anywhere, also in solids and outside, or near corners; some do not move."""
+    starts = anywhere(plan, n, rng, margin=30)
+    near = rng.choice(corners(plan), n) + rng.normal(0, 10, (n, 2))
+    starts = np.where(rng.random((n, 1)) < 0.3, near, starts)
+    length = rng.choice([0.0, *longest], n) * rng.random(n)
+    angle = rng.uniform(-np.pi, np.pi, n)
+    return starts, starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def pymunk_touches(space: pymunk.Space, start: tuple, end: tuple, radius: float) -> bool:
+    def overlaps(point: tuple) -> bool:
+        nearest = space.point_query_nearest(point, 1000.0, EVERYTHING)
+        return nearest.distance <= radius
+
+    if overlaps(start) or overlaps(end):
+        return True
+    return start != end and any(
+        wall.segment_query(start, end, radius) is not None for wall in space.shapes
+    )
+
+
+@pytest.mark.parametrize("radius", [0.01, 8.0, 25.0])
+@pytest.mark.parametrize("name", PLANS)
+def test_a_step_collides_iff_pymunk_touches_or_it_ends_outside_free_space(name, radius):
+    plan, space = PLANS[name], space_of(PLANS[name])
+    starts, ends = random_steps(plan, 4_000, np.random.default_rng(1))  # 12,000 per plan
+    clearance = reference.clearance(plan.walls, starts, ends)
+    clear_cut = np.abs(clearance - radius) > BAND
+    assert clear_cut.mean() > 0.99  # the band excuses next to nothing
+    touches = np.array(
+        [
+            pymunk_touches(space, tuple(a), tuple(b), radius)
+            for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+        ]
+    )
+    expected = touches | (reference.winding(plan.walls, ends) != 1)
+    seen = plan.collides(starts, ends, radius)
+    assert 0.05 < expected.mean() < 0.999  # both answers occur
+    assert np.flatnonzero((seen != expected) & clear_cut).tolist() == []
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_point_without_a_radius_collides_iff_it_crosses_a_wall_or_ends_outside_free_space(name):
+    plan = PLANS[name]
+    starts, ends = random_steps(plan, 4_000, np.random.default_rng(3))
+
+    def exact(shift: tuple[float, float]) -> np.ndarray:
+        crosses = reference.clearance(plan.walls, starts + shift, ends + shift) == 0
+        return crosses | (reference.winding(plan.walls, ends + shift) != 1)
+
+    # Here the band is: the answer depends on a shift of the step by BAND.
+    shifts = [(sx * BAND, sy * BAND) for sx in (-1, 1) for sy in (-1, 1)]
+    answers = np.array([exact(shift) for shift in shifts])
+    clear_cut = (answers == answers[0]).all(axis=0)
+    assert clear_cut.mean() > 0.99
+    seen = plan.collides(starts, ends, 0.0)
+    assert np.flatnonzero((seen != answers[0]) & clear_cut).tolist() == []
+
+
+def test_neither_further_columns_nor_the_number_of_steps_change_an_answer():
+    plan = PLANS["hall"]
+    starts, ends = random_steps(plan, 200, np.random.default_rng(4))
+    together = plan.collides(starts, ends, 8.0)
+    headings = np.full((200, 1), 2.0)
+    poses, after = np.hstack([starts, headings]), np.hstack([ends, headings])
+    for n in (0, 1, 63, 64, 65, 200):
+        assert plan.collides(poses[:n], after[:n], 8.0).tolist() == together[:n].tolist()
+
+
+OFFICE = office()
+
+
+def poses_around(grid, n, rng) -> np.ndarray:
+    """Poses on the map and around it, one of them lost, rows (3, n) float32."""
+    points = somewhere(grid, n, rng, margin=2.0)
+    poses = np.float32(np.column_stack([points, rng.uniform(-4, 4, n)])).T.copy()
+    poses[:, rng.integers(n)] = np.nan
+    return poses
+
+
+@settings(max_examples=200)
+@given(
+    grid=st.one_of(grids(), st.just(OFFICE)),
+    n=st.sampled_from([1, 7, 512, 700]),
+    steps=st.integers(1, 9),
+    cells=st.sampled_from([0.0, 0.3, 2.0, 9.0]),
+    radius=st.sampled_from([0.0, 0.2, 1.0, 3.4]),
+    kept_all=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_both_count_the_steps_that_the_grid_says_collide(
+    grid, n, steps, cells, radius, kept_all, seed
+):
+    rng, size = np.random.default_rng(seed), radius * grid.resolution
+    poses = poses_around(grid, n, rng)
+    far = cells * grid.resolution
+    moves = rng.normal(0, 1, (steps, 3, n)) * np.array([[far], [far / 2], [1.0]])
+    moves = moves.astype(np.float32)
+    kept = steps if kept_all else 1
+    ends, counts = grid.rolled_out(poses, moves, size, kept=kept)
+    one_by_one, hits = Map.rolled_out(grid, poses, moves, size, kept=kept)
+    assert np.array_equal(ends, one_by_one, equal_nan=True)
+    assert np.array_equal(counts, hits)
+
+    path = np.cumsum(moves[:, ::2, 0] * np.float32(0.7), axis=0)
+    path = np.vstack([np.zeros((1, 2), np.float32), path])
+    hits = Map.collisions_along(grid, poses, path, size)
+    assert np.array_equal(grid.collisions_along(poses, path, size), hits)
