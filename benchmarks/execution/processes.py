@@ -89,7 +89,6 @@ class Processes(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
-        del cancel_futures
         self._kill()
         atexit.unregister(self._kill)
         for _ in self._threads:
@@ -113,9 +112,10 @@ class Processes(Executor):
             guest = ""
             try:
                 guest = self.guest_of(*call[1])
+                patience = PATIENCE if guest and self._timeout is None else self._timeout
                 worker = held.pop(guest) if guest in held else self._started()
                 held[guest] = worker
-                answer = worker.returned(call, self._patience(guest))
+                answer = worker.returned(call, patience)
             except BaseException as error:
                 if guest in held:
                     self._ended(held.pop(guest))
@@ -126,9 +126,6 @@ class Processes(Executor):
                 self._ended(held.pop(next(iter(held))))
         for worker in held.values():
             self._ended(worker)
-
-    def _patience(self, guest: str) -> float | None:
-        return PATIENCE if guest and self._timeout is None else self._timeout
 
     def _started(self) -> "_Worker":
         with self._lock:
@@ -188,7 +185,12 @@ def work(line: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
         while True:
-            line.send_bytes(_answer(*line.recv()))
+            function, arguments = line.recv()
+            try:
+                answer = ForkingPickler.dumps((True, function(*arguments)))
+            except BaseException as error:  # nobody but the call itself stops a worker so
+                answer = ForkingPickler.dumps((False, _portable(error)))
+            line.send_bytes(answer)
     os._exit(0)  # waits for no thread that a plug-in has left
 
 
@@ -199,13 +201,6 @@ def load() -> None:
     import benchmarks.trials.attempt  # noqa: F401
 
     cv2.setNumThreads(1)
-
-
-def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> memoryview:
-    try:
-        return ForkingPickler.dumps((True, function(*arguments)))
-    except BaseException as error:  # nobody but the call itself stops a worker so
-        return ForkingPickler.dumps((False, _portable(error)))
 
 
 def _portable(error: BaseException) -> Exception:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.files import writable_folder, write_text
+from deqmcl_gym.files import writable_folder, write_text
 from deqmcl_gym.validation import InputError
 
 
