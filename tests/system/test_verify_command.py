@@ -3,11 +3,11 @@
 import json
 
 import pytest
-from benchmarks.sweeps.results import results_in
 from deqmcl_command import exit_code, files
 from sweep_command import report, sweep, trial_files, write_small
 
 from benchmarks.sweeps import verifying
+from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.suites import SUITES
 
 MINE = """
