@@ -9,6 +9,8 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
+_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of the setting
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
@@ -92,37 +94,31 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.calibration import calibrated
-    from benchmarks.replay.command import run_replay
+    from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.running import check, gated, runs_of
-    from benchmarks.replay.setting import Told, reading_of, setting_of
-    from deqmcl_gym.envs.log import log_of
+    from benchmarks.replay.options import reading_of, setting_of
+    from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
-    told = Told(
-        start=options.start,
-        every=options.every,
-        max_beams=options.max_beams,
-        motion=options.motion,
-        scan=options.scan,
-        radius=options.radius,
-        unknown=options.unknown,
-    ).or_nav2(nav2)
+    told = {name: value for name in _SAID if (value := getattr(options, name)) is not None}
+    if nav2 is not None:
+        scan = ",".join([nav2.options["scan"], *filter(None, [options.scan])])
+        told = {**nav2.options, **told, "scan": scan}
     with doing("reading the log and the map"), shared.log_warnings() as said:
-        reading = {} if nav2 is None else dict(nav2.reading)
-        reading |= reading_of(options.read)
-        log = log_of(options.log, options.reference, reading)
-        setting = setting_of(log, options.map, told)
-    if not told.power:
+        reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
+        setting = setting_of(
+            options.log, options.map, reference=options.reference, reading=reading, **told
+        )
+    if "scan.power" not in setting.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
             setting = calibrated(setting)
     with answered_within(options.timeout):
         localizers = shared.localizers_named(options.localizers)
-        runs = runs_of(
+        sweep = sweep_of(
             setting,
             localizers,
             particles=options.particles,
@@ -131,7 +127,7 @@ def run(options: argparse.Namespace) -> str:
             shared={} if nav2 is None else {"amcl": nav2.params},
             own=shared.params_named(options.param, localizers),
         )
-        check(runs)
-    said += gated(runs, told.every)
-    notes = said if nav2 is None else [*said, *nav2.notes]
-    return run_replay(setting, runs, options.out, where, options.words, notes)
+        check(sweep)
+        said += gated(sweep, told.get("every"))
+        notes = said if nav2 is None else [*said, *nav2.notes]
+        return run_replay(setting, sweep, options.out, Options(where=where), options.words, notes)

@@ -97,7 +97,8 @@ def animations_of(panel: Panel) -> list[Animation]:
     Nothing is drawn yet: see ``drawing``.
     """
     focus = _focus(panel.present)
-    if focus is None:
+    whole_log = any(record.track for own in panel.records.values() for record in own)
+    if focus is None or whole_log:  # which is too long, and has its own pictures
         return []
     ranked, what = _ranked(panel, focus)
     places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}

@@ -108,9 +108,10 @@ def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {plain(panel.title)}"]
     parts.append(plain(f"{section.verdict} {section.runner_up}"))
-    parts.append(table_text("", section.table))
-    parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
-    parts.append(plain(section.power))
+    if panel.verdict is not None:
+        parts.append(table_text("", section.table))
+        parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
+        parts.append(plain(section.power))
     for block in section.blocks:
         parts += _block(block, folder)
     for one in section.animations:

@@ -78,6 +78,11 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     from benchmarks.report.animations import Kept
 
     if out.exists() and out.samefile(folder):
+        if any(record.track is not None for record in results.records):
+            raise InputError(
+                f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
+                "another --out."
+            )
         refuse_changed(out)
         return _written(out, "report", results, Kept(folder))
     return _written(own_folder(out, "copy"), "copy", results, Kept(folder))

@@ -291,7 +291,7 @@ def seeds(root: int) -> dict[str, Any]:
         "world": "env.reset(seed) of trial i: "
         "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
         "localizer": "run j of trial i: SeedSequence(root, spawn_key=(i, 1, j)), the same for "
-        "every method",
+        "every method; in scenario replay: SeedSequence(root, spawn_key=(i,))",
     }
 
 

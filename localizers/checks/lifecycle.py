@@ -148,10 +148,6 @@ class _State:
     set: Callable[[Any], object]
 
 
-def _handlers() -> dict[int, Any]:
-    return {number: signal.getsignal(number) for number in signal.valid_signals()}
-
-
 def _set_handlers(kept: Mapping[int, Any]) -> None:
     for number, handler in kept.items():
         if handler is not None and handler != signal.getsignal(number):
@@ -177,7 +173,10 @@ def _set_streams(kept: Sequence[Any]) -> None:
 _STATES = {
     "the working folder": _State(os.getcwd, os.chdir),
     _STREAMS: _State(lambda: [sys.stdin, sys.stdout, sys.stderr], _set_streams),
-    "signal handlers": _State(_handlers, _set_handlers),
+    "signal handlers": _State(
+        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
+        _set_handlers,
+    ),
     "np.seterr": _State(np.geterr, lambda kept: np.seterr(**kept)),
     "np.set_printoptions": _State(np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
     "the filters of warnings": _State(

@@ -84,7 +84,9 @@ def test_the_split_is_the_smaller_share_of_what_is_near_either_place():
 
 def test_every_score_says_how_a_failed_run_counts_if_methods_are_compared_by_it():
     tested = [score for group in GROUPS for score in group.scores if score.tested]
-    assert {score.name: score.failed for score in tested} == {
+    errors = {score.name for score in tested if math.isnan(score.failed)}
+    assert errors == {"position_median"}  # of a run that failed it is unknown
+    assert {score.name: score.failed for score in tested if score.name not in errors} == {
         "success_1m": 0,
         "metres_to_localize": math.inf,
         "recovered": 0,
@@ -137,7 +139,7 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
     kept = record(
-        trace_of(stage.moments(), (0,), stage.task, groups),
+        trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups)),
         0,
         scenario("sharp").thresholds,
     ).journey
@@ -206,4 +208,4 @@ def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
     assert run.fixes.distance[:40].max() < 0.45 < run.fixes.distance[40]
-    assert log.scored().scores["recovered"] in (0, 1)
+    assert log.kept()[0].scores["recovered"] in (0, 1)

@@ -9,7 +9,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.plugins import key_of

@@ -13,7 +13,7 @@ ROOT = Path(trials.__file__).parents[2]
 
 RUN = """
 import sys
-import benchmarks.setup.log_scenario  # whose trials load a log
+import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
