@@ -16,10 +16,7 @@ from benchmarks.tables.panels import panels
 
 
 @settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
-@given(
-    st.lists(st.floats(0, 1), min_size=2, max_size=40),
-    st.sampled_from([0.0, 1e-3, 1.0, 1e6]),
-)
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=40), st.sampled_from([0.0, 1e-3, 1.0, 1e6]))
 def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     errors = [size * (1 + share) for share in shares]
     records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]

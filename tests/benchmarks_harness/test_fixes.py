@@ -86,13 +86,7 @@ def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
 
 @pytest.mark.parametrize(
     ("distance", "lost_at"),
-    [
-        ([0, 0, 5, 0], None),
-        ([0, 5, 0, 5, 5], 3),
-        ([5, 5], 0),
-        ([0, 0, 1.001], 2),
-        ([], None),
-    ],
+    [([0, 0, 5, 0], None), ([0, 5, 0, 5, 5], 3), ([5, 5], 0), ([0, 0, 1.001], 2), ([], None)],
 )
 def test_it_is_lost_from_the_first_step_after_which_it_is_never_again_localized(distance, lost_at):
     assert fixes(distance).lost_at == lost_at

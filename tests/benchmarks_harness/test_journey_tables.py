@@ -159,11 +159,7 @@ def sought(method, found, error=2.0, score="success_1m"):
 
 @pytest.mark.parametrize(
     ("score", "done"),
-    [
-        ("success_1m", "localized to the end"),
-        ("recovered", "recovered"),
-        ("success", "arrived"),
-    ],
+    [("success_1m", "localized to the end"), ("recovered", "recovered"), ("success", "arrived")],
 )
 def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score, done):
     # the errors rank them the other way round

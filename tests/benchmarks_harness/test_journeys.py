@@ -137,9 +137,7 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
     kept = record(
-        trace_of(stage.moments(), (0,), stage.task, groups),
-        0,
-        scenario("sharp").thresholds,
+        trace_of(stage.moments(), (0,), stage.task, groups), 0, scenario("sharp").thresholds
     ).journey
     assert kept.scores == {
         "success_1m": 1,

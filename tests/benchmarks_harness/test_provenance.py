@@ -112,8 +112,7 @@ class C: 'another text'
 
 
 @pytest.mark.parametrize(
-    "other",
-    ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"],
+    "other", ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"]
 )
 def test_the_digest_is_of_what_code_does_whatever_its_words_and_layout(digest_of, other):
     package = provenance.PACKAGES[0]

@@ -28,10 +28,7 @@ FINDINGS = {
     "Smaller error than MCL: a.": (20, [16] * 25),
     "Larger error than MCL: a.": (20, [24] * 25),
     "Statistically indistinguishable from MCL: a.": (20, [19, 21] * 15),
-    "Smaller error than MCL, but not confirmed by the signed-rank test: a.": (
-        20,
-        [16, 17, 18, 19],
-    ),
+    "Smaller error than MCL, but not confirmed by the signed-rank test: a.": (20, [16, 17, 18, 19]),
     "Exactly the error of MCL at x[t] in every world: a.": (5, [5] * 20),
     "Not compared with MCL (one world is too few): a.": (5, [1]),
 }

@@ -69,10 +69,7 @@ CASES = {
         "a": [16.0] * 9,
     },
     "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
-    "the time.": {
-        "mcl": [20.0] * 9,
-        "a": [16.0] * 9,
-    },
+    "the time.": {"mcl": [20.0] * 9, "a": [16.0] * 9},
     "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
     "the time (b has 14.4 px, which is not confirmed).": {
         "mcl": [20.0] * 9,

@@ -10,14 +10,7 @@ from benchmarks.cli import main
 
 DEQMCL = Path(sysconfig.get_path("scripts")) / "deqmcl"
 SMALL = ("paper", "--trials", "2", "--particles", "100")
-METHODS = (
-    "mcl",
-    "mcl-smoother",
-    "mcl-map",
-    "mcl-map-smoother",
-    "deq-mcl",
-    "dead-reckoning",
-)
+METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
 
 
 def process(*command, **how):

@@ -103,10 +103,7 @@ def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(s
     assert len(re.findall("<tr", page)) == len(board) + len(runs) + 2
 
 
-OTHERS = {
-    "trials was 2 and is 3": {"trials": 3},
-    "seed was 0 and is 7": {"seed": 7},
-}
+OTHERS = {"trials was 2 and is 3": {"trials": 3}, "seed was 0 and is 7": {"seed": 7}}
 
 
 @pytest.mark.parametrize("why", OTHERS)

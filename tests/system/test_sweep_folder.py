@@ -105,7 +105,7 @@ def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
     found = results_in(finished)
     assert (found.planned, found.missing, found.failures) == (4, 0, [])
     assert [(r.trial.localizer, r.trial.trial) for r in found.records] == [
-        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1)),
+        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1))
     ]
     assert found.title == "small"
     assert found.command[:2] == ["deqmcl", "sweep"]
