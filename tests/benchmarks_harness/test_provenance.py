@@ -1,10 +1,9 @@
 """What makes a result out of date: any code that a trial runs, and no other."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from deqmcl_command import python
 
 from benchmarks import trials
 from benchmarks.trials import provenance
@@ -49,11 +48,7 @@ READING = "benchmarks.files"  # hands a file on as it is, or refuses it
 @pytest.fixture(scope="module")
 def seen():
     """Modules of the harness that trials load, and files of ours that they execute."""
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, ROOT], capture_output=True, text=True, check=False, timeout=400
-    )
-    assert done.returncode == 0, done.stderr
-    loaded, executed = done.stdout.splitlines()
+    loaded, executed = python("-c", RUN, ROOT).splitlines()
     return set(loaded.split()) - {"benchmarks"}, {Path(path) for path in executed.split()}
 
 
