@@ -188,7 +188,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[vary]\nlag = [1]', ["vary", "[[vary]]"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
     ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
-    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nseed = [3]', ["lag: 2", "seed: 1"]),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nworld.x = [3]', ["lag: 2", "x: 1"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
     ('localizers = ["mcl"]\n[[vary]]\nscenario = ["papr"]', ["did you mean 'paper'?"]),

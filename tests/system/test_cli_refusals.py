@@ -38,7 +38,7 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
     (["run", "--localizer", "mcl"], ["--out"]),
     (["run", "--out", "out"], ["--localizer"]),
-    (["check"], ["localizer"]),
+    (["check"], ["NAME"]),
     (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
     (["check", "mcl", "--timeout", "0"], ["timeout", "0"]),
     (["check", "mcl", "--timeout", "x"], ["--timeout", "x"]),
