@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from benchmarks.setup.changes import Changes
-from benchmarks.setup.scenario import Gaussian, Scenario, Uniform
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, Uniform
 from deqmcl_gym.world.config import WORLDS, MotionNoise, Start, World
 from localizers import CensoredGaussianUniform, OdometryMotion
 

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> str:
     from tempfile import TemporaryDirectory
 
     from deqmcl_gym.files import writable_folder, write_text
-    from deqmcl_gym.maps import Office, polygon_file
+    from deqmcl_gym.maps import Office, polygon_map
     from deqmcl_gym.validation import InputError
 
     said = vars(options)
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> str:
     with TemporaryDirectory(dir=writable_folder(out)) as folder:
         unfinished = Path(folder)
         office.grid.save(unfinished / "office.yaml")
-        write_text(unfinished / "office.json", polygon_file.text_of(office.polygons))
+        write_text(unfinished / "office.json", polygon_map.text_of(office.polygons))
         for path in unfinished.iterdir():
             path.replace(out / path.name)
     _, _, width, height = office.grid.bounds

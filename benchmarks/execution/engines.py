@@ -1,10 +1,14 @@
 """The engines a sweep can run on, and what keeps them busy with trials.
 
-An engine gives an ``Executor`` for as long as it is needed.
+An engine gives an ``Executor`` for as long as it is needed: this process, processes of this
+machine, Dask's (a cluster that runs already, or processes), or one of the user's.
 """
 
+import contextlib
 import importlib
+import logging
 import os
+import signal
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
@@ -13,12 +17,117 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
+from benchmarks.execution.starting import ONE_THREAD
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
+
+CONNECT_SECONDS = 10  # how long a scheduler may take to answer
+_CLOSE_SECONDS = 1
+
+
+def check(scheduler: str | None) -> None:
+    """See whether Dask is installed, and a scheduler answers and has workers.
+
+    Raises:
+        InputError: it is not, or does not.
+    """
+    require()
+    from distributed.comm.addressing import resolve_address
+
+    if scheduler is not None:
+        with _reaching(scheduler):
+            resolve_address(scheduler)
+        with cluster(0, scheduler):
+            pass
+
+
+def require() -> Any:
+    """Return the package ``distributed``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
+            "--executor dask."
+        ) from None
+    return distributed
+
+
+@contextmanager
+def cluster(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+    """Give the executor of a cluster and how many threads it has.
+
+    Args:
+        workers: processes to start, if there is no scheduler.
+        scheduler: address of one that runs; it is left running.
+
+    Raises:
+        InputError: the scheduler does not answer, or has no workers.
+    """
+    place: Any = _local(workers) if scheduler is None else contextlib.nullcontext(scheduler)
+    with place as address, _client(address) as client:
+        threads = sum(client.nthreads().values())
+        if threads == 0:
+            raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
+        yield client.get_executor(retries=0), threads
+
+
+@contextmanager
+def _local(workers: int) -> Iterator[Any]:
+    """Start worker processes of one thread each; at the end, kill them in whatever they do."""
+    own = require().LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        env=ONE_THREAD,
+        silence_logs=logging.CRITICAL,
+    )
+    try:
+        yield own
+    finally:
+        for nanny in own.workers.values():  # one looks after each process, and would restart it
+            nanny.auto_restart = False
+            with contextlib.suppress(OSError, TypeError):  # it is gone
+                os.kill(nanny.pid, signal.SIGKILL)
+        with contextlib.suppress(TimeoutError):
+            own.close(timeout=_CLOSE_SECONDS)
+
+
+@contextmanager
+def _client(address: Any) -> Iterator[Any]:
+    made = require().Client
+    client = made.__new__(made)
+    try:
+        with _reaching(address):
+            client.__init__(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except InputError:
+        client.status = "closed"  # or it tries to close what was never open, and prints that
+        raise
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(TimeoutError):
+            client.close(timeout=_CLOSE_SECONDS)
+
+
+@contextmanager
+def _reaching(address: Any) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:  # each transport has its own
+        raise InputError(
+            f"the Dask scheduler {address!r} cannot be reached ({in_words(error)}): give an "
+            "address like tcp://host:8786."
+        ) from None
+
 
 TRIES = 3  # of a trial whose worker dies
 
@@ -78,7 +187,7 @@ class Where:
             InputError: it is not installed, or there is none of this name or address.
         """
         if self.executor == "dask":
-            dask.check(self.scheduler)
+            check(self.scheduler)
         elif self.executor != "process":
             _factory(self.executor)
 
@@ -92,7 +201,7 @@ class Where:
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":
-            with dask.cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
+            with cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
                 yield Engine(executor=executor, slots=self.jobs or threads, timeout=timeout)
         elif self.executor == "process":
             workers = max(1, min(self.jobs or available_cpus(), len(trials)))

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.files import own_folder, write_part
-from benchmarks.pictures.figures import LAP_MILLISECONDS, LAP_STRIDE, camera_of
+from benchmarks.pictures.figures import (
+    LAP_MILLISECONDS,
+    LAP_STRIDE,
+    camera_of,
+    error_plot,
+    require_plots,
+)
 from benchmarks.pictures.film import Film, webp
-from benchmarks.pictures.plots import error_plot, require_plots
 from benchmarks.setup.scenario import TrialEnv
 from benchmarks.tables.text import TITLES, csv_text, state_name
 from benchmarks.trials.episode import Moment

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from benchmarks.report.journeys import score_cells, score_header
+from benchmarks.report.charts import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
 from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison

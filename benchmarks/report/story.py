@@ -6,16 +6,18 @@ from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.report import error_tables, tables, track_charts, tracks, words
+from benchmarks.report import error_tables, tables, tracks, words
 from benchmarks.report.animations import Kept, animations_of
 from benchmarks.report.charts import (
+    WORDS,
     calibration_chart,
+    journey_charts,
+    journey_table,
     offset_chart,
     points_chart,
     speed_chart,
     time_charts,
 )
-from benchmarks.report.journeys import WORDS, journey_charts, journey_table
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -82,13 +84,13 @@ TRACKS: Sequence[Part] = (
     Part(tables=tracks.track_tables),
     Part(
         heading="On the map",
-        note=lambda panel: track_charts.ON_THE_MAP,
-        pictures=track_charts.track_charts,
+        note=lambda panel: tracks.ON_THE_MAP,
+        pictures=tracks.track_charts,
     ),
     Part(
         heading="Over the distance driven",
-        note=lambda panel: track_charts.OVER_THE_WAY,
-        pictures=track_charts.error_charts,
+        note=lambda panel: tracks.OVER_THE_WAY,
+        pictures=tracks.error_charts,
         small=True,
     ),
     Part(heading="APE and RPE", tables=tracks.evo_tables),

@@ -9,8 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, file_digest
-from benchmarks.setup.scenario import Gaussian, Scenario, TrialEnv
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of

@@ -11,15 +11,13 @@ from pathlib import Path
 
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup import documents
+from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, file_digest
-from benchmarks.setup.scenario import Agent, Scenario
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Agent, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
 from localizers.naming.digests import content_digest
-from localizers.naming.isolation import is_ctrl_c
-from localizers.naming.plugins import is_reference, load, raised, reference_digest
+from localizers.naming.plugins import is_ctrl_c, is_reference, load, raised, reference_digest
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
@@ -109,7 +107,7 @@ def plug_ins_of(name: str) -> tuple[str, ...]:
             found[other] = None
         elif other.endswith(".toml") and other not in seen:
             seen.add(other)
-            given = documents.read(Path(other), "scenario")
+            given = changes.read(Path(other), "scenario")
             named = [given[key] for key in ("base", "agent") if isinstance(given.get(key), str)]
             waiting += [_absolute(each, Path(other).parent) for each in named]
     return tuple(found)
@@ -159,10 +157,10 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
 def _read(path: Path, within: tuple[str, ...]) -> Scenario:
     """Read a scenario file; ``within`` are the files that it is a base of, and itself."""
-    given = documents.read(path, "scenario")
-    with documents.errors_name(path):
-        documents.check(given, _KEYS)
-        named = absolute_scenario(documents.text("base", given.get("base", "paper")), path.parent)
+    given = changes.read(path, "scenario")
+    with changes.errors_name(path):
+        changes.check(given, _KEYS)
+        named = absolute_scenario(changes.text("base", given.get("base", "paper")), path.parent)
         base = _scenario(named, within)
         prior = Changes.told("prior", {"prior": given.get("prior", {})})
         assumed = Changes.told("assumed", given.get("assumed", {})) | prior
@@ -171,8 +169,8 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
         return replace(
             changed,
-            words=documents.text("words", given.get("words", path.stem)),
-            agent=documents.text("agent", given.get("agent", base.agent)),
+            words=changes.text("words", given.get("words", path.stem)),
+            agent=changes.text("agent", given.get("agent", base.agent)),
             buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
             source=sha256("".join(own).encode()).hexdigest(),

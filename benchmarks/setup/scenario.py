@@ -1,4 +1,7 @@
-"""Scenario: a world, what the filters assume of it, and who drives; and the interfaces of both."""
+"""Scenario: a world, what the filters assume of it, who drives, and when an estimate is far off.
+
+The interfaces of worlds and agents stand here, too.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -9,7 +12,6 @@ from typing import Any, Protocol, Self, TypeVar
 import gymnasium as gym
 
 from benchmarks.setup.changes import NOTHING, Changes
-from benchmarks.setup.thresholds import Thresholds
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
@@ -27,6 +29,27 @@ from localizers import (
 )
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thresholds:
+    """What the scores count as far off, and as lost.
+
+    Attributes:
+        far: position error above which an estimate is far off, px.
+        lost: mean position error of the last steps above which a trial is lost, px.
+        lost_steps: how many steps these are.
+    """
+
+    far: float = field(default=50.0, metadata=LENGTH)
+    lost: float = field(default=50.0, metadata=LENGTH)
+    lost_steps: int = 20
+
+    def __post_init__(self) -> None:
+        number("thresholds.far", self.far, low=0, above=True)
+        number("thresholds.lost", self.lost, low=0, above=True)
+        integer("thresholds.lost_steps", self.lost_steps, low=1)
+
 
 Pose = tuple[float, float, float]
 

@@ -7,7 +7,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.setup import documents
+from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
@@ -151,7 +151,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     Raises:
         InputError: the manifest was changed.
     """
-    with documents.errors_name(folder / manifest.NAME):
+    with changes.errors_name(folder / manifest.NAME):
         return sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import takes
-from benchmarks.setup import documents
+from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
@@ -15,7 +15,7 @@ from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import absolute_name
-from localizers.naming.parsed import is_file
+from localizers.naming.plugins import is_file
 from localizers.naming.registry import complete
 
 _KEYS = (
@@ -36,9 +36,9 @@ def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] =
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
-    given = documents.read(path, "sweep")
-    with documents.errors_name(path):
-        documents.check(given, ("base", *_KEYS))
+    given = changes.read(path, "sweep")
+    with changes.errors_name(path):
+        changes.check(given, ("base", *_KEYS))
         base = (
             _base(given.pop("base"), (*above, Path(os.path.abspath(path))))
             if "base" in given
@@ -60,7 +60,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
-    if documents.text("base", name).endswith(".toml"):
+    if changes.text("base", name).endswith(".toml"):
         path = Path(_absolute(files[-1].parent, name))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
@@ -106,7 +106,7 @@ def sweep_of(
     Raises:
         InputError: unknown key, wrong type or bad value.
     """
-    documents.check(given, _KEYS)
+    changes.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     if "scenario" in plain:
@@ -116,7 +116,7 @@ def sweep_of(
     world = Changes.told("world", given.get("world", {}))
     methods = _list("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
-        "title": documents.text("title", given.get("title", title)),
+        "title": changes.text("title", given.get("title", title)),
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
         "assumed": Changes.told("assumed", given.get("assumed", {})),
@@ -145,7 +145,7 @@ def _refuse_idle(sweep: Sweep) -> None:
 def _method(entry: Any, folder: Path | None) -> Method:
     if isinstance(entry, str):
         return Method(name=_localizer("name of a localizer", entry, folder))
-    table = documents.table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
+    table = changes.table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
     for key in table:
         one_of("key in localizers", key, ("name", "params"))
     return _named("an entry of localizers", table, folder)
@@ -157,7 +157,7 @@ def _limits(entry: Any, folder: Path | None) -> tuple[Limit, ...]:
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
-    table = documents.table(
+    table = changes.table(
         "limit", entry, "a table [limit] with name, params, of, trials, filter_seeds"
     )
     for key in table:
@@ -171,14 +171,14 @@ def _limit(entry: Any, folder: Path | None) -> Limit:
 def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
     if "name" not in table:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-    params = documents.table("params of a localizer", table.get("params", {}), "a table")
+    params = changes.table("params of a localizer", table.get("params", {}), "a table")
     name = _localizer("name of a localizer", table["name"], folder)
     return Method(name=name, params=Changes(params))
 
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
     """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
-    name = documents.text(what, value)
+    name = changes.text(what, value)
     if folder is None:
         return name
     if is_file(name):
@@ -194,7 +194,7 @@ def _absolute(folder: Path, path: str) -> str:
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
-    values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
+    values = Changes.told("vary", changes.table("vary", table, "a [[vary]] table"))
     axis = {}
     for name, listed in values.items():
         points = _list(f"[[vary]] {name}", listed)
@@ -213,7 +213,7 @@ def _point(name: str, value: Any, folder: Path | None) -> Any:
 
 def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
     wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (documents.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
+    tables = (changes.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
         Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
         for table in tables

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from benchmarks.setup.changes import Changes
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.comparison import Comparison, compared, outcomes_of
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes

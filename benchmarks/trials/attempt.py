@@ -10,7 +10,7 @@ from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import LogWarning, in_words
-from localizers.naming.isolation import is_ctrl_c
+from localizers.naming.plugins import is_ctrl_c
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Task, covariance_floor
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals

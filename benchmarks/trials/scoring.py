@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
-from benchmarks.trials.plans import PLAN_COLUMNS, plan_columns
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace
+from benchmarks.trials.trace import PLAN_COLUMNS, PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
 from deqmcl_gym.numerics.types import Floats
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)

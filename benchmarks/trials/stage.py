@@ -23,7 +23,7 @@ from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
-from localizers.naming.isolation import is_ctrl_c
+from localizers.naming.plugins import is_ctrl_c
 
 DISTURBANCES = MappingProxyType(
     {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}

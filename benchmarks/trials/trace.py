@@ -1,8 +1,12 @@
-"""What is kept of an episode: per offset and state, what was believed and how it fits the truth."""
+"""What is kept of an episode: per offset and state, what was believed and how it fits the truth.
+
+And per step, how the belief read the plan it was shown, and whether that plan was about this robot.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import isnan
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,11 +15,40 @@ from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of,
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS
-from benchmarks.trials.plans import plan_row
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
+from localizers.models.plan_sensor import PlanSensor
 from localizers.models.scan import Scan
+
+SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
+PLAN_COLUMNS = ("conflict", *SIGNALS)
+
+
+def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
+    """Return whether the plan conflicts with the true pose, then the signals; NaN if none was read.
+
+    It conflicts if, laid from where the robot is, it would collide: it is not about this robot, or
+    no longer.
+    """
+    reading = getattr(belief, "plan_reading", None)
+    if reading is None or np.isnan(reading.feasible):
+        return [np.nan] * (1 + len(SIGNALS))
+    sensor = PlanSensor(floor_plan=task.floor_plan, radius=task.radius)
+    pose = np.asarray(truth, np.float32)[:, None]
+    known = np.isfinite(pose).all()
+    conflict = float(sensor.collisions(pose, reading.seen)[0] > 0) if known else np.nan
+    return [conflict, *(float(getattr(reading, name)) for name in SIGNALS)]
+
+
+def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None]] | None:
+    """Return the rows of the steps t = 1 … T as columns by name; None if no plan was read."""
+    table: Floats = np.array(rows, np.float64).reshape(len(rows), 1 + len(SIGNALS))
+    if np.isnan(table).all():
+        return None
+    columns = zip(PLAN_COLUMNS, table.T.tolist(), strict=True)
+    return {name: [None if isnan(v) else v for v in own] for name, own in columns}
+
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import NEAR, Fixes, metre

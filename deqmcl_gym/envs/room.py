@@ -12,8 +12,7 @@ from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.course import MAX_STEPS, Course, Pose, check_free
 from deqmcl_gym.world.driver import FixedPlan
-from deqmcl_gym.world.episode import Episode
-from deqmcl_gym.world.physics import contacts_of
+from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
 from deqmcl_gym.world.sensor import Stream
 

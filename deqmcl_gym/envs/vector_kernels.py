@@ -1,6 +1,6 @@
 """The compiled motion of many robots among the walls: float64, one room after the other.
 
-The rule is that of ``deqmcl_gym.world.physics``: turn, then drive; stop just before contact.
+The rule is that of ``deqmcl_gym.world.episode``: turn, then drive; stop just before contact.
 """
 
 from typing import Any, NamedTuple

@@ -1,12 +1,21 @@
-"""PolygonMap: a map of polygons, for physics, lidar, localizers and drawing."""
+"""PolygonMap: a map of polygons, for physics, lidar, localizers and drawing; read from JSON.
 
+``{"outer": [[x, y], …], "obstacles": [[[x, y], …], …], "unit": "m"}``: the keys are those of
+``floor_plan`` in Python and in TOML.
+"""
+
+import json
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deqmcl_gym.files import UnreadableError, content_of, json_of
 from deqmcl_gym.maps import drive_kernels, grid_walls
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.drive_kernels import clearance_of
@@ -23,7 +32,7 @@ from deqmcl_gym.maps.map import (
 )
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, number, shown
+from deqmcl_gym.validation import InputError, number, one_of, shown
 
 _ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length
 _FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
@@ -258,3 +267,43 @@ def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
     for axis in (0, 1):
         moved[..., axis, :] -= sign * datum[axis]
     return moved.astype(np.float32)
+
+
+KEYS = ("outer", "obstacles", "unit")
+
+
+def read(path: str | os.PathLike[str]) -> PolygonMap:
+    """Read a map.
+
+    Raises:
+        InputError: the file is missing or damaged, or has a bad value.
+    """
+    try:
+        given = json_of(content_of(Path(path).expanduser()))
+    except FileNotFoundError:
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"the map file {path} {error}.") from None
+    try:
+        for key in given:
+            one_of("key", key, KEYS)
+        return of_mapping(given)
+    except InputError as error:
+        raise InputError(f"the map {path}: {error}") from None
+
+
+def of_mapping(given: Any) -> PolygonMap:
+    """Return the map that a mapping describes."""
+    if not isinstance(given, Mapping):
+        kind = type(given).__name__
+        raise InputError(f"it is a {kind}, but must be a mapping of {', '.join(KEYS)}.")
+    for key in given:
+        one_of("key in floor_plan", key, (*KEYS, "file", "office"))
+    return PolygonMap(**{"outer": None, **given})
+
+
+def text_of(floor_plan: PolygonMap) -> str:
+    """Return a map as JSON, one polygon per line."""
+    outer, unit = json.dumps(floor_plan.outer), json.dumps(floor_plan.unit)
+    obstacles = ",\n".join(map(json.dumps, floor_plan.obstacles))
+    return f'{{"unit": {unit},\n"outer": {outer},\n"obstacles": [\n{obstacles}\n]}}\n'

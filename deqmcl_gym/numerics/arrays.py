@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics import elementary, exponential_kernels
+from deqmcl_gym.numerics import elementary
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Floats
 
@@ -61,18 +61,18 @@ def wrapped(x: Any, out: Any) -> None:
 def exp(x: Any, out: Any) -> None:
     """Exp of x ≤ 0."""
     for i in range(x.size):
-        out[i] = exponential_kernels.exp64(x[i])
+        out[i] = elementary.exp64(x[i])
 
 
 @_of_arrays
 def log(x: Any, out: Any) -> None:
     """Natural logarithm; -inf at 0."""
     for i in range(x.size):
-        out[i] = exponential_kernels.log64(x[i])
+        out[i] = elementary.log64(x[i])
 
 
 @_of_arrays
 def normal_cdf(x: Any, out: Any) -> None:
     """Φ(x)."""
     for i in range(x.size):
-        out[i] = exponential_kernels.normal_cdf64(x[i])
+        out[i] = elementary.normal_cdf64(x[i])

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_file
+from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 
@@ -35,11 +35,11 @@ def floor_plan_of(given: Any) -> Map:
     if not isinstance(given, Mapping):
         raise InputError(
             f"floor_plan is {shown(given)}, but must be a map, the path of a map's file, or a "
-            f"mapping of {', '.join(polygon_file.KEYS)}, of file and unknown, or of office and "
+            f"mapping of {', '.join(polygon_map.KEYS)}, of file and unknown, or of office and "
             "form."
         )
     if "office" not in given:
-        return _read(given) if "file" in given else polygon_file.of_mapping(given)
+        return _read(given) if "file" in given else polygon_map.of_mapping(given)
     for key in given:
         one_of("key in floor_plan", key, ("office", "form"))
     office: Office = part("floor_plan.office", Office, given["office"], Office())
@@ -54,7 +54,7 @@ def _read(given: Mapping[str, Any]) -> Map:
     for key in given:
         one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
     if polygons:
-        return polygon_file.read(path)
+        return polygon_map.read(path)
     return GridMap.load(path, given.get("unknown", "obstacle"))
 
 

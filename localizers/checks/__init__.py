@@ -4,8 +4,7 @@ The command ``deqmcl check NAME`` prints the same; ``parametrize_with_laws`` mak
 """
 
 from localizers.checks.laws import LAWS, Law, Verdict
-from localizers.checks.pytest_laws import parametrize_with_laws
-from localizers.checks.run import Report, check_localizer
+from localizers.checks.run import Report, check_localizer, parametrize_with_laws
 from localizers.checks.subject import LawBrokenError, LawSkippedError
 
 __all__ = [

@@ -21,8 +21,7 @@ from localizers.checks.subject import (
     random_drive,
 )
 from localizers.models.robot import RobotModel
-from localizers.naming.isolation import is_ctrl_c
-from localizers.naming.plugins import absolute_name, raised
+from localizers.naming.plugins import absolute_name, is_ctrl_c, raised
 from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
 
 

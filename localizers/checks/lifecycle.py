@@ -37,8 +37,7 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.naming.isolation import SPAWN, Isolated, NoAnswerError, enter
-from localizers.naming.plugins import raised
+from localizers.naming.plugins import SPAWN, Isolated, NoAnswerError, enter, raised
 from localizers.naming.registry import made_by, resolve
 
 _HALF = 6

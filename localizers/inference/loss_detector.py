@@ -13,7 +13,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.exponential_kernels import exp64
+from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats
 from localizers.inference.parts import Memory, ScanModel, States
 from localizers.inference.weights import log_sum_exp

@@ -12,7 +12,7 @@ import numpy as np
 
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.exponential_kernels import exp64, log64
+from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Indices, Ints
 from deqmcl_gym.validation import number
 from localizers.inference.belief import ParticleBelief, PlanReading

@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.exponential_kernels import exp64, log64
+from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats
 from localizers.inference.parts import LogWeights, Weights
 

@@ -17,12 +17,11 @@ from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
 from localizers.inference.bayes_filter import checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference.belief import Events, ParticleBelief
-from localizers.inference.kld_sampling import KldSampling
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Memory, States
 from localizers.inference.queue import Queue
-from localizers.inference.resampling import searched
+from localizers.inference.resampling import KldSampling, searched
 from localizers.inference.start import Averages
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 from localizers.models.nav2_scan import (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.exponential_kernels import exp64, logs64
+from deqmcl_gym.numerics.elementary import exp64, logs64
 from deqmcl_gym.numerics.types import Floats, Singles
 
 Scalar = Any  # a float64 inside a kernel

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.exponential_kernels import log64
+from deqmcl_gym.numerics.elementary import log64
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 
 Ints = NDArray[np.int64]

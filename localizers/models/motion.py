@@ -14,8 +14,7 @@ from deqmcl_gym.maps.drive_kernels import drive as drive_poses
 from deqmcl_gym.maps.map import PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import sincos32
-from deqmcl_gym.numerics.exponential_kernels import log32
+from deqmcl_gym.numerics.elementary import log32, sincos32
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number
 

@@ -18,8 +18,7 @@ from deqmcl_gym.maps.drive_kernels import to_nearest
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.exponential_kernels import exp64, log64
+from deqmcl_gym.numerics.elementary import cos64, exp64, log64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.models.scan import Scan

@@ -1,27 +1,194 @@
 """Localizers from other people's code: ``package.module:NAME``, ``file.py:NAME``.
 
-Loading runs that code, so it happens only when a plug-in is used. Any failure is
-reported in one sentence, as an ``InputError``.
+What a file has is found by parsing it. Loading runs its code, so it happens only when a plug-in is
+used, and any failure is reported in one sentence, as an ``InputError``.
+
+Whatever such code does to its process (working folder, streams, signals, threads, random state,
+``os._exit``) ends with the process. The parent kills it, with everything it started, and waits for
+none of its cleanup.
 """
 
+import ast
+import atexit
 import contextlib
 import difflib
 import hashlib
 import importlib
 import importlib.util
+import multiprocessing
 import os
 import pkgutil
+import signal
 import sys
+import time
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from threading import Thread
 from types import ModuleType
 from typing import Any
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.digests import file_digest, module_digest
-from localizers.naming.isolation import is_ctrl_c
+
+SPAWN = multiprocessing.get_context("spawn")
+_MARK = "DEQMCL_PROCESS"  # in the environment of all that the process starts
+_EXEC_SECONDS = 0.02  # a program that is just being started does not show its environment yet
+_OOM_SCORE = "500"  # who is killed first when memory runs out: this process, not its parent
+
+
+class NoAnswerError(RuntimeError):
+    """A process gave no answer in time, or ended."""
+
+
+class EndedError(NoAnswerError):
+    """A process ended without an answer.
+
+    Attributes:
+        code: its exit code; None if it has none yet.
+    """
+
+    def __init__(self, code: int | None) -> None:
+        super().__init__(f"a separate process ended without an answer, with exit code {code}")
+        self.code = code
+
+
+class Isolated:
+    """A process that calls ``enter`` and answers questions, and our end of the line to it."""
+
+    def __init__(
+        self, context: BaseContext, target: Callable[..., None], *arguments: object
+    ) -> None:
+        """Start ``target(line, *arguments)``."""
+        self._line, there = context.Pipe()
+        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
+            target=target, args=(there, *arguments)
+        )
+        self.process.start()
+        there.close()  # so that the line breaks when the process dies
+        atexit.register(self.kill)  # multiprocessing would wait for it
+
+    def answer(self, timeout: float | None, *question: object) -> Any:
+        """Return what the process sends next, after it was sent a question if there is one.
+
+        Raises:
+            EndedError: it ended.
+            NoAnswerError: it has sent nothing after ``timeout`` s.
+        """
+        try:
+            for one in question:
+                self._line.send(one)
+            if self._line.poll(timeout):
+                return self._line.recv()
+        except (EOFError, OSError):
+            self.process.join(1)
+            raise EndedError(self.process.exitcode) from None
+        raise NoAnswerError(f"a separate process gave no answer within {timeout:g} s")
+
+    def kill(self) -> None:
+        """Kill the process, if it still lives, and all that it started."""
+        end(self.process)
+
+    def close(self) -> None:
+        """Kill the process, wait for its end, and close the line."""
+        atexit.unregister(self.kill)
+        self.kill()
+        self.process.join()
+        self._line.close()
+
+
+def enter() -> None:
+    """Prepare this process to be killed as a whole; call it first.
+
+    It leads its own session, prints to stderr, and does not outlive its parent.
+    """
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows; it leads one already
+        os.setsid()
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    with contextlib.suppress(OSError):  # stderr is closed
+        os.dup2(2, 1)
+    os.environ[_MARK] = str(os.getpid())
+    Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is the user's Ctrl-C; in a worker it can only come from a plug-in."""
+    return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
+
+
+def end(process: BaseProcess) -> None:
+    """Kill a process that called ``enter``, and all it started, in other sessions too."""
+    if process.pid is not None:
+        _kill_session(process.pid)
+        process.kill()
+        _kill_marked(process.pid)
+
+
+def _kill_session(leader: int) -> None:
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows; none is left
+        os.killpg(leader, signal.SIGKILL)
+
+
+def _kill_marked(leader: int) -> None:
+    """Kill programs that were started with the mark of a process, whatever session they are in."""
+    mark = f"{_MARK}={leader}".encode()
+    for pause in (0.0, _EXEC_SECONDS):
+        time.sleep(pause)
+        for environment in Path("/proc").glob("[0-9]*/environ"):
+            with contextlib.suppress(OSError):  # it is gone, or another user's
+                if mark in environment.read_bytes().split(b"\0"):
+                    os.kill(int(environment.parent.name), signal.SIGKILL)
+
+
+def _leave_with_parent() -> None:
+    """Exit at once when the parent is gone, whatever else is running."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        _kill_marked(os.getpid())
+        _kill_session(os.getpid())
+        os._exit(1)
+
+
+def is_file(name: str) -> bool:
+    """Whether a name is that of a Python file, without the name of anything in it."""
+    return name.endswith(".py")
+
+
+def localizers_in(file: str) -> list[str]:
+    """Return the names of the public classes in a file that have ``reset`` and ``update``.
+
+    Raises:
+        InputError: the file cannot be read, or is not Python.
+    """
+    try:
+        tree = ast.parse(content_of(Path(file).expanduser()), file)
+    except FileNotFoundError as error:
+        raise InputError(f"the file {file} cannot be read: {error.strerror}.") from None
+    except UnreadableError as error:
+        raise InputError(f"the file {file} {error}.") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # ValueError: a NUL
+        raise InputError(f"the file {file} cannot be parsed as Python: {error}.") from None
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    return [
+        name
+        for name in classes
+        if not name.startswith("_") and {"reset", "update"} <= _methods(name, classes)
+    ]
+
+
+def _methods(name: str, classes: Mapping[str, ast.ClassDef]) -> set[str]:
+    """Names of the methods of a class, also of those that it inherits from others in the file."""
+    if name not in classes:
+        return set()
+    own, others = classes[name], {key: value for key, value in classes.items() if key != name}
+    found = {node.name for node in own.body if isinstance(node, ast.FunctionDef)}
+    return found.union(*(_methods(ast.unparse(base), others) for base in own.bases))
 
 
 def is_reference(name: str) -> bool:

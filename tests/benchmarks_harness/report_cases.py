@@ -10,7 +10,7 @@ from msgspec.structs import replace as changed
 
 from benchmarks.report import story, write_report
 from benchmarks.setup.changes import Changes
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.panels import panels

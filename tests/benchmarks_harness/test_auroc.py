@@ -9,7 +9,7 @@ import pytest
 from report_cases import changed, comparisons, finished
 
 from benchmarks.report.tables import detection_glance, detection_table
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.auroc import auroc_of, rated_steps
 from benchmarks.tables.panels import panels
 from benchmarks.trials.scoring import ErrorCurve

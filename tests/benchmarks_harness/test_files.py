@@ -12,7 +12,6 @@ from refusals import refused
 
 from benchmarks.files import (
     inventory,
-    lock,
     own_folder,
     refuse_changed,
     writable_folder,
@@ -197,7 +196,7 @@ def system(request, monkeypatch):
             raise PermissionError(13, "The process cannot access the file", str(path))
         really_unlink(path, missing_ok=missing_ok)
 
-    monkeypatch.setattr(lock, "fcntl", None)
+    monkeypatch.setattr(inventory, "fcntl", None)
     monkeypatch.setattr(Path, "open", remember)
     monkeypatch.setattr(Path, "unlink", unlink)
     return None
@@ -208,12 +207,12 @@ def test_shards_share_a_folder_the_same_one_does_not_and_the_last_removes_the_lo
 ):
     there = tmp_path / ".deqmcl.lock"
     for first, second in ((None, None), ("1/2", None), ("1/2", "1/2"), ("1/2", "2/2")):
-        with lock.locked(tmp_path, first):
+        with inventory.locked(tmp_path, first):
             if second == "2/2":
-                with lock.locked(tmp_path, second):
+                with inventory.locked(tmp_path, second):
                     pass
             elif system:
-                with refused("another sweep"), lock.locked(tmp_path, second):
+                with refused("another sweep"), inventory.locked(tmp_path, second):
                     pass
             assert there.exists()
         assert os.listdir(tmp_path) == []

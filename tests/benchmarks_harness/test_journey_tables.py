@@ -10,8 +10,8 @@ from report_cases import changed, finished, parsed, trial_of, whole
 from test_store import TRIAL, record_of
 
 from benchmarks.report.animations import animations_of
+from benchmarks.report.charts import WORDS, journey_charts, journey_table
 from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.journeys import WORDS, journey_charts, journey_table
 from benchmarks.report.leaderboard import Source, boards
 from benchmarks.report.svg import looks
 from benchmarks.report.words import findings, power_hint, runner_up, spoken

@@ -103,7 +103,7 @@ import numpy as np
 from fake_episode import traced
 from report_cases import changed, finished
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.csv_files import trials_csv
 from benchmarks.trials.scoring import record
 

@@ -12,8 +12,8 @@ from benchmarks.report.tables import validity_table
 from benchmarks.tables.csv_files import plans_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.plan_validity import RECENT, validities
-from benchmarks.trials.plans import PLAN_COLUMNS, SIGNALS, plan_columns, plan_row
 from benchmarks.trials.scoring import ErrorCurve
+from benchmarks.trials.trace import PLAN_COLUMNS, SIGNALS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
 
 AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on

@@ -8,7 +8,7 @@ from report_cases import changed, finished, paired, parsed, results, trials, wri
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
 from benchmarks.report.words import conclusion, findings, power_hint, runner_up, spoken
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 

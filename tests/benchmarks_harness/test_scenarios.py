@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage

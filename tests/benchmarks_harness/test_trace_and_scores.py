@@ -18,7 +18,7 @@ from fake_episode import (
     truth_of,
 )
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import groups_named

@@ -1,7 +1,7 @@
 """A localizer on a log, without a sweep around it."""
 
 from benchmarks.setup.names import make_agent
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import moments
 from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.envs.log import LogEnv

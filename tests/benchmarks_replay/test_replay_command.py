@@ -13,7 +13,7 @@ from benchmarks.cli import main
 from benchmarks.replay.options import setting_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.episode import Moment

@@ -10,8 +10,7 @@ from following import robot_of, started, updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
-from localizers.inference.kld_sampling import KldSampling, limit
-from localizers.inference.resampling import searched
+from localizers.inference.resampling import KldSampling, limit, searched
 from localizers.methods.amcl import OMNI, UpdateGate, WeightAverages
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import LidarScan, Scan

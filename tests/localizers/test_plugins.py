@@ -12,7 +12,7 @@ import pytest
 import localizers
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
-from localizers.naming.installed import unreadable
+from localizers.naming.registry import unreadable
 from localizers.template import MyLocalizer
 
 BUILT_IN = localizers.names()

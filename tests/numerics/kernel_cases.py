@@ -11,7 +11,7 @@ from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.casting import all_at_once, cell_by_cell
-from deqmcl_gym.numerics import arrays, elementary, exponential_kernels
+from deqmcl_gym.numerics import arrays, elementary
 from deqmcl_gym.numerics.entropy import Seeds
 
 # one wall of each kind that a caster knows: room, boxes, upright, level, oblique
@@ -33,7 +33,7 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
     singles, logs = rng.normal(0, 5, 20).astype(np.float32), np.empty(20)
     sines, cosines = np.empty_like(singles), np.empty_like(singles)
     elementary.sincos32(singles, sines, cosines)
-    exponential_kernels.logs64(rng.random(20), logs)
+    elementary.logs64(rng.random(20), logs)
     yield "elementary", np.concatenate([sines, cosines, logs])
     yield "entropy", Seeds(7, (1, 2)).generate_state(4, np.uint64)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from deqmcl_command import DEQMCL, exit_code, files, lines, process
 
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores

@@ -12,7 +12,7 @@ from deqmcl_command import python
 DIGEST = """
 import hashlib, json, msgspec
 from benchmarks.trials.stage import Stage
-from benchmarks.setup.thresholds import Thresholds
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.scoring import record
 from benchmarks.sweeps.suites import paper_suite
 from localizers import names

@@ -8,7 +8,7 @@ import numpy as np
 from tabulate import tabulate
 
 from benchmarks.files import own_folder, write_part
-from benchmarks.pictures.plots import require_plots
+from benchmarks.pictures.figures import require_plots
 from benchmarks.studies.phase.cycles import PERFECT, Lap, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.spec import Trial

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
-from benchmarks.pictures.plots import png_of
+from benchmarks.pictures.figures import png_of
 from benchmarks.studies.phase.cycles import Cycles, Lap, PlaceFields, Precession
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from benchmarks.files import own_folder, write_part
 from benchmarks.studies.speed import rays, steps, worlds
 from benchmarks.studies.speed.figure import Effort, Measured, digits, figures_table, measured
-from benchmarks.studies.speed.scaling import (
+from benchmarks.studies.speed.steps import (
     Scaling,
     curves,
     scaled,

@@ -1,0 +1,131 @@
+"""Methods that take the plan as evidence of the present; nothing is queued, so nothing degenerates.
+
+- ``mcl-h``, ``mcl-pilots``: p(x_t) ∝ α_t(x_t) h_t(x_t), map-based MCL, weighted by how feasible
+  the plan is from x_t. α_t covers the scans and steps so far, h_t(x) = E[Π g of the next L planned
+  steps | x_t = x]. The target is DEQ-MCL's. h_t comes from a table or from rollouts: Lin, Chen &
+  Liu 2013 (lookahead, pilots); as a twist of the filter: Whiteley & Lee 2014; Guarniero, Johansen &
+  Lee 2017.
+- ``mcl-plan``: p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), map-based MCL, each plan shown an observation
+  of x_t. Ours. Authors do not plan through walls, so a plan is evidence of where its author
+  believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
+  noise. A plan is only as good as its author's knowledge: one made from the filter's own estimate
+  merely confirms it, and a stale one misleads.
+"""
+
+from dataclasses import replace
+
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.validation import InputError, integer, one_of
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.plan_evidence import (
+    DoubtedPlans,
+    Known,
+    Lookahead,
+    Pilots,
+    PlanEvidence,
+    Tabulated,
+    nothing_known,
+    steps_known,
+)
+from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
+from localizers.methods.deq_mcl import mcl_map_smoother
+from localizers.methods.family import FOR_THE_LOST, Shared, method
+from localizers.models.lookahead_grid import LookaheadGrid
+from localizers.models.motion import odometry
+from localizers.models.prior import even_poses
+from localizers.models.robot import RobotModel
+
+FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
+
+
+@method(*mcl_map_smoother.takes)
+def mcl_h(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    form: str = "estimate",
+    cell: float | None = None,
+    headings: int = 72,
+) -> ParticleFilter:
+    """Return map-based MCL with a table of h_t over ``lag`` = L planned steps.
+
+    Args:
+        robot, shared: see ``Shared``.
+        form: "estimate": h weights the report only, the cloud is that of ``mcl_map``;
+            "twisted": h also enters resampling.
+        cell: distance between nodes of the table, in the map's unit; None is 5 px, or 0.1 m.
+        headings: how many the table has, evenly spaced.
+
+    Raises:
+        InputError: the robot's motion is neither an ``OdometryMotion`` nor a
+            ``DifferentialMotion``.
+    """
+    grid = LookaheadGrid(
+        floor_plan=robot.floor_plan,
+        radius=robot.radius,
+        beta=shared.beta,
+        motion=odometry(robot.motion, "mcl-h"),
+        cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
+        headings=headings,
+    )
+    return replace(
+        mcl_map_smoother.build(robot, shared),
+        lookahead=Tabulated(table=grid, steps=shared.lag),
+        selection=FORMS[one_of("form", form, FORMS)],
+    )
+
+
+@method(*mcl_map_smoother.takes)
+def mcl_pilots(robot: RobotModel, shared: Shared, *, pilots: int = 8) -> ParticleFilter:
+    """Return map-based MCL with h_t from rollouts over ``lag`` = L planned steps.
+
+    Args:
+        robot, shared: see ``Shared``.
+        pilots: K, fresh rollouts per particle and step.
+    """
+    base = mcl_map_smoother.build(robot, shared)
+    pilots = integer("pilots", pilots, low=1)
+    return replace(base, lookahead=Pilots(rollout=base.rollout, steps=shared.lag, pilots=pilots))
+
+
+_ANYWHERE = 512  # poses that represent free space
+
+CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
+
+
+@method(*mcl_map_smoother.takes, *FOR_THE_LOST)
+def mcl_plan(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    keep: float = 0.8,
+    charge: str = "always",
+    validity: float | None = None,
+) -> ParticleFilter:
+    """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
+
+    Args:
+        robot, shared: see ``Shared``.
+        keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
+        charge: "always", or "new": each planned step once, when it comes into view.
+        validity: probability per step that plans become, or cease to be, about this robot; it
+            replaces ``keep``, which must then be 0. None: plans always are.
+
+    Raises:
+        InputError: ``validity`` is given together with ``keep`` > 0 or ``charge`` = "new".
+    """
+    sensor = shared.sensor(robot)
+    known = CHARGES[one_of("charge", charge, CHARGES)]
+    evidence: Lookahead = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
+    if validity is not None:
+        if keep != 0 or charge != "always":
+            raise InputError(
+                f"validity is {validity!r}, keep {keep:g} and charge {charge!r}, but a plan of "
+                "doubtful validity is neither tempered nor charged in part: give keep = 0 and "
+                "charge = 'always', or leave validity out."
+            )
+        anywhere = even_poses(robot.floor_plan, _ANYWHERE)
+        evidence = DoubtedPlans(
+            sensor=sensor, anywhere=anywhere, switching=validity, steps=shared.lag
+        )
+    return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
