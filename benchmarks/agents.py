@@ -33,24 +33,20 @@ class OpenLoop:
     def __init__(self, robot: RobotModel) -> None:
         del robot
 
-    def plan_at_reset(self, info: dict[str, Any]) -> None:
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
         """Return None: the plan is the env's."""
-        del info
+        return None
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next planned action; the plan is the env's."""
-        del belief
         return info["planned_actions"][0], None
 
 
-class Stale:
+class Stale(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of another start.
 
     That of one who had started farther on, and never anew.
     """
-
-    def __init__(self, robot: RobotModel) -> None:
-        del robot
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return the plan from the other start, all of it."""
@@ -60,21 +56,17 @@ class Stale:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action planned by the env, and what is left of the other plan."""
-        del belief
         self._rest = self._rest[1:]
         return info["planned_actions"][0], self._rest
 
 
-class OldRoute:
+class OldRoute(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of the first route.
 
     Once there is another route, what is left of it: so the robot is driven by one who sees where it
     is, and the dispatcher who tells the localizer does not. What is left of his plan is counted off
     as if it were carried out.
     """
-
-    def __init__(self, robot: RobotModel) -> None:
-        del robot
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
         """Return None: the plan at reset is the env's."""
@@ -84,7 +76,6 @@ class OldRoute:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action planned by the env, and what is left of the plan shown."""
-        del belief
         if np.array_equal(info["route"], self._route):
             self._shown: Reals = info["planned_actions"][: info["planned_count"]]
         self._shown = self._shown[1:]
@@ -157,17 +148,19 @@ class ToGoal:
         """Return no plan: nothing is believed yet."""
         if "goal" not in info:
             raise InputError("the agent drives to a goal: give a world with a route.")
-        self.goal = _point(info["goal"])
+        x, y = info["goal"].tolist()
+        self.goal = x, y
         return np.empty((0, 2), np.float32)
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action towards the goal, and those after it."""
         self.pose = best_cluster(*_points(belief), unit=self._map.unit).mean
         if info["collided"]:
-            self._back_off()
-        ahead = self._backing
-        if not len(ahead):
-            ahead = self._ahead()
+            turn, step = self._world.lap.turn, self._world.lap.step
+            turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
+            self._backing = np.array([*turns, (step, 0.0), (step, 0.0)], np.float32)
+            self._side = -self._side
+        ahead = self._backing if len(self._backing) else self._ahead()
         self._backing = self._backing[1:]
         return ahead[0], ahead[1:]
 
@@ -200,12 +193,6 @@ class ToGoal:
         assert self._plan is not None
         return self._plan
 
-    def _back_off(self) -> None:
-        turn, step = self._world.lap.turn, self._world.lap.step
-        turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
-        self._backing = np.array([*turns, (step, 0.0), (step, 0.0)], np.float32)
-        self._side = -self._side
-
 
 class OnRoute(ToGoal):
     """Follows the dispatcher's route as shown at reset, on the localizer's estimate.
@@ -226,11 +213,6 @@ def _points(belief: Belief) -> tuple[Reals, Floats]:
     points = belief.points()
     assert points is not None, "a belief has points of the present"
     return points
-
-
-def _point(place: Reals) -> Point:
-    x, y = place.tolist()
-    return x, y
 
 
 AGENTS: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(

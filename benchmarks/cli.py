@@ -7,6 +7,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import NoReturn
 
 from benchmarks import console
@@ -64,7 +65,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         output.end()
         if arguments is None:
             gc.freeze()  # at exit, a search for garbage would take half a second
-        return code if output.error is None else _not_written(output.error)
+        if output.error is None:
+            return code
+        if isinstance(output.error, BrokenPipeError):
+            return NOT_READ
+        why = output.error.strerror
+        print(f"deqmcl: the output cannot be written to stdout ({why}).", file=sys.stderr)
+        return FAILED
 
 
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
@@ -72,16 +79,13 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     try:
         with console.stoppable(leaving=leaving):
             _refuse_no_folder()
-            print(options.run(options, given))
+            print(options.run(options))
     except KeyboardInterrupt as how:
         kept = "; finished trials are kept" if options.command in _RESUMED else ""
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
         return TERMINATED if isinstance(how, console.Terminated) else INTERRUPTED
     except SystemExit as end:  # no command of ours leaves so
-        print(
-            f"deqmcl: a plug-in called exit({end.code!r}).",
-            file=sys.stderr,
-        )
+        print(f"deqmcl: a plug-in called exit({end.code!r}).", file=sys.stderr)
         return FAILED
     except Exception as error:
         if options.debug or error is output.error:
@@ -98,14 +102,6 @@ def _refuse_no_folder() -> None:
         from deqmcl_gym.validation import InputError
 
         raise InputError("the current folder is gone: change to one that exists.") from None
-
-
-def _not_written(error: OSError) -> int:
-    """Say that the output is lost, unless its reader has stopped reading."""
-    if isinstance(error, BrokenPipeError):
-        return NOT_READ
-    print(f"deqmcl: the output cannot be written to stdout ({error.strerror}).", file=sys.stderr)
-    return FAILED
 
 
 def _explain(error: Exception) -> int:
@@ -133,19 +129,18 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    parsers: dict[str, _Parser] = {}
-    for command in COMMANDS:
-        own = subparsers.add_parser(
-            command.NAME, allow_abbrev=False, help=command.HELP, description=command.DESCRIPTION
-        )
-        if command.NAME in arguments:
-            command.arguments(own)
-        own.add_argument(
-            "--debug", action="store_true", help="show a traceback when something fails"
-        )
+    for name, words in COMMANDS.items():
+        own = subparsers.add_parser(name, allow_abbrev=False, help=words)
+        if name not in arguments:
+            continue
+        command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
+        own.description = command.__doc__
+        command.arguments(own)
+        traced = "show a traceback when something fails"
+        own.add_argument("--debug", action="store_true", help=traced)
         own.set_defaults(run=command.run)
-        parsers[command.NAME] = own
     options, unknown = parser.parse_known_args(arguments)
+    options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags
-        parsers[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+        subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     return options

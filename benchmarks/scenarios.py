@@ -1,4 +1,4 @@
-"""The built-in scenarios, in reading order; ``log`` is in ``benchmarks.setup.log_scenario``.
+"""The built-in scenarios, in reading order; those on logs are in ``benchmarks.setup.logs``.
 
 Nothing of the paper's setting but room, L, β and the number of trials is published. ``paper`` was
 chosen by the plain MCL row of its Table 1 alone: large assumed noise, a weak sensor, a local start.

@@ -161,9 +161,6 @@ def save(path: Path, content: bytes) -> None:
         ) from None
 
 
-_GZIP = b"\x1f\x8b"
-
-
 def text_of(path: Path) -> str:
     """Return the text of a file, decompressed if it is gzip.
 
@@ -174,7 +171,7 @@ def text_of(path: Path) -> str:
     """
     with opened_log(path) as file:
         packed = file.read()
-    if packed[:2] == _GZIP:
+    if packed[:2] == b"\x1f\x8b":  # gzip
         try:
             packed = gzip.decompress(packed)
         except (EOFError, zlib.error, OSError) as error:

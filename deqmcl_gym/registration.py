@@ -43,9 +43,7 @@ def _register(registry: ModuleType) -> None:
     for preset in WORLDS:
         _register_room(registry, preset_id(preset), {"preset": preset})
     registry.register(
-        id=JOURNEY_ENV_ID,
-        entry_point=_ROOM,
-        kwargs={"floor_plan": {"office": {}}, "route": {}},
+        id=JOURNEY_ENV_ID, entry_point=_ROOM, kwargs={"floor_plan": {"office": {}}, "route": {}}
     )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
 

@@ -138,7 +138,8 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
         raise InputError(f"{what} is {shown(value)}, but must be {_numbers(shape)}.")
     with np.errstate(over="ignore"):  # of a wider float
         given = given.astype(np.float64)
-    if given.shape != shape and not _fits(given.shape, shape):
+    fits = (asked in (None, n) for asked, n in zip(shape, given.shape, strict=True))
+    if given.ndim != len(shape) or not all(fits):
         seen = " x ".join(map(str, given.shape)) or "a single number"
         raise InputError(f"{what} has shape {seen}, but must be {_numbers(shape)}.")
     if not np.abs(given).max(initial=0.0) <= LARGEST:  # False for NaN, too
@@ -186,12 +187,6 @@ def part(what: str, cls: type[T], value: T | Mapping[str, Any] | None, default: 
     for key in value:
         one_of(f"key in {what}", key, names)
     return dataclasses.replace(default, **value)  # type: ignore[type-var]
-
-
-def _fits(seen: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
-    return len(seen) == len(shape) and all(
-        size in (None, length) for length, size in zip(seen, shape, strict=True)
-    )
 
 
 def _numbers(shape: tuple[int | None, ...]) -> str:

@@ -19,15 +19,12 @@ class Prior(Protocol):
     @property
     def mean(self) -> tuple[float, float, float] | None:
         """Expected pose (x, y, θ rad); None if no single pose is representative."""
-        ...
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses, (n, 3)."""
-        ...
 
     def log_density(self, poses: Floats) -> Floats:
         """Log-density of poses (n, 3), (n,)."""
-        ...
 
 
 class Motion(Protocol):
@@ -46,7 +43,6 @@ class Motion(Protocol):
         Returns:
             (d, n).
         """
-        ...
 
 
 class Belief(Protocol):
@@ -61,7 +57,6 @@ class Belief(Protocol):
         One point if the localizer estimates a single pose; cell centres if it keeps a grid. None
         for an offset it does not hold.
         """
-        ...
 
 
 @runtime_checkable
@@ -76,14 +71,8 @@ class Localizer(Protocol):
             plan: the planned increments, (h, 2) or (h, 3), as ``action``; may be empty.
             rng: the localizer's only source of randomness.
         """
-        ...
 
-    def update(
-        self,
-        ranges: Reals,
-        action: Reals,
-        plan: Reals,
-    ) -> Belief:
+    def update(self, ranges: Reals, action: Reals, plan: Reals) -> Belief:
         """Return the belief after one step.
 
         Args:
@@ -94,4 +83,3 @@ class Localizer(Protocol):
                 as (d, 0, φ).
             plan: the increments planned after it, (h, 2) or (h, 3); h shrinks to 0 at the end.
         """
-        ...

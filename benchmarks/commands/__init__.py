@@ -1,45 +1,24 @@
-"""The commands of ``deqmcl``, one file each.
+"""The commands of ``deqmcl``, one file each: ``new-map`` is ``new_map.py``.
 
-A file holds ``NAME``, ``HELP`` (one line), ``DESCRIPTION``, ``arguments(parser)`` and
-``run(options, given) -> str``, what to print. It imports what is heavy only where it runs, so
-that ``deqmcl --help`` stays fast.
+A file holds ``arguments(parser)`` and ``run(options) -> str``, what to print; ``options.words`` are
+the words of the command line. Its docstring is what ``--help`` says. It imports what is heavy only
+where it runs, so that ``deqmcl new-map --help`` stays fast.
 """
 
-from collections.abc import Sequence
-from types import ModuleType
-
-from benchmarks.commands import (
-    check,
-    export,
-    from_nav2,
-    leaderboard,
-    new_localizer,
-    new_map,
-    paper,
-    phase,
-    replay,
-    report,
-    run,
-    speed,
-    sweep,
-    verify,
-)
-from benchmarks.commands import list as list_
-
-COMMANDS: Sequence[ModuleType] = (
-    paper,
-    sweep,
-    report,
-    verify,
-    export,
-    leaderboard,
-    list_,
-    run,
-    replay,
-    from_nav2,
-    phase,
-    check,
-    new_localizer,
-    new_map,
-    speed,
-)
+COMMANDS = {
+    "paper": "run the paper's experiment: Table 1, figures, report",
+    "sweep": "run a suite or a sweep file; resumable, on one or many machines",
+    "report": "rewrite the report of a folder of results",
+    "verify": "see whether today's code, libraries and plug-ins get the numbers in a folder",
+    "export": "tables in LaTeX, figures in PDF and BibTeX from a folder of results",
+    "leaderboard": "rank the methods of several folders of results on the same worlds",
+    "list": "list suites, localizers, scenarios and agents",
+    "run": "run one lap: animation, error curve, trace",
+    "replay": "play a recorded log to localizers, and compare them",
+    "from-nav2": "turn Nav2's AMCL parameters into a sweep file",
+    "phase": "draw the queue as place fields over the theta phase",
+    "check": "check that a localizer obeys the laws the benchmarks rely on",
+    "new-localizer": "write a small working localizer to start from",
+    "new-map": "write a generated building as a ROS map and as polygons",
+    "speed": "measure speed against NumPy, pymunk, CartPole and peers",
+}

@@ -1,7 +1,9 @@
-"""``deqmcl check``."""
+"""Check a localizer against named laws on a short random drive.
+
+One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
+"""
 
 import argparse
-from collections.abc import Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -9,14 +11,6 @@ from benchmarks.console import doing
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks.laws import Law
-
-NAME = "check"
-HELP = "check that a localizer obeys the laws the benchmarks rely on"
-DESCRIPTION = (
-    "Check a localizer against named laws on a short random drive. One line per law: ok, FAILED or "
-    "skipped, with the reason. Exit code 3 if a law fails."
-)
-
 
 _BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
 
@@ -27,28 +21,22 @@ class LawsBrokenError(RuntimeError):
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "name",
         metavar="NAME",
         help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
     )
-    parser.add_argument(
+    add(
         "--map",
         metavar="MAP.yaml",
         help="try it on this map, in m, instead of a small room of polygons",
     )
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        default=60.0,
-        metavar="S",
-        help="seconds allowed per law (60)",
-    )
+    add("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last lines."""
-    del given
     from deqmcl_gym.maps import GridMap
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined

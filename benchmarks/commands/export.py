@@ -1,32 +1,26 @@
-"""``deqmcl export``."""
+"""Write what a paper needs from the finished trials in a folder. Nothing is run.
+
+That is tables.tex (booktabs), references.bib and a document.tex that shows them, and the report's
+charts as PDF.
+"""
 
 import argparse
-from collections.abc import Sequence
 
-from benchmarks.commands.shared import folder
+from benchmarks.commands import shared
 from benchmarks.console import doing
-
-NAME = "export"
-HELP = "tables in LaTeX, figures in PDF and BibTeX from a folder of results"
-DESCRIPTION = (
-    "Write what a paper needs from the finished trials in a folder: tables.tex (booktabs), "
-    "references.bib and a document.tex that shows them, and the report's charts as PDF. Nothing is "
-    "run."
-)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("folder", type=folder, metavar="DIR", help="folder of results")
+    add("folder", type=shared.folder, metavar="DIR", help="folder of results")
     add("--latex", action="store_true", help="only tables and BibTeX")
     add("--pdf", action="store_true", help="only figures")
-    add("--out", type=folder, metavar="DIR", help="output folder (DIR/export)")
+    add("--out", type=shared.folder, metavar="DIR", help="output folder (DIR/export)")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
     from benchmarks.files import own_folder, write_part
     from benchmarks.report import load, require_report
     from benchmarks.sweeps.results import results_in

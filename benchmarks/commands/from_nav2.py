@@ -1,29 +1,22 @@
-"""``deqmcl from-nav2``."""
+"""Print the AMCL parameters of a Nav2 parameter file as a sweep file over a recorded log.
+
+What has no counterpart becomes a comment: docs/your-map-your-log.md. deqmcl replay takes the same
+file as --nav2.
+"""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
-
-NAME = "from-nav2"
-HELP = "turn Nav2's AMCL parameters into a sweep file"
-DESCRIPTION = (
-    "Print the AMCL parameters of a Nav2 parameter file as a sweep file over a recorded log, with "
-    "what has no counterpart as comments: docs/your-map-your-log.md. deqmcl replay takes the same "
-    "file as --nav2."
-)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("params", type=Path, metavar="PARAMS.yaml", help="Nav2's parameter file")
-    parser.add_argument(
-        "--node", metavar="NAME", help="the node, as in /robot1/amcl (the only amcl)"
-    )
+    add = parser.add_argument
+    add("params", type=Path, metavar="PARAMS.yaml", help="Nav2's parameter file")
+    add("--node", metavar="NAME", help="the node, as in /robot1/amcl (the only amcl)")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
     from benchmarks.replay.nav2 import read_nav2
 
     return read_nav2(options.params, options.node).toml

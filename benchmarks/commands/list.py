@@ -1,23 +1,17 @@
-"""``deqmcl list``."""
+"""List suites, localizers, scenarios and agents."""
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from benchmarks.console import doing
-
-NAME = "list"
-HELP = "list suites, localizers, scenarios and agents"
-DESCRIPTION = "List suites, localizers, scenarios and agents."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments: none."""
-    del parser
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del options, given
     from benchmarks.setup.names import agent_names, agent_words, scenario, scenario_names
     from benchmarks.sweeps.suites import FAMILIES, SUITES
     from localizers import names

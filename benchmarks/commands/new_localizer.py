@@ -1,26 +1,22 @@
-"""``deqmcl new-localizer``."""
+"""Write a file with a small working localizer, class MyLocalizer, to start from."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 
-from benchmarks.commands.shared import file
-
-NAME = "new-localizer"
-HELP = "write a small working localizer to start from"
-DESCRIPTION = "Write a file with a small working localizer, class MyLocalizer, to start from."
+from benchmarks.commands import shared
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("file", type=file, metavar="FILE.py", help="the file; must not exist yet")
+    parser.add_argument(
+        "file", type=shared.file, metavar="FILE.py", help="the file; must not exist yet"
+    )
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
-    from benchmarks.files import write_text
+    from deqmcl_gym.files import write_text
     from deqmcl_gym.validation import InputError
 
     path: Path = options.file

@@ -1,17 +1,14 @@
-"""``deqmcl new-map``."""
+"""Generate a building from a seed: a ROS map and polygons.
+
+Written are DIR/office.yaml with its image, a ROS map of 0.1 m cells, and DIR/office.json, the same
+as polygons. Both can be used as a floor_plan.
+"""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import folder
+from benchmarks.commands import shared
 
-NAME = "new-map"
-HELP = "write a generated building as a ROS map and as polygons"
-DESCRIPTION = (
-    "Generate a building from a seed and write DIR/office.yaml with its image, a ROS map of 0.1 m "
-    "cells, and DIR/office.json, the same as polygons. Both can be used as a floor_plan."
-)
 _NUMBERS = (
     ("seed", int, "seed of the building (0)"),
     ("wings", int, "wings side by side, 1 to 8, each 16 to 24 m long (2)"),
@@ -27,23 +24,21 @@ _SWITCHES = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments, those of ``Office``; what is not given is its own default."""
+    add = parser.add_argument
     absent = argparse.SUPPRESS
-    parser.add_argument("kind", choices=("office",), help="kind of building")
+    add("kind", choices=("office",), help="kind of building")
     for name, kind, words in _NUMBERS:
-        parser.add_argument(f"--{name}", type=kind, default=absent, metavar="N", help=words)
+        add(f"--{name}", type=kind, default=absent, metavar="N", help=words)
     for name, words in _SWITCHES:
-        parser.add_argument(f"--{name}", action="store_true", default=absent, help=words)
-    parser.add_argument(
-        "--out", type=folder, required=True, metavar="DIR", help="a new or empty folder"
-    )
+        add(f"--{name}", action="store_true", default=absent, help=words)
+    add("--out", type=shared.folder, required=True, metavar="DIR", help="a new or empty folder")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
     from tempfile import TemporaryDirectory
 
-    from benchmarks.files import writable_folder, write_text
+    from deqmcl_gym.files import writable_folder, write_text
     from deqmcl_gym.maps import Office, polygon_file
     from deqmcl_gym.validation import InputError
 

@@ -1,29 +1,17 @@
-"""``deqmcl paper``: the sweep ``paper``, its Table 1 and its figures."""
+"""Run the paper's experiment: all methods on the same worlds.
+
+Trials that the output folder already holds are not run again.
+"""
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.commands.shared import (
-    add_jobs,
-    add_setting,
-    folder,
-    localizers_named,
-    setting_words,
-    sweep_of,
-)
+from benchmarks.commands import shared
 
 if TYPE_CHECKING:
     from benchmarks.sweeps.design import Sweep
     from benchmarks.sweeps.results import Results
 
-NAME = "paper"
-HELP = "run the paper's experiment: Table 1, figures, report"
-DESCRIPTION = (
-    "Run the paper's experiment: all methods on the same worlds. Trials that the output folder "
-    "already holds are not run again."
-)
 NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
     "nats from the four variances. The paper does not say at which offset it took its rows with a "
@@ -34,22 +22,17 @@ NOTE = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    add_setting(parser)
-    parser.add_argument("--trials", type=int, default=10, metavar="K", help="worlds (10)")
-    parser.add_argument(
+    add = parser.add_argument
+    shared.add_setting(parser)
+    add("--trials", type=int, default=10, metavar="K", help="worlds (10)")
+    add(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )
-    add_jobs(parser)
-    parser.add_argument(
-        "--out",
-        type=folder,
-        default=Path("results/paper"),
-        metavar="DIR",
-        help="output folder (results/paper)",
-    )
+    shared.add_jobs(parser)
+    shared.add_out(parser, "results/paper")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.starting import prepare
 
@@ -67,11 +50,11 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
 
     out, named = options.out, options.localizers
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
-    localizers = PAPER_METHODS if named is None else localizers_named(named)
-    sweep = sweep_of(options, localizers, options.trials)
+    localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
+    sweep = shared.sweep_of(options, localizers, options.trials)
     if not (out / "report.html").exists():
         load()  # while the workers load theirs
-    with begun(sweep, out, how, command=["deqmcl", *given]) as running:
+    with begun(sweep, out, how, command=options.words) as running:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
@@ -91,7 +74,7 @@ def _table(sweep: "Sweep", results: "Results", style: str) -> str:
     from benchmarks.tables.table_1 import reading, table_1
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
-    title = f"Table 1, scenario {sweep.scenario}: {worlds}, {setting_words(sweep)}"
+    title = f"Table 1, scenario {sweep.scenario}: {worlds}, {shared.setting_words(sweep)}"
     mark = "# " if style == "github" else ""
     rows = [row for panel in results.panels for row in panel.rows]
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]

@@ -1,27 +1,15 @@
-"""``deqmcl replay``."""
+"""Play the same records of a log to every localizer, as fast as possible, and compare them.
+
+Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
+"""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import (
-    add_jobs,
-    add_params,
-    add_seed,
-    add_timeout,
-    folder,
-    localizers_named,
-    log_warnings,
-    params_named,
-)
+from benchmarks.commands import shared
 from benchmarks.console import doing
 
-NAME = "replay"
-HELP = "play a recorded log to localizers, and compare them"
-DESCRIPTION = (
-    "Play the same records of a log to every localizer, as fast as possible, and write tables, "
-    "trajectories (TUM, for evo) and a page: docs/your-map-your-log.md."
-)
+_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of the setting
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="A,B,…",
         help="methods, comma-separated (mcl,amcl)",
     )
-    add_params(parser)
+    shared.add_params(parser)
     add(
         "--start",
         metavar="S",
@@ -76,7 +64,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="particles (each method's default: 1000; amcl: at most 2000)",
     )
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
-    add_seed(parser)
+    shared.add_seed(parser)
     add(
         "--motion",
         metavar="alpha1=…,alpha2=…,…",
@@ -96,56 +84,50 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="Nav2's parameter file: sets all of amcl, and the options above that are not given",
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
-    add_jobs(parser, "runs")
-    add_timeout(parser, "run")
-    add("--out", type=folder, required=True, metavar="DIR", help="output folder")
+    shared.add_jobs(parser, "runs")
+    shared.add_timeout(parser, "run")
+    shared.add_out(parser)
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.calibration import calibrated
-    from benchmarks.replay.command import run_replay
+    from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.running import check, gated, runs_of
-    from benchmarks.replay.setting import Told, reading_of, setting_of
-    from deqmcl_gym.envs.log import log_of
+    from benchmarks.replay.options import reading_of, setting_of
+    from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
-    told = Told(
-        start=options.start,
-        every=options.every,
-        max_beams=options.max_beams,
-        motion=options.motion,
-        scan=options.scan,
-        radius=options.radius,
-        unknown=options.unknown,
-    ).or_nav2(nav2)
-    with doing("reading the log and the map"), log_warnings() as said:
-        reading = {} if nav2 is None else dict(nav2.reading)
-        reading |= reading_of(options.read)
-        log = log_of(options.log, options.reference, reading)
-        setting = setting_of(log, options.map, told)
-    if not told.power:
+    told = {name: value for name in _SAID if (value := getattr(options, name)) is not None}
+    if nav2 is not None:
+        scan = ",".join([nav2.options["scan"], *filter(None, [options.scan])])
+        told = {**nav2.options, **told, "scan": scan}
+    with doing("reading the log and the map"), shared.log_warnings() as said:
+        reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
+        setting = setting_of(
+            options.log, options.map, reference=options.reference, reading=reading, **told
+        )
+    if "scan.power" not in setting.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
             setting = calibrated(setting)
     with answered_within(options.timeout):
-        localizers = localizers_named(options.localizers)
-        runs = runs_of(
+        localizers = shared.localizers_named(options.localizers)
+        sweep = sweep_of(
             setting,
             localizers,
             particles=options.particles,
             seeds=options.seeds,
             root=options.seed,
             shared={} if nav2 is None else {"amcl": nav2.params},
-            own=params_named(options.param, localizers),
+            own=shared.params_named(options.param, localizers),
         )
-        check(runs)
-    said += gated(runs, told.every)
-    notes = said if nav2 is None else [*said, *nav2.notes]
-    return run_replay(setting, runs, options.out, where, ["deqmcl", *given], notes)
+        check(sweep)
+        said += gated(sweep, told.get("every"))
+        notes = said if nav2 is None else [*said, *nav2.notes]
+        return run_replay(setting, sweep, options.out, Options(where=where), options.words, notes)

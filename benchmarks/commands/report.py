@@ -1,29 +1,24 @@
-"""``deqmcl report``."""
+"""Write the report of the finished trials in a folder.
+
+That is report.html, results.md with its images, and the tables results.csv, trials.csv and
+timings.csv. No code that the folder names is run: animations are those that the sweep drew.
+"""
 
 import argparse
 import sys
-from collections.abc import Sequence
 
-from benchmarks.commands.shared import folder
-
-NAME = "report"
-HELP = "rewrite the report of a folder of results"
-DESCRIPTION = (
-    "Write report.html, results.md with its images, and the tables results.csv, trials.csv and "
-    "timings.csv, from the finished trials in a folder. No code that the folder names is run: "
-    "animations are those that the sweep drew."
-)
+from benchmarks.commands import shared
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("folder", type=folder, metavar="DIR", help="folder of results")
-    parser.add_argument("--out", type=folder, metavar="DIR", help="output folder (DIR itself)")
+    add = parser.add_argument
+    add("folder", type=shared.folder, metavar="DIR", help="folder of results")
+    add("--out", type=shared.folder, metavar="DIR", help="output folder (DIR itself)")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
     from benchmarks.report import require_report, rewrite_report
     from benchmarks.report.words import conclusion, progress
     from benchmarks.sweeps.results import left_out_lines, results_in

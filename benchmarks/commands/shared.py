@@ -79,6 +79,13 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
 
 
+def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """Add the output folder, which must be given if there is no default."""
+    needed: Any = {"required": True} if default is None else {"default": default}
+    words = "output folder" if default is None else f"output folder ({default})"
+    parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
+
+
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     parser.add_argument(

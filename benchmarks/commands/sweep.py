@@ -1,25 +1,20 @@
-"""``deqmcl sweep``."""
+"""Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report.
+
+Trials that the output folder already holds are not run again.
+"""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.commands.shared import add_jobs, add_timeout, checking, folder, localizers_named
+from benchmarks.commands import shared
 from benchmarks.console import doing
-
-NAME = "sweep"
-HELP = "run a suite or a sweep file; resumable, on one or many machines"
-DESCRIPTION = (
-    "Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report. "
-    "Trials that the output folder already holds are not run again."
-)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of suites or a sweep file")
-    add("--out", type=folder, metavar="DIR", help="output folder (results/SUITE)")
+    add("--out", type=shared.folder, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
         dest="added",
@@ -28,11 +23,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOCALIZER[,…]",
         help="localizers to add",
     )
-    add_jobs(parser)
+    shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
-    add_timeout(parser)
+    shared.add_timeout(parser)
     add("--retry-failed", action="store_true", help="run failed trials again")
     add(
         "--adopt",
@@ -45,7 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.starting import prepare
 
@@ -54,10 +49,10 @@ def run(options: argparse.Namespace, given: Sequence[str]) -> str:
     from benchmarks.execution.apart import answered_within
 
     with answered_within(options.timeout):
-        return _swept(options, ["deqmcl", *given])
+        return _swept(options)
 
 
-def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
+def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.report import no_report, write_report
     from benchmarks.report.words import conclusion
@@ -75,7 +70,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     from benchmarks.sweeps.suites import sweeps_named
     from benchmarks.sweeps.verifying import adopt
 
-    added = [name for listed in options.added for name in localizers_named(listed)]
+    added = [name for listed in options.added for name in shared.localizers_named(listed)]
     how = Options(
         where=Where(
             jobs=options.jobs,
@@ -88,7 +83,7 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
-    with checking():
+    with shared.checking():
         sweeps = sweeps_named(options.suite, added)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)
@@ -99,12 +94,12 @@ def _swept(options: argparse.Namespace, command: Sequence[str]) -> str:
     out = options.out or Path("results") / Path(options.suite).stem
     texts, failed = [], []
     for part, sweep in sweeps.items():
-        ours = of_sweep(sweep, command)
+        ours = of_sweep(sweep, options.words)
         if options.adopt and (said := adopt(out / part, ours, how.where)):
             print(said)
         taken_over(out / part, ours)
     for part, sweep in sweeps.items():
-        with begun(sweep, out / part, how, command=command) as running:
+        with begun(sweep, out / part, how, command=options.words) as running:
             results = running.results()
             files = write_report(out / part, results)
         texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results)}")

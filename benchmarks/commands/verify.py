@@ -1,31 +1,25 @@
-"""``deqmcl verify``."""
+"""Run a sample of a folder's finished trials again, and compare their results.
+
+The sample is the first world of each setting and method, and 1 % of the others, drawn by the digest
+of the code. If all results are the same to the last digit, the folder's manifest says so, and
+deqmcl sweep goes on with what is there; if not, the exit code is 1. A sample cannot prove what
+happens rarely: run the sweep again for numbers that must hold without a doubt.
+"""
 
 import argparse
-from collections.abc import Sequence
 
-from benchmarks.commands.shared import add_jobs, add_timeout, folder
-
-NAME = "verify"
-HELP = "see whether today's code, libraries and plug-ins get the numbers in a folder"
-DESCRIPTION = (
-    "Run a sample of a folder's finished trials again: the first world of each setting and method, "
-    "and 1 %% of the others, drawn by the digest of the code. If all results are the same to the "
-    "last digit, the folder's manifest says so, and deqmcl sweep goes on with what is there; if "
-    "not, the exit code is 1. A sample cannot prove what happens rarely: run the sweep again for "
-    "numbers that must hold without a doubt."
-)
+from benchmarks.commands import shared
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("folder", type=folder, metavar="DIR", help="folder of results")
-    add_jobs(parser)
-    add_timeout(parser)
+    parser.add_argument("folder", type=shared.folder, metavar="DIR", help="folder of results")
+    shared.add_jobs(parser)
+    shared.add_timeout(parser)
 
 
-def run(options: argparse.Namespace, given: Sequence[str]) -> str:
+def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    del given
     from benchmarks.execution.starting import prepare
 
     prepare()  # while this process loads what it needs

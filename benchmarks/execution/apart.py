@@ -126,8 +126,11 @@ def check_methods(trials: Collection[Trial]) -> None:
     """
     by_guest: dict[str, list[Trial]] = {}
     for trial in trials:
-        if _loads(trial.localizer):
-            by_guest.setdefault(guest_of(trial), []).append(trial)
+        try:
+            parameters(trial.localizer)
+        except InputError:
+            continue
+        by_guest.setdefault(guest_of(trial), []).append(trial)
     _check_all(by_guest.pop("", ()))
     for own in by_guest.values():
         checked_apart(_check_all, own)
@@ -141,14 +144,6 @@ def checked_apart(check: Callable[..., None], *arguments: object) -> None:
     """
     with suppress(WorkerDiedError, TimedOutError):
         apart(check, *arguments, timeout=_SECONDS.get())
-
-
-def _loads(name: str) -> bool:
-    try:
-        parameters(name)
-    except InputError:
-        return False
-    return True
 
 
 def _check_settings(trials: Collection[Trial]) -> None:

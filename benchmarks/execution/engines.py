@@ -18,6 +18,7 @@ from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
 
 TRIES = 3  # of a trial whose worker dies
@@ -84,14 +85,8 @@ class Where:
             _factory(self.executor)
 
     @contextmanager
-    def engine(
-        self, trials: Collection[object], guest_of: Callable[..., str] = guest_of
-    ) -> Iterator[Engine]:
+    def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs.
-
-        Args:
-            trials: what is to be run.
-            guest_of: says of each whose code it runs, "" if only ours.
 
         Raises:
             InputError: it cannot be had.

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.execution.starting import CONTEXT, sheltered
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.isolation import end, enter
+from localizers.naming.isolation import EndedError, Isolated, NoAnswerError, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
@@ -89,7 +89,6 @@ class Processes(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
-        del cancel_futures
         self._kill()
         atexit.unregister(self._kill)
         for _ in self._threads:
@@ -113,9 +112,10 @@ class Processes(Executor):
             guest = ""
             try:
                 guest = self.guest_of(*call[1])
+                patience = PATIENCE if guest and self._timeout is None else self._timeout
                 worker = held.pop(guest) if guest in held else self._started()
                 held[guest] = worker
-                answer = worker.answer(call, self._patience(guest))
+                answer = worker.returned(call, patience)
             except BaseException as error:
                 if guest in held:
                     self._ended(held.pop(guest))
@@ -126,9 +126,6 @@ class Processes(Executor):
                 self._ended(held.pop(next(iter(held))))
         for worker in held.values():
             self._ended(worker)
-
-    def _patience(self, guest: str) -> float | None:
-        return PATIENCE if guest and self._timeout is None else self._timeout
 
     def _started(self) -> "_Worker":
         with self._lock:
@@ -142,56 +139,40 @@ class Processes(Executor):
     def _ended(self, worker: "_Worker") -> None:
         with self._lock:
             self._living.discard(worker)
-        worker.kill()
-        worker.join()
+        worker.close()
 
 
-class _Worker:
-    """A process and our end of the line to it."""
+class _Worker(Isolated):
+    """A process that makes calls."""
 
     def __init__(self) -> None:
-        self._line: Connection
-        self._line, its_end = CONTEXT.Pipe()
-        self._process = CONTEXT.Process(target=work, args=(its_end,), name="deqmcl-worker")
-        self._process.start()
-        its_end.close()  # so that the line breaks when the process dies
+        super().__init__(CONTEXT, work)
         self._ready = False
 
-    def answer(self, call: _Call, timeout: float | None) -> Any:
+    def returned(self, call: _Call, timeout: float | None) -> Any:
         """Return what a call returns, or raise what it raised."""
         try:
             if not self._ready:
-                self._line.recv()  # imports take their time, which is not the call's
+                self.answer(None)  # imports take their time, which is not the call's
                 self._ready = True
-            self._line.send(call)
-            if not self._line.poll(timeout):
-                raise TimedOutError(
-                    f"no result within {timeout:g} s: its worker (process {self._process.pid}) "
-                    "was killed"
-                )
-            returned, value = self._line.recv()
-        except (EOFError, OSError):
-            raise WorkerDiedError(self._how_it_ended()) from None
+            returned, value = self.answer(timeout, call)
+        except EndedError as error:
+            code = error.code
+            if not self._ready and code is not None and code > 0:
+                raise CannotStartError(
+                    f"a worker process could not start (exit code {code})"
+                ) from None
+            signalled = code is not None and code < 0
+            how = f"by signal {-(code or 0)}" if signalled else f"with exit code {code}"
+            raise WorkerDiedError(f"its worker died {how}") from None
+        except NoAnswerError:
+            pid = self.process.pid
+            raise TimedOutError(
+                f"no result within {timeout:g} s: its worker (process {pid}) was killed"
+            ) from None
         if not returned:
             raise value
         return value
-
-    def kill(self) -> None:
-        """Kill the process, if it still lives, and all that it started."""
-        end(self._process)
-
-    def join(self) -> None:
-        """Wait for the end of the process; close the line."""
-        self._process.join()
-        self._line.close()
-
-    def _how_it_ended(self) -> str:
-        self._process.join(1)
-        code = self._process.exitcode
-        if not self._ready and code is not None and code > 0:
-            raise CannotStartError(f"a worker process could not start (exit code {code})")
-        how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
-        return f"its worker died {how}"
 
 
 def work(line: Connection) -> None:
@@ -204,7 +185,12 @@ def work(line: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
         while True:
-            line.send_bytes(_answer(*line.recv()))
+            function, arguments = line.recv()
+            try:
+                answer = ForkingPickler.dumps((True, function(*arguments)))
+            except BaseException as error:  # nobody but the call itself stops a worker so
+                answer = ForkingPickler.dumps((False, _portable(error)))
+            line.send_bytes(answer)
     os._exit(0)  # waits for no thread that a plug-in has left
 
 
@@ -215,13 +201,6 @@ def load() -> None:
     import benchmarks.trials.attempt  # noqa: F401
 
     cv2.setNumThreads(1)
-
-
-def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> memoryview:
-    try:
-        return ForkingPickler.dumps((True, function(*arguments)))
-    except BaseException as error:  # nobody but the call itself stops a worker so
-        return ForkingPickler.dumps((False, _portable(error)))
 
 
 def _portable(error: BaseException) -> Exception:

@@ -115,7 +115,7 @@ def write_part(
     with writing(folder):
         parts = _read(folder)
         earlier = parts[part].files if part in parts else {}
-        new = {name: [_digest(content)] for name, content in contents.items()}
+        new = {n: [f"{len(c)}-{hashlib.sha256(c).hexdigest()}"] for n, c in contents.items()}
         either = {n: [*earlier.get(n, []), *new.get(n, [])] for n in {**earlier, **new}}
         for name, digests in either.items():
             _refuse_other(folder, name, digests)
@@ -126,13 +126,9 @@ def write_part(
             (folder / name).unlink(missing_ok=True)
         _write(folder, parts | {part: Part(source, new)})
         for path in {(folder / name).parent for name in either}:
-            _remove_temporary(path)
+            for left in filter(is_temporary, path.glob(".*")):
+                left.unlink(missing_ok=True)
     return [folder / name for name in new]
-
-
-def _remove_temporary(folder: Path) -> None:
-    for path in filter(is_temporary, folder.glob(".*")):
-        path.unlink(missing_ok=True)
 
 
 def _refuse_other(folder: Path, name: str, digests: list[str]) -> None:
@@ -182,7 +178,3 @@ def _is_one_of(path: Path, digests: list[str]) -> bool:
             return f"{size}-{hashlib.file_digest(file, 'sha256').hexdigest()}" in digests
     except (FileNotFoundError, UnreadableError):
         return False
-
-
-def _digest(content: bytes) -> str:
-    return f"{len(content)}-{hashlib.sha256(content).hexdigest()}"

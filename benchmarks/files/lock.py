@@ -86,7 +86,12 @@ def _acquired(folder: Path, name: str, *, shared: bool, wait: bool) -> IO[str]:
         file = path.open("a+")
         if not _got(file, shared=shared, wait=wait):
             with file:
-                raise InputError(_taken(folder, file))
+                file.seek(0)
+                holder = file.read().strip()
+            who = f"another sweep (process {holder})" if holder else "another sweep"
+            raise InputError(
+                f"{who} is writing to {folder}: wait until it ends, or give another --out."
+            )
         with contextlib.suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(file.fileno()), path.stat()):
                 return file
@@ -102,10 +107,3 @@ def _got(file: IO[str], *, shared: bool, wait: bool = False) -> bool:
     except BlockingIOError:
         return False
     return True
-
-
-def _taken(folder: Path, file: IO[str]) -> str:
-    file.seek(0)
-    holder = file.read().strip()
-    who = f"another sweep (process {holder})" if holder else "another sweep"
-    return f"{who} is writing to {folder}: wait until it ends, or give another --out."

@@ -18,7 +18,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Reals
-from deqmcl_gym.world.drawing import Image, View
+from deqmcl_gym.world.drawing import View
 from localizers import Belief
 
 FIG_4_METHODS = ("deq-mcl", "mcl")
@@ -73,15 +73,13 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
     shown = [method for method in LAP_METHODS if method in seen]
     if shown:
         small = camera_of(stages[0], scale=1.2)
-        laps = [lap_frames(seen[method][1], small, method) for method in shown]
+        laps = [
+            [small.frame(moment, method) for moment in seen[method][1][::LAP_STRIDE]]
+            for method in shown
+        ]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
         contents["lap.webp"] = webp(frames, LAP_MILLISECONDS)
     return contents
-
-
-def lap_frames(episode: Sequence[Moment], camera: Camera, method: str) -> list[Image]:
-    """Draw every ``LAP_STRIDE``-th moment of an episode."""
-    return [camera.frame(moment, method) for moment in episode[::LAP_STRIDE]]
 
 
 def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:

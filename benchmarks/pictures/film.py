@@ -3,7 +3,7 @@
 import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -124,42 +124,40 @@ _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
 
 
+@dataclass
 class Film:
     """Draws an episode while it is run: a localizer may change its belief at the next step.
 
     The last frame has the whole way, with the place from where on the robot stays localized.
 
     Attributes:
+        camera: looks at the room.
+        title: stands below it.
+        stride: steps per frame.
         frames: drawn so far.
         moments: seen so far.
     """
 
-    def __init__(self, camera: Camera, title: str, stride: int) -> None:
-        """Begin a film of one method.
-
-        Args:
-            camera: looks at the room.
-            title: stands below it.
-            stride: steps per frame.
-        """
-        self._camera, self._title, self._stride = camera, title, stride
-        self.moments: list[Moment] = []
-        self.frames: list[Image] = []
-        self._best: list[tuple[float, float, float]] = []
+    camera: Camera
+    title: str
+    stride: int
+    frames: list[Image] = field(default_factory=list, init=False)
+    moments: list[Moment] = field(default_factory=list, init=False)
+    _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
         """Pass the episode on; draw moments after they were looked at."""
         for moment in episode:
             yield moment
-            unit = self._camera.view.floor_plan.unit
+            unit = self.camera.view.floor_plan.unit
             self._best.append(best_cluster(*_present(moment), unit=unit).mean)
             self.moments.append(moment)
-            if moment.step % self._stride == 0:
+            if moment.step % self.stride == 0:
                 self.frames.append(self._frame(moment))
         self.frames.append(self._frame(moment, whole=True))
 
     def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
-        camera, best, mean = self._camera, self._best[-1], mean_pose(*_present(moment))
+        camera, best, mean = self.camera, self._best[-1], mean_pose(*_present(moment))
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
         if whole:
@@ -169,19 +167,22 @@ class Film:
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
-        _cross(drawing, mean)
+        (place,) = drawing.view.pixels([mean[:2]])
+        cv2.drawMarker(
+            drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA
+        )
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
         x, y, _ = moment.truth.tolist()
         off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
-        words = [self._title, f"step {moment.step}: best {best_off}, mean {mean_off} off{note}"]
+        words = [self.title, f"step {moment.step}: best {best_off}, mean {mean_off} off{note}"]
         return _captioned(drawing, words, [*_MARKS, *clouds], [*_MARKS, *camera.layers])
 
     def _localized(self, drawing: Drawing) -> str:
         """Mark the place from where on it stays localized; say how far the robot had come."""
-        name = self._camera.view.floor_plan.unit
+        name = self.camera.view.floor_plan.unit
         unit = metre(name)
         truth = np.array([moment.truth for moment in self.moments], np.float64)
         off = np.array(self._best) - truth
@@ -224,11 +225,6 @@ def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     around = round(radius * drawing.view.per_length)
     cv2.circle(drawing.image, _at(centre), around, _BEST, 2, cv2.LINE_AA)
     cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
-
-
-def _cross(drawing: Drawing, pose: tuple[float, ...]) -> None:
-    (place,) = drawing.view.pixels([pose[:2]])
-    cv2.drawMarker(drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA)
 
 
 def _at(place: Floats) -> tuple[int, int]:

@@ -46,8 +46,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
     film = Film(camera_of(stage, scale=1.6), title, LAP_STRIDE)
-    left = _Outside(stage.room.floor_plan)
-    trace = trace_of(left.of(film.of(stage.moments())), trial.offsets, stage.task)
+    outside: list[int] = []
+    episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
+    trace = trace_of(episode, trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
         state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
@@ -64,15 +65,15 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         write(_log(film.moments, stage.room), log)
     write_part(out, "run", files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
-    return "\n".join(
-        [
-            f"{heading}: {trace.steps} steps",
-            *lines,
-            *left.warnings,
-            f"Written to {out}: {', '.join(files)}.",
-            *([] if log is None else [f"Log: {log}"]),
-        ]
-    )
+    if outside:
+        lines.append(
+            f"Warning: at {len(outside)} steps, the first of them {outside[0]}, more than half of "
+            "the belief is inside walls or outside the map: the localizer does not use the map's "
+            "walls in its motion, or is lost."
+        )
+    lines.append(f"Written to {out}: {', '.join(files)}.")
+    lines += [] if log is None else [f"Log: {log}"]
+    return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 
 def _line(row: Mapping[str, Any], unit: str) -> str:
@@ -83,37 +84,18 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
     return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
 
 
-class _Outside:
-    """Watches whether a belief leaves the map, as that of a filter without the map may.
+def _noting(outside: list[int], episode: Iterable[Moment], floor_plan: Map) -> Iterator[Moment]:
+    """Pass an episode on; note steps at which more than half of the weight is not free.
 
-    Attributes:
-        steps: at which more than half of the weight is not on free space.
+    That is inside walls or outside the map, where a filter that does not use it may end up.
     """
-
-    def __init__(self, floor_plan: Map) -> None:
-        self._floor_plan = floor_plan
-        self.steps: list[int] = []
-
-    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
-        """Pass the episode on."""
-        for moment in episode:
-            if (points := moment.belief.points()) is not None:
-                poses, weights = points
-                free = self._floor_plan.free(np.asarray(poses, np.float64)[:, :2])
-                if np.sum(np.asarray(weights)[~free]) > 0.5:
-                    self.steps.append(moment.step)
-            yield moment
-
-    @property
-    def warnings(self) -> list[str]:
-        """What is to be said; nothing if the belief stayed on the map."""
-        if not self.steps:
-            return []
-        return [
-            f"Warning: at {len(self.steps)} steps, the first of them {self.steps[0]}, more than "
-            "half of the belief is inside walls or outside the map: the localizer does not use "
-            "the map's walls in its motion, or is lost."
-        ]
+    for moment in episode:
+        if (points := moment.belief.points()) is not None:
+            poses, weights = points
+            free = floor_plan.free(np.asarray(poses, np.float64)[:, :2])
+            if np.sum(np.asarray(weights)[~free]) > 0.5:
+                outside.append(moment.step)
+        yield moment
 
 
 def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
@@ -126,16 +108,14 @@ def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
 def _curves_csv(trace: Trace) -> str:
     header = ["offset", "state", "true_x", "true_y", "true_heading", "x", "y", "error"]
     header += ["position_error", "heading_error"]
-    return csv_text(header, _curve_lines(trace))
-
-
-def _curve_lines(trace: Trace) -> Iterator[list[str]]:
+    rows: list[list[str]] = []
     for offset, kept in trace.offsets.items():
         truth = trace.truth[kept.states]
         errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
         for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
             cells = (offset, state, *true, mean[0], mean[1], *off)
-            yield [str(cell) for cell in cells]  # a NaN as nan, no empty cell
+            rows.append([str(cell) for cell in cells])  # a NaN as nan, no empty cell
+    return csv_text(header, rows)
 
 
 def trajectories(trace: Trace) -> dict[str, bytes]:

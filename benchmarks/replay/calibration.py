@@ -7,18 +7,20 @@ one with which the belief's 95 % region covers the reference about as often as i
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
-from benchmarks.replay.playing import Track, replay
-from benchmarks.replay.setting import Setting, robot_of
+from benchmarks.replay.options import NAME, Setting
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
-from localizers import GaussianPrior, make
-from localizers.models.beams import BeamDensity
 
-LEVEL = 0.95
+LEVEL = 95
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges
 _MOST = 800  # records fitted on: two seconds of a filter for each power that is tried
 _LEAST = 100  # records with a reference, fewer say nothing of 95 %
@@ -28,101 +30,76 @@ _NEAR = 1.0  # m: a filter farther off follows nothing
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """A power, and what it was fitted on.
-
-    Attributes:
-        power: of the likelihood of a scan.
-        covered: share of the reference's poses within the 95 % region, on the part fitted on.
-        untempered: the same with power 1.
-        records: how many of the first were fitted on.
-    """
-
-    power: float
-    covered: float
-    untempered: float
-    records: int
-
-    @property
-    def words(self) -> str:
-        """What was done, in a sentence or two."""
-        return (
-            f"The likelihood of a scan is raised to the power {self.power:.3g}: with it, the 95 % "
-            f"region of mcl covers {percent(self.covered)} of the reference's poses in the first "
-            f"{self.records:,} records ({percent(self.untempered)} with power 1). Coverage and "
-            "NEES in the tables are those of the records after them."
-        )
-
-
 def calibrated(setting: Setting) -> Setting:
-    """Return what is played with the power that is fitted to its first part, if one can be."""
-    fit = fitted_power(setting)
-    if fit is None:
-        return setting
-    scan: BeamDensity = replace(setting.scan, power=fit.power)  # type: ignore[type-var]
-    first = int(setting.log.referenced[0]) + fit.records
-    return replace(setting, scan=scan, calibration=fit.words, judged=first)
+    """Return what is played with the power that is fitted to its first part, if one can be.
 
-
-def fitted_power(setting: Setting) -> Fit | None:
-    """Return the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``.
-
-    Only powers with which the filter follows the robot count. None without a reference at enough of
-    the first records, or where the filter follows it with no power.
-
-    Args:
-        setting: what is played; its power is replaced.
+    It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
+    those with which it follows the robot. None can be fitted without a reference at enough of the
+    first records, or where the filter follows it with no power.
     """
-    part = _part(setting.log)
-    if part is None:
-        return None
-    first = part.reference[0] if part.reference is not None else None
-    assert first is not None
-    here = replace(setting, log=part, start=tuple(first.tolist()))
+    count = _part(setting.log)
+    if count is None:
+        return setting
+    here = {name: own for name, own in setting.assumed.items() if not name.startswith("prior.")}
+    world = setting.world | {"start": _first(setting)}
+    begun = replace(setting, assumed=Changes(here), world=world)
     tried: list[tuple[float, float]] = []
     for power in _POWERS:
-        covered, off = _covered(here, power)
+        covered, off = _covered(begun, power, count)
         if off > _NEAR:
             break
         tried.append((covered, power))
-        if covered >= LEVEL:
+        if covered >= LEVEL / 100:
             break
     if not tried:
-        return None
-    covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL))
-    return Fit(power=power, covered=covered, untempered=tried[0][0], records=len(part))
+        return setting
+    covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
+    return replace(
+        setting,
+        world=setting.world | {"judged": int(setting.log.referenced[0]) + count},
+        assumed=setting.assumed | {"scan.power": power},
+        calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
+        f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
+        f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
+        "are those of the records after them.",
+    )
 
 
-def _part(log: Log) -> Log | None:
-    """Return the first records, from the first one with a reference; None if too few have one."""
+def _part(log: Log) -> int | None:
+    """Return how many records from the first reference on; None if too few of them have one."""
     if log.referenced.size == 0:
         return None
     first = int(log.referenced[0])
     count = min(_MOST, math.ceil(PART * (len(log) - first)))
-    if count < 2:
-        return None
-    part = log.segment(first, count)
-    return part if part.referenced.size >= _LEAST else None
+    known = np.count_nonzero(log.referenced < first + count)
+    return count if count > 1 and known >= _LEAST else None
 
 
-def _covered(setting: Setting, power: float) -> tuple[float, float]:
+def _first(setting: Setting) -> int:
+    """Return which record of the whole log is the first that is played with a reference."""
+    whole, log = setting.scenario.whole, setting.log
+    at = log.referenced[0]
+    same = (whole.times == log.times[at]) & (whole.odometry == log.odometry[at]).all(axis=1)
+    return int(np.flatnonzero(same)[0])
+
+
+def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
     """Return the share covered, and the 95 % quantile of the position errors, m."""
-    tempered = replace(setting, scan=replace(setting.scan, power=power))  # type: ignore[type-var]
-    env = tempered.env()
-    robot, prior = robot_of(tempered, env)
-    assert isinstance(prior, GaussianPrior)
-    rng = np.random.default_rng(np.random.SeedSequence(_ROOT, spawn_key=(0,)))
-    track = replay(env, make("mcl", robot, particles=_PARTICLES), prior, rng)
-    return _share(track), _off(track) / setting.metre
-
-
-def _share(track: Track) -> float:
-    ranks = track.ranks[np.isfinite(track.ranks)]
-    return float((ranks <= LEVEL).mean()) if ranks.size else 0.0
-
-
-def _off(track: Track) -> float:
-    off = (track.best - track.truth)[:, :2]
-    off = off[np.isfinite(off[:, 0])]
-    return float(np.quantile(np.hypot(off[:, 0], off[:, 1]), 0.95))
+    trial = Trial(
+        scenario=NAME,
+        world=setting.world,
+        assumed=setting.assumed | {"scan.power": power},
+        localizer="mcl",
+        params=Changes({"particles": _PARTICLES}),
+        lag=0,
+        seed=_ROOT,
+        trial=0,
+    )
+    stage = Stage.of(trial)
+    kept = stage.collector()
+    assert isinstance(kept, TrackLog)
+    for moment in islice(stage.moments(), count):
+        kept.see(moment)
+    return kept.scores()[f"coverage_{LEVEL}"], float(
+        np.quantile(kept.track.errors.translation, 0.95)
+    )

@@ -1,133 +1,247 @@
-"""``deqmcl replay``: from a log and a map to the tables, the trajectories and the page."""
+"""``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
-import contextlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.console import doing, warn
-from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files import own_folder, utf8, write_part
-from benchmarks.replay.agreement import disagreement, misfit_words, sideways
-from benchmarks.replay.running import Run, attempt, guest_of
-from benchmarks.replay.scoring import Played, Row, rows_of
-from benchmarks.replay.setting import Setting
-from benchmarks.replay.tables import plain, results_csv, trials_csv
-from benchmarks.replay.verdict import comparison, tables_of, verdict
-from benchmarks.replay.words import facts, overview
-from benchmarks.report import load, no_report
-from benchmarks.sweeps.running import TrialsFailedError, counted
-from deqmcl_gym.logs import Trajectory
+import numpy as np
+from tabulate import tabulate
 
+from benchmarks.console import doing, warn
+from benchmarks.execution.apart import parameters, takes
+from benchmarks.files import write_part
+from benchmarks.replay.options import EVERY, NAME, Setting
+from benchmarks.report import load, no_report
+from benchmarks.report.animations import Kept
+from benchmarks.report.tables import Table
+from benchmarks.report.tracks import accuracy, differences_table, tables_of
+from benchmarks.report.words import conclusion
+from benchmarks.setup.changes import Changes
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.results import Results, failed_sentence
+from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
+from benchmarks.trials.spec import Method
+from benchmarks.trials.tracks import AGREE, agreement
+from deqmcl_gym.files import utf8
+from deqmcl_gym.logs import Trajectory
+from deqmcl_gym.validation import InputError, integer
+
+FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
+_LOOKED_AT = 200  # reference poses
+_PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
+_WORLDS = (
+    "A world of this page is a run over the log with random numbers of its own: intervals and "
+    "tests tell what other seeds would give on this log, not what other logs would."
+)
+
+
+def sweep_of(
+    setting: Setting,
+    localizers: Sequence[str],
+    *,
+    particles: int | None,
+    seeds: int,
+    root: int,
+    shared: Mapping[str, Mapping[str, Any]],
+    own: Mapping[str, Mapping[str, Any]],
+) -> Sweep:
+    """Return the sweep whose worlds are the runs of each localizer on a log.
+
+    A localizer has the parameters of ``shared`` by its name, else as many particles as are asked
+    for, None: its own default; what is its ``own`` comes before both.
+
+    Raises:
+        InputError: an unknown localizer, one named twice, or a number out of range.
+    """
+    if particles is not None:
+        integer("--particles", particles, low=1)
+    integer("--seeds", seeds, low=1, high=10_000)
+    integer("--seed", root)
+    if not localizers:
+        raise InputError("--localizers names none: name one or more, comma-separated.")
+    if len(set(localizers)) < len(localizers):
+        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
+    params = {
+        name: {**(shared.get(name) or _given(name, particles)), **own.get(name, {})}
+        for name in localizers
+    }
+    return Sweep(
+        title=f"Replay of {Path(setting.world['log']).name}",
+        localizers=tuple(Method(name, Changes(params[name])) for name in localizers),
+        scenario=NAME,
+        lag=0,
+        world=setting.world,
+        assumed=setting.assumed,
+        seed=root,
+        trials=seeds,
+        baseline=localizers[0],
+        takes=_own_params,
+    )
+
+
+def gated(sweep: Sweep, every: object) -> list[str]:
+    """Return the note that ``amcl`` will update less often than on a robot; none if it will not."""
+    waits = [method for method in sweep.localizers if method.name == "amcl"]
+    told = {"update_min_d", "update_min_a"}
+    if every is not None or not waits or told & waits[0].params.keys():
+        return []
+    return [
+        "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
+        f"records {EVERY} apart are played, so it updates less often than on a robot: add --every "
+        "0.0625m,3deg for that, or --param amcl.update_min_d=0 --param amcl.update_min_a=0 to "
+        "update at each record."
+    ]
 
 
 def run_replay(
     setting: Setting,
-    runs: Mapping[str, Run],
+    sweep: Sweep,
     out: Path,
-    where: Where,
+    options: Options,
     command: Sequence[str],
     warnings: Sequence[str],
 ) -> str:
-    """Run all, write the folder; return what to print.
+    """Run what is missing, write the folder; return what to print.
 
     Args:
         setting: what is played.
-        runs: by key.
-        out: folder; refused if it holds what is not ours.
-        where: where the runs run.
+        sweep: of ``sweep_of``, checked.
+        out: folder; refused if it holds what is not of this sweep.
+        options: how the runs run.
         command: the words that this was started by.
         warnings: about the log.
 
     Raises:
         TrialsFailedError: some runs failed; what the others gave is written.
     """
-    own_folder(out, "replay")
-    said = warn([*warnings, sideways(setting), disagreement(setting)])
-    played, failures = _played(runs, out, where)
-    rows = rows_of(runs, played)
-    said += warn([_misfit(setting, rows)])
-    failed = [f"{key}: {why}" for key, why in failures.items()]
-    with doing(f"writing the report in {out}"):
-        files = write_part(out, "replay", _contents(setting, rows, said, failed, command))
-    referenced = bool(setting.log.referenced.size)
-    texts = [*filter(None, [verdict(rows), comparison(rows)]), overview(setting)]
-    texts += [plain(table) for table in tables_of(rows, referenced)]
-    texts += facts(setting)
+    with begun(sweep, out, options, command=command) as running:
+        said = warn([*warnings, setting.sideways, _disagreement(setting)])
+        results = running.results()
+        rows = _rows(setting, sweep, results)
+        said += warn([_misfit(setting, rows)])
+        with doing(f"writing the report in {out}"):
+            files = write_part(out, "replay", _contents(setting, rows, results, said))
+    texts = [conclusion(results), *accuracy(rows), setting.overview]
+    texts += [*map(_plain, _tables(rows, results)), *setting.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
-    if failed:
+    if results.failures:
         print("\n\n".join(texts))
-        raise TrialsFailedError(
-            f"{len(failed)} of {len(runs)} runs failed, the rest is kept; first: {failed[0]}"
-        )
+        raise TrialsFailedError(failed_sentence(results))
     return "\n\n".join(texts)
 
 
-def _played(
-    runs: Mapping[str, Run], out: Path, where: Where
-) -> tuple[dict[str, Played], dict[str, str]]:
-    """Run all; return what came to its end, and why the others did not, by key."""
-    played: dict[str, Played] = {}
-    failures: dict[str, str] = {}
-    with (
-        where.engine(runs.values(), guest_of) as engine,
-        counted(out, len(runs), len(runs)) as count,
-        contextlib.closing(outcomes(runs.items(), engine, attempt)) as finished,
-    ):
-        for key, outcome in finished:
-            if outcome.record is None:
-                failures[key] = outcome.reason or "no reason was given"
-            else:
-                found: Any = outcome.record
-                played[key] = Played(run=runs[key], **found)
-            count(outcome.record is None)
-    return played, {key: failures[key] for key in runs if key in failures}
+def misfit_words(share: float, where: str) -> str | None:
+    """Return the warning for a share of beams that agree with the map; None if they are enough."""
+    if math.isnan(share):
+        return (
+            "no beam has a measurement: every range is beyond max_range or not a number; check "
+            "that ranges and max_range are in m."
+        )
+    if share >= FEW:
+        return None
+    return (
+        f"log and map do not fit: seen {where}, only {share:.0%} of the beams are within "
+        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, and "
+        "the map's resolution and origin."
+    )
+
+
+def _disagreement(setting: Setting) -> str | None:
+    """Return the warning that log and map do not fit, by the reference; None if they do."""
+    log, floor_plan = setting.scenario.recording()
+    known = log.referenced
+    if not known.size:
+        return None
+    part = log.of_records(known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(int))])
+    assert part.reference is not None
+    return misfit_words(agreement(part, floor_plan, part.reference)[1], "from the reference poses")
 
 
 def _misfit(setting: Setting, rows: Sequence[Row]) -> str | None:
     """Return the warning that log and map do not fit, by the best run if there is no reference."""
-    shares = [played.agreement[1] for row in rows for played in row.played]
+    shares = [run.scores["agreement_03"] for row in rows for run in row.runs]
     if setting.log.referenced.size or not shares:
         return None
     return misfit_words(max(shares), "from the poses that the best run estimates")
 
 
+def _rows(setting: Setting, sweep: Sweep, results: Results) -> list[Row]:
+    """Return a row per localizer, in the order in which they were named."""
+    names = [method.name for method in sweep.localizers]
+    records = {
+        name: [one for one in results.records if one.trial.localizer == name] for name in names
+    }
+    failed = [failure.trial.localizer for failure in results.failures]
+    return rows_of(records, {name: failed.count(name) for name in names}, setting.log)
+
+
+def _tables(rows: Sequence[Row], results: Results) -> list[Table]:
+    apart = [differences_table(panel) for panel in results.panels]
+    first, *others = tables_of(rows)
+    return [first, *(table for table in apart if table is not None), *others]
+
+
+def _plain(table: Table) -> str:
+    """Return a table as text for a terminal."""
+    align = ("left", *["right"] * (len(table.header) - 1))
+    return tabulate(
+        table.lines, table.header, tablefmt="simple", disable_numparse=True, colalign=align
+    )
+
+
 def _contents(
-    setting: Setting,
-    rows: Sequence[Row],
-    warnings: Sequence[str],
-    failed: Sequence[str],
-    command: Sequence[str],
+    setting: Setting, rows: Sequence[Row], results: Results, warnings: Sequence[str]
 ) -> dict[str, bytes]:
     """Return the files of the folder by name."""
     contents = {
-        "results.csv": utf8(results_csv(rows)),
+        "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
         "trials.csv": utf8(trials_csv(rows)),
         **_tracks(setting, rows),
     }
-    if no_report() is None and any(row.played for row in rows):
+    if no_report() is None and results.panels:
         load()
-        from benchmarks.replay.page import report
+        from benchmarks.report.pages import html
+        from benchmarks.report.story import story_of
 
-        contents["report.html"] = utf8(report(setting, rows, warnings, failed, command))
+        notes = [*accuracy(rows), setting.overview, _WORLDS, *setting.facts]
+        story = story_of(results, Kept(Path()), notes=notes, warnings=warnings)
+        contents["report.html"] = utf8(html(story))
     return contents
 
 
 def _tracks(setting: Setting, rows: Sequence[Row]) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
     log, files = setting.log, {}
-    if log.referenced.size:
-        assert log.reference is not None
+    if log.reference is not None and log.referenced.size:
         known = log.referenced
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
     for number, row in enumerate(rows, 1):
-        word = re.sub(r"[^\w.-]+", "-", row.localizer).strip("-.")
-        own = word if word == row.localizer else f"{word}-{number}"
-        for played in row.played:
-            files[f"{_TRACKS}/{own}-{played.run.seed}.tum"] = played.track.tum
+        word = re.sub(r"[^\w.-]+", "-", row.label).strip("-.")
+        own = word if word == row.label else f"{word}-{number}"
+        for run in row.runs:
+            files[f"{_TRACKS}/{own}-{run.seed}.tum"] = Trajectory(log.times, run.track.best).tum
     return files
+
+
+def _own_params(name: str) -> tuple[str, ...]:
+    """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
+    takes(name)
+    return ()
+
+
+def _given(name: str, particles: int | None) -> Mapping[str, Any]:
+    """Return the number of particles by whatever name a localizer takes it."""
+    if particles is None:
+        return {}
+    taken = parameters(name) or ()
+    given = {word: particles for word in _PARTICLES if word in taken}
+    if "min_particles" in taken:
+        given["min_particles"] = min(particles, 500)
+    return given

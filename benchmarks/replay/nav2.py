@@ -7,35 +7,30 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from inspect import signature
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import yaml
 
-from benchmarks.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
-from localizers.methods.amcl import DIFFERENTIAL, OMNI
+from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
-# Nav2's defaults of what is used here
+_OURS = ("robot", "selective_resampling", "field_cell")  # of ``amcl``; all others are Nav2's
+_OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no parameters of ``amcl``
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {
-        "alpha1": 0.2, "alpha2": 0.2, "alpha3": 0.2, "alpha4": 0.2, "alpha5": 0.2,
-        "beam_skip_distance": 0.5, "beam_skip_error_threshold": 0.9, "beam_skip_threshold": 0.3,
-        "do_beamskip": False, "lambda_short": 0.1, "laser_likelihood_max_dist": 2.0,
-        "laser_max_range": 100.0, "laser_min_range": -1.0,
-        "laser_model_type": "likelihood_field", "max_beams": 60,
-        "max_particles": 2000, "min_particles": 500, "pf_err": 0.05, "pf_z": 0.99,
-        "recovery_alpha_fast": 0.0, "recovery_alpha_slow": 0.0, "resample_interval": 1,
-        "robot_model_type": DIFFERENTIAL, "sigma_hit": 0.2,
-        "update_min_a": 0.2, "update_min_d": 0.25,
-        "z_hit": 0.5, "z_max": 0.05, "z_rand": 0.5, "z_short": 0.05,
+        name: own.default
+        for name, own in sorted(signature(amcl).parameters.items())
+        if name not in _OURS
     }
-)  # fmt: skip
-_OF_LOGS = ("laser_max_range", "laser_min_range")  # all others are parameters of ``amcl``
+    | _OF_LOGS
+)
 _RANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
@@ -97,6 +92,18 @@ class Amcl:
         """What of the filter is not as AMCL has it, in a sentence; nothing if all is."""
         left = [name for name, why in self.unused.items() if why != _ROS]
         return [f"{self.source}: not used: {', '.join(left)}"] if left else []
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What they say of a replay: see ``setting_of``."""
+        words = {"kind": kind_of(self.motion), **vars(self.motion)}
+        return {
+            "every": self.every,
+            "max_beams": self.max_beams,
+            "motion": ",".join(f"{name}={value}" for name, value in words.items()),
+            "scan": f"sigma={self.sigma!r}",
+            "otherwise": None if self.start is None else ",".join(map(repr, self.start)),
+        }
 
     @property
     def toml(self) -> str:

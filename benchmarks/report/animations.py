@@ -13,12 +13,13 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from benchmarks.files import UnreadableError, as_written, content_of, json_of, typed
+from benchmarks.files import as_written
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import JOURNEY_SCORES
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed
 from deqmcl_gym.validation import InputError
 
 IMAGES, INDEX = "images", "laps.json"
@@ -96,7 +97,8 @@ def animations_of(panel: Panel) -> list[Animation]:
     Nothing is drawn yet: see ``drawing``.
     """
     focus = _focus(panel.present)
-    if focus is None:
+    whole_log = any(record.track for own in panel.records.values() for record in own)
+    if focus is None or whole_log:  # which is too long, and has its own pictures
         return []
     ranked, what = _ranked(panel, focus)
     places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}

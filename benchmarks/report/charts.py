@@ -3,6 +3,7 @@
 import math
 from textwrap import wrap
 
+import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
@@ -61,7 +62,7 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
 def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
     """Error over the lap, a chart per method, on one scale."""
     drawn = {row.method: lap_errors(panel.records[row.method]) for row in panel.present}
-    tops = (float(errors.high.max()) for errors in drawn.values() if errors is not None)
+    tops = (float(np.nanmax(errors.high)) for errors in drawn.values() if errors is not None)
     top = max(tops, default=1.0)
     titles = {method: wrap(label, _LETTERS) for method, label in panel.labels.items()}
     above = 0.1 + 0.18 * max(map(len, titles.values()))

@@ -33,6 +33,10 @@ WORDS = {  # by group: heading, what its columns mean
         "After the kidnap. Recovered: the best cluster is within 0.45 m of the truth for 20 steps "
         "in a row. Metres to recover: driven from the kidnap until these steps begin.",
     ),
+    "log": (
+        "Against the reference",
+        "Of the best cluster, at the records that have a reference: mean over runs of the median.",
+    ),
     "driving": (
         "Arrived",
         "Arrived: ends within 0.5 m of the goal, without contact. SPL: success weighted by path "
@@ -45,13 +49,13 @@ _TESTS = (
     "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
     "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
 )
-LOCALIZED = (
-    "Localized against metres driven",
-    "localized for good, % of runs",
-    "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the end.",
-)
 _CURVES = {
-    "metres_to_localize": LOCALIZED,
+    "metres_to_localize": (
+        "Localized against metres driven",
+        "localized for good, % of runs",
+        "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
+        "end.",
+    ),
     "metres_to_recover": (
         "Recovered against metres driven",
         "recovered, % of runs",
@@ -143,7 +147,7 @@ def score_cells(row: Comparison, score: Score) -> list[str]:
         cells += ["baseline", "–"]
     elif score.tested:
         diff = own.diff.percent if score.unit == "share" else own.diff
-        cells += [estimated(diff, "+.0f" if score.unit == "share" else "+.1f"), p_value(own.p_holm)]
+        cells += [estimated(diff, f"+.{_digits(score)}f"), p_value(own.p_holm)]
     return cells
 
 
@@ -159,4 +163,11 @@ def _word(value: float, score: Score) -> str:
         return percent(value)
     if math.isinf(value):
         return "never"
-    return fixed(value, 1 if score.unit in ("m", "steps") else 2)
+    return fixed(value, _digits(score))
+
+
+def _digits(score: Score) -> int:
+    """How many a number of a score has behind the point."""
+    if score.digits is not None:
+        return score.digits
+    return {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)

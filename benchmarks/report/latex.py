@@ -5,7 +5,6 @@ from importlib.resources import files
 
 import matplotlib as mpl
 
-from benchmarks.files import command_line, utf8
 from benchmarks.report.error_tables import verdict_table
 from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
@@ -15,6 +14,7 @@ from benchmarks.report.words import spoken
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from deqmcl_gym import __version__
+from deqmcl_gym.files import command_line, utf8
 
 _SPECIAL = str.maketrans(
     {

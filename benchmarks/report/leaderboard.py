@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.files import command_line
 from benchmarks.report.error_tables import marked_label
 from benchmarks.report.pages import page, plain, table_text
 from benchmarks.report.tables import Table
@@ -17,6 +16,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.spec import Method, Run, Setting
+from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError
 
 TITLE = "Leaderboard"

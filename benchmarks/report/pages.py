@@ -10,13 +10,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from tabulate import tabulate
 
-from benchmarks.files import command_line
 from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import capital
 from benchmarks.tables.text import full_name
+from deqmcl_gym.files import command_line
 
 
 def html(story: Story) -> str:
@@ -108,9 +108,10 @@ def _section(section: Section, folder: str) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {plain(panel.title)}"]
     parts.append(plain(f"{section.verdict} {section.runner_up}"))
-    parts.append(table_text("", section.table))
-    parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
-    parts.append(plain(section.power))
+    if panel.verdict is not None:
+        parts.append(table_text("", section.table))
+        parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
+        parts.append(plain(section.power))
     for block in section.blocks:
         parts += _block(block, folder)
     for one in section.animations:

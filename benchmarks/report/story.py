@@ -6,7 +6,7 @@ from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.report import error_tables, tables, words
+from benchmarks.report import error_tables, tables, track_charts, tracks, words
 from benchmarks.report.animations import Kept, animations_of
 from benchmarks.report.charts import (
     calibration_chart,
@@ -78,7 +78,23 @@ def _of_journeys(group: Group) -> Part:
     return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
 
 
+TRACKS: Sequence[Part] = (
+    Part(tables=tracks.track_tables),
+    Part(
+        heading="On the map",
+        note=lambda panel: track_charts.ON_THE_MAP,
+        pictures=track_charts.track_charts,
+    ),
+    Part(
+        heading="Over the distance driven",
+        note=lambda panel: track_charts.OVER_THE_WAY,
+        pictures=track_charts.error_charts,
+        small=True,
+    ),
+    Part(heading="APE and RPE", tables=tracks.evo_tables),
+)
 PARTS: Sequence[Part] = (
+    *TRACKS,
     *map(_of_journeys, GROUPS),
     Part(
         pictures=lambda panel, looks: [
@@ -112,8 +128,9 @@ PARTS: Sequence[Part] = (
 
 
 def blocks(panel: Panel, looks: Looks, *, pictured: bool) -> list[Block]:
-    """Return what all parts show of a panel, with or without pictures."""
-    shown = (part.of(panel, looks, pictured=pictured) for part in PARTS)
+    """Return what all parts show of a panel, with or without pictures; few if no error is known."""
+    parts = TRACKS if panel.verdict is None else PARTS
+    shown = (part.of(panel, looks, pictured=pictured) for part in parts)
     return [block for block in shown if block is not None]
 
 
@@ -158,6 +175,7 @@ class Story:
         sections: panel by panel.
         curves: over what was swept.
         failed, left_out: trials without a result, files that are no trial.
+        notes, warnings: further sentences, if whoever writes the report has some.
     """
 
     results: Results
@@ -170,6 +188,8 @@ class Story:
     curves: list[Picture]
     failed: Table
     left_out: Table
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
     @property
     def pictures(self) -> list[Picture]:
@@ -178,7 +198,9 @@ class Story:
         return [*self.curves, *(picture for pictures in shown for picture in pictures)]
 
 
-def story_of(results: Results, kept: Kept | None) -> Story:
+def story_of(
+    results: Results, kept: Kept | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
+) -> Story:
     """Draw everything, but for the animations if they are kept."""
     panels = results.panels
     look = looks(label for panel in panels for label in panel.labels.values())
@@ -210,6 +232,8 @@ def story_of(results: Results, kept: Kept | None) -> Story:
             curves=charts_over(panels, look),
             failed=_failed(results),
             left_out=_left_out(results),
+            notes=notes,
+            warnings=warnings,
         )
         for picture in story.pictures:  # drawn while workers draw the animations
             _ = picture.source

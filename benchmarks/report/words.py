@@ -130,7 +130,7 @@ def spoken(panel: Panel) -> str:
     """The verdict on a panel; where the plan alone is best, on its filters, too."""
     found = panel.verdict
     if found is None:
-        return "No trial is finished."
+        return "No error is known." if panel.records else "No trial is finished."
     said = capital(_sentence(panel, found))
     if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
         scanning = _sentence(panel, panel.of_filters).replace("No method", "none", 1)

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, utf8, written
+from benchmarks.files import own_folder, refuse_changed, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
+from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:
@@ -77,6 +78,11 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     from benchmarks.report.animations import Kept
 
     if out.exists() and out.samefile(folder):
+        if any(record.track is not None for record in results.records):
+            raise InputError(
+                f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
+                "another --out."
+            )
         refuse_changed(out)
         return _written(out, "report", results, Kept(folder))
     return _written(own_folder(out, "copy"), "copy", results, Kept(folder))

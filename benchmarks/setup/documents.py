@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, one_of
 
 # byte order marks, the longer ones first

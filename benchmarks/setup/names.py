@@ -22,13 +22,13 @@ from localizers.naming.isolation import is_ctrl_c
 from localizers.naming.plugins import is_reference, load, raised, reference_digest
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
-_LOG = "log"  # loaded when asked for: a trial in a room needs no readers of logs
+_OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
 _VERBS = ("plan_at_reset", "act")
 
 
 def scenario_names() -> tuple[str, ...]:
     """Names of the built-in scenarios."""
-    return (*SCENARIOS, _LOG)
+    return (*SCENARIOS, *_OF_LOGS)
 
 
 def agent_names() -> tuple[str, ...]:
@@ -148,10 +148,10 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
             kind = type(found).__name__
             raise InputError(f"the scenario {name!r} is of type {kind}, but must be a Scenario.")
         found = replace(found, source=reference_digest(name) or "")
-    elif name == _LOG:
-        from benchmarks.setup.log_scenario import LOG
+    elif name in _OF_LOGS:
+        from benchmarks.setup.logs import LOG, REPLAY
 
-        return LOG
+        return LOG if name == "log" else REPLAY
     else:
         return SCENARIOS[name]
     return replace(found, agent=_absolute(found.agent, folder))

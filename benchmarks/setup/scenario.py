@@ -191,6 +191,11 @@ class Scenario:
         """Whether its robot is to arrive somewhere."""
         return self.world.route is not None
 
+    @property
+    def judged(self) -> int | None:
+        """Of a whole log, the first record by which beliefs are judged; None of other worlds."""
+        return None
+
     def in_building(self, trial: int) -> Self:
         """Return this scenario in the building of a trial's number."""
         floor_plan = self.env.get("floor_plan")

@@ -11,18 +11,11 @@ from typing import Any
 from msgspec import Struct, field
 
 from benchmarks.execution.apart import provenance
-from benchmarks.files import (
-    UnreadableError,
-    content_of,
-    is_empty,
-    json_of,
-    refuse_changed,
-    typed,
-    write_text,
-)
+from benchmarks.files import is_empty, refuse_changed
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Provenance, environment
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
 
 NAME = "manifest.json"
@@ -298,7 +291,7 @@ def seeds(root: int) -> dict[str, Any]:
         "world": "env.reset(seed) of trial i: "
         "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
         "localizer": "run j of trial i: SeedSequence(root, spawn_key=(i, 1, j)), the same for "
-        "every method",
+        "every method; in scenario replay: SeedSequence(root, spawn_key=(i,))",
     }
 
 

@@ -10,7 +10,9 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from benchmarks.files import (
+from benchmarks.trials.scoring import Finished, Record
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.files import (
     UnreadableError,
     content_of,
     is_temporary,
@@ -19,8 +21,6 @@ from benchmarks.files import (
     writable_folder,
     write_text,
 )
-from benchmarks.trials.scoring import Finished, Record
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 SCHEMA = 4

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.apart import takes
-from benchmarks.files import utf8
 from benchmarks.setup import documents
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
 from benchmarks.trials.spec import Method
+from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers import absolute_name
 from localizers.naming.parsed import is_file

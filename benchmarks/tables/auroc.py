@@ -64,7 +64,8 @@ def rated_steps(record: Finished) -> Steps:
     if record.quality is None:
         return np.empty(0), np.empty(0, dtype=bool)
     present = record.curves[0]
-    errors = dict(enumerate(present.error, present.first_state))
+    listed = enumerate(present.error, present.first_state)
+    errors = {step: error for step, error in listed if error is not None}
     rated = [
         (quality, errors[step] > record.thresholds.far)
         for step, quality in enumerate(record.quality, 1)

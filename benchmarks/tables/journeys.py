@@ -120,7 +120,7 @@ class Outcomes:
             return own
         read = Outcomes.restricted if score.censored else Outcomes.runs
         apart = differences(read(self, score), read(baseline, score))
-        p = wilcoxon(apart) if score.censored else sign_test(apart)
+        p = sign_test(apart) if score.unit == "share" else wilcoxon(apart)
         return JourneyScore(value=own.value, restricted=own.restricted, diff=estimate(apart), p=p)
 
     def _most(self, run: Run) -> float:

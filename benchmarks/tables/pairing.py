@@ -82,7 +82,7 @@ def lap_errors(records: Sequence[Finished], offset: int = 0) -> LapErrors | None
         return None
     first = curves[0].first_state
     length = min(len(curve.error) for curve in curves)
-    errors = np.array([curve.error[:length] for curve in curves])
+    errors = np.array([curve.error[:length] for curve in curves], np.float64)
     low, high = np.quantile(errors, [0.1, 0.9], axis=0)
     states = np.arange(first, first + length)
     return LapErrors(states=states, mean=errors.mean(axis=0), low=low, high=high)

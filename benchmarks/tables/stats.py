@@ -128,61 +128,6 @@ def sign_test(differences: Floats) -> float:
     return float(min(1.0, 2 * tail / 2**n))
 
 
-def signed_rank_estimate(differences: Floats, alpha: float = ALPHA) -> Estimate:
-    """Median of the means of all pairs, with the interval that the signed-rank test gives.
-
-    Hodges & Lehmann (1963); the interval ends at two of the n (n + 1) / 2 means, so that it
-    excludes 0 where ``wilcoxon`` of differences without zeros and ties is below ``alpha``. NaN
-    where so few differences give no interval.
-    """
-    n = differences.size
-    if not n or np.isnan(differences).any():
-        return UNKNOWN
-    first, second = np.triu_indices(n)
-    means = np.sort((differences[first] + differences[second]) / 2)
-    middle = float(np.median(means))
-    if n <= _EXACT:
-        tail = 2 * np.cumsum(_subsets_by_sum(np.arange(1, n + 1))) / 2**n
-        rejected = int((tail < alpha).sum())
-    else:
-        spread = math.sqrt(n * (n + 1) * (2 * n + 1) / 24)
-        rejected = math.ceil(n * (n + 1) / 4 - NormalDist().inv_cdf(1 - alpha / 2) * spread)
-    if rejected < 1:
-        return Estimate(middle)
-    return Estimate(middle, float(means[rejected - 1]), float(means[-rejected]))
-
-
-def sign_estimate(differences: Floats, alpha: float = ALPHA) -> Estimate:
-    """Mean of differences of -1, 0 and 1, with the interval that the sign test gives.
-
-    Clopper & Pearson's (1934) interval of the share of 1 among those that are not 0, whose number
-    is taken as given: it excludes 0 exactly where ``sign_test`` is below ``alpha``. NaN where all
-    are 0.
-    """
-    if not differences.size or np.isnan(differences).any():
-        return UNKNOWN
-    above, below = int((differences > 0).sum()), int((differences < 0).sum())
-    low, high = 1 - _highest(below, above, alpha / 2), _highest(above, below, alpha / 2)
-    n, share = above + below, (above + below) / differences.size
-    mean = float(differences.mean())
-    if not n:
-        return Estimate(mean)
-    return Estimate(mean, share * (2 * low - 1), share * (2 * high - 1))
-
-
-def _highest(hits: int, misses: int, tail: float) -> float:
-    """Largest p with which P(at most so many hits) is ``tail`` or more; 1 if there is no miss."""
-    n, low, high = hits + misses, 0.0, 1.0
-    if not misses:
-        return 1.0
-    ways = [math.log(math.comb(n, k)) for k in range(hits + 1)]
-    for _ in range(60):
-        p = (low + high) / 2
-        terms = (ways[k] + k * math.log(p) + (n - k) * math.log1p(-p) for k in range(hits + 1))
-        low, high = (p, high) if math.fsum(map(math.exp, terms)) > tail else (low, p)
-    return (low + high) / 2
-
-
 def confirmed(difference: Estimate, p_holm: float) -> bool:
     """Whether the interval of a difference excludes 0, and its corrected p is below 0.05."""
     return not difference.low <= 0 <= difference.high and p_holm < ALPHA

@@ -17,6 +17,8 @@ from benchmarks.setup.scenario import Agent
 from deqmcl_gym.numerics.types import Reals
 from localizers import Belief, Localizer, Prior
 
+_UNKNOWN = np.full(3, np.nan)
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -24,7 +26,7 @@ class Moment:
 
     Attributes:
         step: t, from 0 (reset).
-        truth: the true pose x_t, (3,) px, px, rad.
+        truth: the true pose x_t, (3,) px, px, rad; NaN where a log has no reference.
         ranges: the scan o_t, (B,) px; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
         seconds: time the localizer took.
@@ -68,7 +70,7 @@ def moments(
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    truth, own = info.pop("truth"), agent.plan_at_reset(info)
+    truth, own = info.pop("truth", _UNKNOWN), agent.plan_at_reset(info)
     ahead = _shown_plan(info) if own is None else own
     given_prior, given_plan = prior(), np.array(ahead)
     started = time.perf_counter()
@@ -81,7 +83,7 @@ def moments(
     while not ended:
         action, plan = agent.act(belief, info)
         ranges, _, terminated, truncated, info = env.step(action)
-        truth, step, ended = info.pop("truth"), step + 1, terminated or truncated
+        truth, step, ended = info.pop("truth", _UNKNOWN), step + 1, terminated or truncated
         ahead = _shown_plan(info) if plan is None else plan
         given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()

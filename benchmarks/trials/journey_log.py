@@ -8,7 +8,16 @@ import numpy as np
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
-from benchmarks.trials.journeys import Group, Journey, WholeRun, half_turned, scores_of, weight_near
+from benchmarks.trials.journeys import (
+    Group,
+    Journey,
+    WholeRun,
+    finite,
+    four_digits,
+    half_turned,
+    scores_of,
+    weight_near,
+)
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from localizers import best_cluster, quality_of
@@ -45,15 +54,11 @@ class JourneyLog:
             masses = self._masses(poses, weights, moment.truth)
             self._fixes.append((moment.step, *best, rated, *masses))
 
-    def scored(self) -> WholeRun | None:
+    def kept(self) -> tuple[WholeRun | None, None]:
         """Return the part of a record about this run; None if nothing is asked."""
         if not self._groups or not self._fixes:
-            return None
+            return None, None
         run = self.journey()
-        found = {
-            name: value if math.isfinite(value) else None
-            for name, value in scores_of(run, self._groups).items()
-        }
         curves = {
             "way": run.fixes.way,
             "distance": run.fixes.distance,
@@ -61,8 +66,11 @@ class JourneyLog:
         }
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
-        short = {name: [_short(value) for value in values] for name, values in curves.items()}
-        return WholeRun(scores=found, curves=short)
+        found = WholeRun(
+            scores=finite(scores_of(run, self._groups)),
+            curves={name: four_digits(values) for name, values in curves.items()},
+        )
+        return found, None
 
     def journey(self) -> Journey:
         """Return the run so far."""
@@ -98,8 +106,3 @@ class JourneyLog:
         here = np.asarray(truth, np.float64)
         there = half_turned(self._task.floor_plan, here[None])[0]
         return tuple(weight_near(poses, weights, pose, self._metre) for pose in (here, there))
-
-
-def _short(value: float) -> float:
-    """Four digits: a curve of a long run is many numbers."""
-    return float(f"{value:.4g}")

@@ -5,8 +5,8 @@ scenario is about: see ``Stage.groups``. Lengths are in m; a pixel of the paper'
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
@@ -38,8 +38,8 @@ class Journey:
     fixes: Fixes
     driven: Floats
     truth: Floats
-    collided: Bools
-    clearance: float
+    collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    clearance: float = math.nan
     goal: Floats | None = None
     planned: float = math.nan
     masses: Floats | None = None
@@ -78,8 +78,9 @@ class Score:
         unit: "share" (of runs; 0 or 1 of one), "m", "steps" or "" (a number).
         words: what it is, as the heading of a column.
         of: the score; NaN is not available.
-        failed: the score of a run that failed.
+        failed: the score of a run that failed; NaN: it is unknown.
         tested: whether methods are compared by it.
+        digits: behind the point, in tables; None: as the unit has them.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Score:
     of: Callable[[Journey], float]
     failed: float = math.nan
     tested: bool = False
+    digits: int | None = None
 
     @property
     def censored(self) -> bool:
@@ -187,6 +189,19 @@ GROUPS = (
         ),
     ),
     Group(
+        "log",
+        (
+            Score(
+                "position_median",
+                "m",
+                "position error, median",
+                lambda run: float(np.median(run.fixes.distance)),
+                tested=True,
+                digits=3,
+            ),
+        ),
+    ),
+    Group(
         "driving",
         (
             Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
@@ -216,6 +231,28 @@ class WholeRun(Struct, frozen=True, kw_only=True):
             raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
         if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
             raise ValueError("has curves of the whole run of different lengths")
+
+
+class RecordedTrack(Struct, frozen=True, kw_only=True):
+    """What the record of a trial on a whole log has of it; see ``tracks.TrackLog``.
+
+    Attributes:
+        best: means of the best clusters, x, y and θ at each record of the log.
+        scores: by name; None is not available.
+    """
+
+    best: tuple[list[float], list[float], list[float]]
+    scores: dict[str, float | None]
+
+
+def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Return scores as a record has them: an infinite one and an unknown one are None."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def four_digits(values: Iterable[float]) -> list[float]:
+    """Return a curve with four digits: that of a long run is many numbers."""
+    return [float(f"{value:.4g}") for value in values]
 
 
 def groups_named(names: Collection[str]) -> tuple[Group, ...]:

@@ -25,7 +25,8 @@ def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
         return [np.nan] * (1 + len(SIGNALS))
     sensor = PlanSensor(floor_plan=task.floor_plan, radius=task.radius)
     pose = np.asarray(truth, np.float32)[:, None]
-    conflict = float(sensor.collisions(pose, reading.seen)[0] > 0)
+    known = np.isfinite(pose).all()
+    conflict = float(sensor.collisions(pose, reading.seen)[0] > 0) if known else np.nan
     return [conflict, *(float(getattr(reading, name)) for name in SIGNALS)]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 
 from benchmarks.setup.thresholds import Thresholds
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
 from benchmarks.trials.plans import PLAN_COLUMNS, plan_columns
 from benchmarks.trials.spec import Trial
@@ -17,10 +17,10 @@ SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
 
 class ErrorCurve(Struct, frozen=True):
-    """Error e of the beliefs at one offset, of one state after the other."""
+    """Error e of the beliefs at one offset, by state; None where the truth is not known."""
 
     first_state: int
-    error: list[float]
+    error: list[float | None]
 
 
 class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -37,6 +37,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         events: the localizer's counts of trouble.
         plan: ``PLAN_COLUMNS`` of the steps t = 1 … T; None if no plan was read.
         journey: of the whole run; None if the scenario asks for nothing.
+        track: on a whole log; None of any other trial.
 
     Raises:
         ValueError: its parts do not belong together.
@@ -53,6 +54,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
     events: dict[str, int]
     plan: dict[str, list[float | None]] | None = None
     journey: WholeRun | None = None
+    track: RecordedTrack | None = None
 
     def __post_init__(self) -> None:
         for name in ("offset", *SCORE_NAMES):
@@ -65,6 +67,8 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         states += [len(self.journey.curves["way"])] if self.journey else []
         if not all(0 < length <= steps + 1 for length in states) or len(self.quality or ()) > steps:
             raise ValueError(f"has a curve or qualities of another length than its {steps} steps")
+        if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
+            raise ValueError(f"has a track of another length than its {steps} steps")
         if self.plan is not None and any(
             len(self.plan.get(name, ())) != steps for name in {*PLAN_COLUMNS, *self.plan}
         ):
@@ -103,7 +107,7 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 
 
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
-    """Return a trial's result: scores, curves, qualities, counts, plans."""
+    """Return a trial's result; its scores are of the states whose truth is known."""
     return Record(
         unit=trace.unit,
         thresholds=thresholds,
@@ -111,7 +115,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
         curves={
             offset: ErrorCurve(
                 first_state=int(kept.states[0]),
-                error=[_sig(e) for e in state_error(kept.means, trace.truth[kept.states])],
+                error=_unless_unknown(state_error(kept.means, trace.truth[kept.states])),
             )
             for offset, kept in trace.offsets.items()
         },
@@ -122,6 +126,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
         events=trace.events,
         plan=plan_columns(trace.plans[1:]),
         journey=trace.journey,
+        track=trace.track,
     )
 
 
@@ -131,13 +136,14 @@ def profile(trace: Trace, lag: int) -> dict[int, float]:
     errors = {}
     for offset, (states, means) in held.items():
         shared = (states >= lag) & (states <= trace.steps - lag) & (states % PROFILE_STRIDE == 0)
+        shared &= trace.known[states]
         if shared.any():
             errors[offset] = mean(state_error(means[shared], trace.truth[states[shared]]))
     return errors
 
 
 def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds) -> Estimates:
-    scored = kept.states >= 1
+    scored = (kept.states >= 1) & trace.known[kept.states]
     states = kept.states[scored]
     return Estimates(
         truth=trace.truth[states],
@@ -154,6 +160,10 @@ def _rated(quality: Floats) -> list[float | None] | None:
     """P(not lost) after the steps t = 1 … T, with all digits: it is about how near it is to 1."""
     given = quality[1:]
     return None if np.isnan(given).all() else [None if np.isnan(q) else q for q in given.tolist()]
+
+
+def _unless_unknown(errors: Floats) -> list[float | None]:
+    return [None if np.isnan(error) else _sig(error) for error in errors]
 
 
 def _sig(value: float) -> float:

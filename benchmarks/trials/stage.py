@@ -10,14 +10,16 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import gymnasium as gym
+import numpy as np
 
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario, TrialEnv, Uniform
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
+from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import Group, groups_named, is_symmetric
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
@@ -90,6 +92,26 @@ class Stage:
         }
         return groups_named([name for name, asked in about.items() if asked])
 
+    @property
+    def filter_rng(self) -> np.random.Generator:
+        """The localizer's stream: ``Trial.filter_rng``, but on a whole log with a shorter key."""
+        if self.scenario.judged is None:
+            return self.trial.filter_rng()
+        number, run = self.trial.run
+        key = (number, run) if run else (number,)
+        return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
+
+    def collector(self) -> Collector:
+        """Return what keeps its journey, or its track on a whole log."""
+        if self.scenario.judged is None:
+            return JourneyLog(self.task, self.groups)
+        from benchmarks.trials.tracks import TrackLog  # a trial in a room needs no readers of logs
+        from deqmcl_gym.envs.log import LogEnv
+
+        assert isinstance(self.room, LogEnv)
+        thresholds, judged = self.scenario.thresholds, self.scenario.judged
+        return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
+
     def moments(self) -> Iterator[Moment]:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
@@ -99,12 +121,13 @@ class Stage:
         def prior() -> Prior:
             return deepcopy(self.scenario.prior_in(self.room), copies)
 
-        rng, seed = self.trial.filter_rng(), self.trial.world_seed
-        yield from moments(self.env, agent, localizer, prior, rng, seed=seed)
+        yield from moments(
+            self.env, agent, localizer, prior, self.filter_rng, seed=self.trial.world_seed
+        )
 
     def trace(self) -> Trace:
         """Run the trial and return its trace."""
-        return trace_of(self.moments(), self.trial.offsets, self.task, self.groups)
+        return trace_of(self.moments(), self.trial.offsets, self.task, self.collector())
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it.

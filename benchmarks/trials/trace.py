@@ -3,17 +3,16 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import Group, WholeRun
+from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS
 from benchmarks.trials.plans import plan_row
-from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.scan import Scan
@@ -49,14 +48,14 @@ class Trace:
 
     Attributes:
         unit: of lengths.
-        truth: the true poses x_0 … x_T, (T + 1, 3).
+        truth: the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference.
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
         plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
-        journey: scores and curves of the whole run; None if none is asked.
+        journey, track: what is kept of the whole run; None if that is not asked for.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
     """
@@ -70,6 +69,7 @@ class Trace:
     plans: list[list[float]] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
     journey: WholeRun | None = None
+    track: RecordedTrack | None = None
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
 
     @property
@@ -77,18 +77,42 @@ class Trace:
         """Steps carried out, T."""
         return len(self.truth) - 1
 
+    @property
+    def known(self) -> Bools:
+        """Whether the true pose of a state is known, (T + 1,)."""
+        known: Bools = np.isfinite(self.truth[:, 0])
+        return known
+
+
+class Collector(Protocol):
+    """Sees a run step by step; keeps what its record has of the whole of it."""
+
+    def see(self, moment: Moment) -> None:
+        """Take in a step."""
+        ...
+
+    def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
+        """Return the journey and the track."""
+        ...
+
 
 def trace_of(
-    episode: Iterable[Moment], offsets: Iterable[int], task: Task, groups: Sequence[Group] = ()
+    episode: Iterable[Moment],
+    offsets: Iterable[int],
+    task: Task,
+    whole: Collector | None = None,
 ) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and its scores of groups."""
+    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
     asked = tuple(offsets)
-    lap, journey = _Lap(task), JourneyLog(task, groups)
+    lap = _Lap(task)
     scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
     sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
     for moment in episode:
-        for collector in (lap, scored, sampled, journey):  # journeys trust the form of a belief
+        for collector in (lap, scored, sampled):
             collector.see(moment)
+        if whole is not None:  # it trusts the form of a belief
+            whole.see(moment)
+    journey, track = (None, None) if whole is None else whole.kept()
     return Trace(
         unit=task.floor_plan.unit,
         truth=np.array(lap.truth, np.float64),
@@ -98,7 +122,8 @@ def trace_of(
         quality=np.array(lap.quality),
         plans=lap.plans,
         events=_events(lap.belief),
-        journey=journey.scored(),
+        journey=journey,
+        track=track,
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
     )
 

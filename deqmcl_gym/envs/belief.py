@@ -26,11 +26,9 @@ class Estimator(Protocol):
 
     def reset(self, prior: Any, plan: Reals, rng: np.random.Generator) -> Any:
         """Start a new episode and return the belief."""
-        ...
 
     def update(self, ranges: Reals, action: Reals, plan: Reals) -> Any:
         """Return the belief after one step."""
-        ...
 
 
 class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.RecordConstructorArgs):
@@ -71,11 +69,8 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         room: Any = env.unwrapped
         self._floor = _FLOOR * np.array([pixel(room.floor_plan.unit)] * 2 + [1.0]) ** 2
         tried = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
-        spaces = {
-            "mean": _box((3,)),
-            "covariance": _box((3, 3)),
-            "entropy": _box((1,)),
-        }
+        shapes = {"mean": (3,), "covariance": (3, 3), "entropy": (1,)}
+        spaces = {name: gym.spaces.Box(-LARGEST, LARGEST, shape) for name, shape in shapes.items()}
         self._has_quality = getattr(tried, "quality", None) is not None
         if self._has_quality:
             spaces["quality"] = gym.spaces.Box(0.0, 1.0, (1,))
@@ -148,10 +143,6 @@ class LocalizationReward(
         seen, _, terminated, truncated, info = self.env.step(action)
         dx, dy = seen["mean"][:2] - info["truth"][:2]
         return seen, -float(np.hypot(dx, dy)), terminated, truncated, info
-
-
-def _box(shape: tuple[int, ...]) -> gym.spaces.Box:
-    return gym.spaces.Box(-LARGEST, LARGEST, shape)
 
 
 def _plan(info: dict[str, Any]) -> Reals:

@@ -223,6 +223,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         unknown: what unknown cells of a map that is given by the path of its yaml count as:
             "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy
             from 0 to 1; see `deqmcl_gym.GridMap`.
+        radius: of the robot, for localizers, as logs do not contain it; None is 0.16 m.
         others: any other argument is refused, with the nearest name.
 
     Raises:
@@ -232,7 +233,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     Attributes:
         log: the records that are played.
         lidar: the scanner's geometry, for localizers.
-        radius: of the robot, for localizers: 0.16 m, as logs do not contain it.
+        radius: of the robot, for localizers.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -254,6 +255,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         reading: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         unknown: str | float | None = None,
+        radius: float | None = None,
         **others: Any,
     ) -> None:
         for name in others:
@@ -276,6 +278,8 @@ class LogEnv(gym.Env[Singles, Singles]):
             )
         self._map = map_of(map, unknown, self.log)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
+        if radius is not None:
+            self.radius = number("radius", radius, low=0)
         self._segments = segments_of(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
         planned = planned_of(plan, self.log, self._segments)

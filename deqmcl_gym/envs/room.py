@@ -181,7 +181,12 @@ class RoomEnv(gym.Env[Any, Singles]):
                 then continues.
         """
         check_no_options(options)
-        root, number = self._next_episode() if seed is None else (integer("seed", seed), 0)
+        if seed is not None:
+            root, number = integer("seed", seed), 0
+        elif self.np_random_seed >= 0:
+            root, number = self.np_random_seed, self._number + 1
+        else:  # np_random was set, and its seed is unknown
+            root, number = int(self.np_random.integers(2**63)), 0
         episode = Episode(self._rules, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
@@ -258,12 +263,6 @@ class RoomEnv(gym.Env[Any, Singles]):
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
         return self._rules.picture(episode.course, episode.pose, episode.scan, episode.step)
-
-    def _next_episode(self) -> tuple[int, int]:
-        """Seed and number of the next episode if no seed is given."""
-        if self.np_random_seed >= 0:
-            return self.np_random_seed, self._number + 1
-        return int(self.np_random.integers(2**63)), 0  # np_random was set, and its seed is unknown
 
     @property
     def _is_lap_ahead(self) -> bool:

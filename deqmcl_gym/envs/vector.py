@@ -22,7 +22,14 @@ from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_s
 
 
 class Rooms:
-    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time."""
+    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time.
+
+    Attributes:
+        poses: the true ones (x, y, θ), (n, 3).
+        steps: number carried out, (n,).
+        progress: along the path since reset, (n,).
+        scans: the last ones, (n, B).
+    """
 
     def __init__(self, rules: RoomRules, number: int, limit: int) -> None:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
@@ -34,26 +41,17 @@ class Rooms:
         numbers = kernels.Rules(
             noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
             walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
-            cells=cells,
-            radius=world.body,
-            skin=world.skin,
-            reach=world.reach,
-            edges=course.path.edges,
-            length=course.path.length,
-            rewards=rules.rewards,
-            most=most,
+            cells=cells, radius=world.body, skin=world.skin, reach=world.reach,
+            edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,
             limit=limit,
-        )
+        )  # fmt: skip
         self._motion = NormalTable(number, 2, most)
         self._lidars = LidarSensors(world.floor_plan, world.lidar, number, most + 1)
+        poses, steps = np.tile(course.start, (number, 1)), np.zeros(number, np.intp)
         gaps, arcs, progress = np.zeros((3, number))
-        self._robots = kernels.Robots(
-            poses=np.tile(course.start, (number, 1)),
-            gaps=gaps,
-            arcs=arcs,
-            progress=progress,
-            steps=np.zeros(number, np.intp),
-        )
+        self._robots = kernels.Robots(poses, gaps, arcs, progress, steps)
+        self.poses, self.steps, self.progress = poses, steps, progress
+        self.scans = self._lidars.scans
         self._fixed = tuple(self._robots), tuple(numbers)  # as the kernel takes them
         self._every = np.arange(number)
 
@@ -65,26 +63,6 @@ class Rooms:
         numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * rules.plan.horizon + 64
         return 8 * numbers
 
-    @property
-    def poses(self) -> Floats:
-        """The true poses (x, y, θ), (n, 3)."""
-        return self._robots.poses
-
-    @property
-    def steps(self) -> Indices:
-        """Steps carried out, (n,)."""
-        return self._robots.steps
-
-    @property
-    def progress(self) -> Floats:
-        """Progress along the path since reset, (n,)."""
-        return self._robots.progress
-
-    @property
-    def scans(self) -> Singles:
-        """The last scans, (n, B)."""
-        return self._lidars.scans
-
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
@@ -93,11 +71,10 @@ class Rooms:
         """
         rules = self._rules
         starts = [rules.start(rules.course, *episode) for episode in episodes]
-        robots = self._robots
-        robots.poses[rooms] = np.array(starts)
-        robots.arcs[rooms] = np.array([rules.first_arc(rules.course, (x, y)) for x, y, _ in starts])
-        robots.gaps[rooms] = robots.progress[rooms] = 0.0
-        robots.steps[rooms] = 0
+        arcs = [rules.first_arc(rules.course, (x, y)) for x, y, _ in starts]
+        self.poses[rooms], self._robots.arcs[rooms] = np.array(starts), np.array(arcs)
+        self._robots.gaps[rooms] = self.progress[rooms] = 0.0
+        self.steps[rooms] = 0
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))

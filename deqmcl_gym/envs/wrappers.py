@@ -102,12 +102,9 @@ class Kidnap(_Once):
         self._noticed = boolean("noticed", noticed)
         self._pose = None if pose is None else self.room.checked_pose("the pose", pose)
         _check_all_happen(self)
-        self._twin = sum(isinstance(layer, Kidnap) and layer.draws for layer in _layers(env))
-
-    @property
-    def draws(self) -> bool:
-        """Whether the pose is random."""
-        return self._pose is None
+        self._twin = sum(
+            isinstance(layer, Kidnap) and layer._pose is None for layer in _layers(env)
+        )
 
     def happen(self) -> None:
         """Carry the robot away."""
@@ -130,8 +127,9 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
         super().__init__(env)
         self._room = room_of(env)
         self._probability = number("probability", probability, low=0, high=1)
-        scans, lossy = scan_space(self._room.lidar), _lossy_space(self._room)
-        if env.observation_space not in (scans, lossy):
+        lidar = self._room.lidar
+        lossy = gym.spaces.Box(0.0, np.inf, (lidar.beams,), np.float32)
+        if env.observation_space not in (scan_space(lidar), lossy):
             raise InputError(
                 f"the env's observations are {shown(env.observation_space)}, but beams are lost "
                 "from scans: put BeamDropout inside the wrapper that changes the observation, "
@@ -183,10 +181,6 @@ class PlanChange(_Once):
     def happen(self) -> None:
         """Change the plan."""
         self.room.replace_plan(self._actions)
-
-
-def _lossy_space(room: RoomEnv) -> gym.Space[Singles]:
-    return gym.spaces.Box(0.0, np.inf, (room.lidar.beams,), np.float32)
 
 
 def room_of(env: gym.Env[Any, Action]) -> RoomEnv:

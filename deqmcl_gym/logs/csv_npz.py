@@ -36,7 +36,8 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
         InputError: a column or the scanner is missing, or no record is usable.
     """
     lines = text_of(path).splitlines()
-    comments = [line[1:].strip() for line in itertools.takewhile(_is_comment, lines)]
+    at_head = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    comments = [line[1:].strip() for line in at_head]
     words, unit = (*comments, *(None, None)[len(comments) :])[:2]
     header, *rows = lines[len(comments) :] or [""]
     columns = _cells(header)
@@ -125,10 +126,6 @@ def write_npz(log: Log, path: Path) -> None:
 def _cells(line: str) -> list[str]:
     """Split a line at its commas, also within quotes: a stray quote affects its line only."""
     return [cell.strip().strip('"') for cell in line.split(",")]
-
-
-def _is_comment(line: str) -> bool:
-    return line.startswith("#")
 
 
 def _first_range(path: Path, columns: list[str]) -> int:

@@ -62,11 +62,7 @@ def composed(poses: Floats, offset: Floats) -> Floats:
     dx, dy, turn = np.broadcast_to(offset, poses.shape).T
     cosine, sine = arrays.cos(heading), arrays.sin(heading)
     return np.column_stack(
-        [
-            x + cosine * dx - sine * dy,
-            y + sine * dx + cosine * dy,
-            arrays.wrapped(heading + turn),
-        ]
+        [x + cosine * dx - sine * dy, y + sine * dx + cosine * dy, arrays.wrapped(heading + turn)]
     )
 
 

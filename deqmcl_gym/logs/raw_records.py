@@ -92,15 +92,9 @@ class RawRecords:
             warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=2)
         ranges = np.array([self.ranges[index] for index in kept])
         log = Log(
-            scanner_of(*most),
-            times[kept],
-            odometry[kept],
-            ranges,
-            self._reference(kept),
-            unit,
-            skipped=dict(self.damage),
-            source=self.source,
-        )
+            scanner_of(*most), times[kept], odometry[kept], ranges, self._reference(kept), unit,
+            skipped=dict(self.damage), source=self.source,
+        )  # fmt: skip
         warn_of_few(log, self.source)
         return log
 

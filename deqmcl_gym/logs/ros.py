@@ -208,7 +208,9 @@ class _Messages:
             )
             self.scanned.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
-            row = _row(message.header.stamp, POSES[connection.msgtype](message))
+            time, pose = _seconds(message.header.stamp), POSES[connection.msgtype](message)
+            at, turned = pose.position, pose.orientation
+            row = [time, at.x, at.y, turned.x, turned.y, turned.z, turned.w]
             if connection.topic == self.reference:
                 self.truth.append(row)
             if connection.topic == self.odometry:  # it may be both
@@ -311,11 +313,6 @@ def _topic(
 
 def _seconds(stamp: Any) -> float:
     return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9
-
-
-def _row(stamp: Any, pose: Any) -> list[float]:
-    at, turned = pose.position, pose.orientation
-    return [_seconds(stamp), at.x, at.y, turned.x, turned.y, turned.z, turned.w]
 
 
 def _poses(rows: Floats) -> Floats:

@@ -9,6 +9,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,8 @@ from deqmcl_gym.logs.log import Log, Pose
 from deqmcl_gym.logs.ros import ODOMETRY, REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
 from deqmcl_gym.validation import InputError
 
-_TRANSFORMS, _POSE, _WORDS = (
-    "tf2_msgs/msg/TFMessage",
-    "geometry_msgs/msg/PoseStamped",
-    "std_msgs/msg/String",
-)
+_TRANSFORMS, _POSE = "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"
+_WORDS = "std_msgs/msg/String"
 _LAST = 2**31 - 1  # s: the seconds of a ROS 2 stamp are int32
 
 
@@ -87,69 +85,52 @@ def _write(log: Log, draft: Path, ending: str) -> None:
         _Messages(log, store.types, send, sequenced=first).send_all()
 
 
+@dataclass(frozen=True)
 class _Messages:
-    """The messages of a log."""
+    """The messages of a log, of ``types``; headers are ``sequenced`` in ROS 1."""
 
-    def __init__(
-        self,
-        log: Log,
-        types: Any,
-        send: Callable[[str, str, int, Any], None],
-        *,
-        sequenced: bool,
-    ) -> None:
-        """Make messages of ``types``; headers are ``sequenced`` in ROS 1."""
-        self._log, self._send, self._sequenced = log, send, sequenced
-        self._types = types
+    log: Log
+    types: Any
+    send: Callable[[str, str, int, Any], None]
+    sequenced: bool
 
     def send_all(self) -> None:
         """Send the mounting and the unit, then each record."""
-        log, scanner = self._log, self._log.scanner
+        log, scanner = self.log, self.log.scanner
         times = np.round(log.times * 1e9).astype(np.int64).tolist()
         make = self._make
-        mounting = make(
-            "geometry_msgs/msg/Transform",
-            make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0),
-            self._turned(0.0),
-        )
-        static = make(
-            "geometry_msgs/msg/TransformStamped",
-            self._header(times[0], "base_link"),
-            "laser",
-            mounting,
-        )
-        self._send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, [static]))
+        place = make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0)
+        mounting = make("geometry_msgs/msg/Transform", place, self._turned(0.0))
+        header = self._header(times[0], "base_link")
+        static = make("geometry_msgs/msg/TransformStamped", header, "laser", mounting)
+        self.send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, [static]))
         if log.unit != "m":
-            self._send(UNIT_TOPIC, _WORDS, times[0], make(_WORDS, log.unit))
+            self.send(UNIT_TOPIC, _WORDS, times[0], make(_WORDS, log.unit))
         nothing, still = np.zeros(36), make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-        twist = make(
-            "geometry_msgs/msg/TwistWithCovariance",
-            make("geometry_msgs/msg/Twist", still, still),
-            nothing,
-        )
+        moving = make("geometry_msgs/msg/Twist", still, still)
+        twist = make("geometry_msgs/msg/TwistWithCovariance", moving, nothing)
         step = scanner.spacing or 0.0
         for time, record in zip(times, log, strict=True):
-            pose = make(
-                "geometry_msgs/msg/PoseWithCovariance", self._pose(record.odometry), nothing
-            )
+            at = self._pose(record.odometry)
+            pose = make("geometry_msgs/msg/PoseWithCovariance", at, nothing)
             header = self._header(time, "odom")
-            self._send("/odom", ODOMETRY, time, make(ODOMETRY, header, "base_link", pose, twist))
+            self.send("/odom", ODOMETRY, time, make(ODOMETRY, header, "base_link", pose, twist))
             if record.reference is not None:
                 stamped = make(_POSE, self._header(time, "map"), self._pose(record.reference))
-                self._send(REFERENCE_TOPIC, _POSE, time, stamped)
+                self.send(REFERENCE_TOPIC, _POSE, time, stamped)
             scan = make(
                 SCAN, self._header(time, "laser"), scanner.angles[0], scanner.angles[-1], step,
                 0.0, 0.0, scanner.min_range, scanner.max_range, np.array(record.ranges),
                 np.empty(0, np.float32),
             )  # fmt: skip
-            self._send("/scan", SCAN, time, scan)
+            self.send("/scan", SCAN, time, scan)
 
     def _make(self, kind: str, *values: Any) -> Any:
-        return self._types[kind](*values)
+        return self.types[kind](*values)
 
     def _header(self, time: int, frame: str) -> Any:
         stamp = self._make("builtin_interfaces/msg/Time", *divmod(time, 1_000_000_000))
-        sequence = (0,) if self._sequenced else ()
+        sequence = (0,) if self.sequenced else ()
         return self._make("std_msgs/msg/Header", *sequence, stamp, frame)
 
     def _pose(self, pose: Pose) -> Any:

@@ -14,13 +14,7 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.log import Log, said_of_skipped
 from deqmcl_gym.logs.motion import composed, heading_of, relative
-from deqmcl_gym.logs.raw_records import (
-    NOT_FINITE,
-    UNREADABLE,
-    in_order,
-    usable,
-    warn_of_few,
-)
+from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
@@ -57,8 +51,11 @@ class Trajectory:
     @property
     def tum(self) -> bytes:
         """The content of a TUM file: lines ``t x y 0 0 0 sin(θ/2) cos(θ/2)``, with all digits."""
-        rows = np.column_stack([self.times, self.poses]).tolist()
-        return "".join(_line(*row) for row in rows).encode()
+        lines = []
+        for time, (x, y, heading) in zip(self.times.tolist(), self.poses.tolist(), strict=True):
+            turned = math.sin(heading / 2), math.cos(heading / 2)
+            lines.append(" ".join(map(repr, (time, x, y, 0, 0, 0, *turned))) + "\n")
+        return "".join(lines).encode()
 
     def write(self, path: str | PathLike[str]) -> None:
         """Write a TUM file."""
@@ -207,8 +204,3 @@ def _travelled(
     gone = np.where(beyond, log.times[known] - times[first], elapsed[known] - way[first])
     length = np.where(beyond, times[last] - times[first], way[last] - way[first])
     return here, whole, np.divide(gone, length, out=np.zeros_like(length), where=length > 0)
-
-
-def _line(time: float, x: float, y: float, heading: float) -> str:
-    turned = math.sin(heading / 2), math.cos(heading / 2)
-    return " ".join(map(repr, (time, x, y, 0, 0, 0, *turned))) + "\n"

@@ -10,14 +10,4 @@ from deqmcl_gym.maps.office import Office
 from deqmcl_gym.maps.polygon_map import PolygonMap, driven
 from deqmcl_gym.maps.polygons import Polygon
 
-__all__ = [
-    "Box",
-    "Caster",
-    "GridMap",
-    "Lidar",
-    "Map",
-    "Office",
-    "Polygon",
-    "PolygonMap",
-    "driven",
-]
+__all__ = ["Box", "Caster", "GridMap", "Lidar", "Map", "Office", "Polygon", "PolygonMap", "driven"]

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,11 +90,7 @@ class AllAtOnce:
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
         kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast
-        kernel(poses, bearings, self._arrays, out)
-
-    @cached_property
-    def _arrays(self) -> tuple[Singles, ...]:
-        return tuple(self.walls)
+        kernel(poses, bearings, tuple(self.walls), out)
 
     @property
     def tries(self) -> float:
@@ -115,12 +110,8 @@ class CellByCell:
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        (x, y), side, _ = self.cells
-        ray_kernels.cast_through(poses, bearings, self.outer, self._table, (x, y, side), out)
-
-    @cached_property
-    def _table(self) -> tuple[Any, ...]:
-        return tuple(self.cells.table)
+        (x, y), side, table = self.cells
+        ray_kernels.cast_through(poses, bearings, self.outer, tuple(table), (x, y, side), out)
 
 
 def caster_of(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> Caster:

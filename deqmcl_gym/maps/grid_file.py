@@ -67,7 +67,11 @@ def remembered(
     """Return ``made`` of a map file, or the last result if the files have not changed."""
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
-    image = _image_path(yaml_path, said)
+    image: Path = yaml_path.parent / said["image"]
+    if not image.is_file():
+        raise InputError(
+            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
+        )
     stat = image.stat()
     key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
     found: T | None = _remembered.get(key)
@@ -94,14 +98,9 @@ def check_thresholds(free: Any, occupied: Any) -> None:
 
 
 def write(
-    path: str | os.PathLike[str],
-    mode: str,
-    cells: Occupancy,
-    *,
-    resolution: float,
-    origin: tuple[float, float, float],
-    thresholds: tuple[float, float],
-) -> None:
+    path: str | os.PathLike[str], mode: str, cells: Occupancy, *, resolution: float,
+    origin: tuple[float, float, float], thresholds: tuple[float, float],
+) -> None:  # fmt: skip
     """Write a yaml file, and an image of its name beside it."""
     import yaml
     from PIL import Image
@@ -110,14 +109,10 @@ def write(
     yaml_path = _path(path)
     image = yaml_path.with_suffix(".png" if mode == "scale" else ".pgm")
     document = {
-        "image": image.name,
-        "mode": mode,
-        "resolution": float(resolution),
-        "origin": [float(part) for part in origin],
-        "negate": 0,
-        "occupied_thresh": float(thresholds[1]),
-        "free_thresh": float(thresholds[0]),
-    }
+        "image": image.name, "mode": mode, "resolution": float(resolution),
+        "origin": [float(part) for part in origin], "negate": 0,
+        "occupied_thresh": float(thresholds[1]), "free_thresh": float(thresholds[0]),
+    }  # fmt: skip
     pixels = _pixels(cells[::-1], mode, *thresholds)
     _check_kept(cells[::-1], pixels, mode, *thresholds)
     drawn = io.BytesIO()
@@ -183,15 +178,6 @@ def _number(value: Any) -> Any:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def _image_path(yaml_path: Path, said: Mapping[str, Any]) -> Path:
-    image: Path = yaml_path.parent / said["image"]
-    if not image.is_file():
-        raise InputError(
-            f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
-        )
-    return image
 
 
 def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:

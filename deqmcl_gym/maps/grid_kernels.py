@@ -83,14 +83,9 @@ def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
 
 @compiled
 def cast(
-    poses: Any,
-    bearings: Singles,
-    reach: Reach,
-    frame: tuple[float, ...],
-    yaw: float,
-    endless: bool,
-    out: Singles,
-) -> None:
+    poses: Any, bearings: Singles, reach: Reach, frame: tuple[float, ...], yaw: float,
+    endless: bool, out: Singles,
+) -> None:  # fmt: skip
     """Fill in the distance along each beam to the nearest face between an open and a solid cell.
 
     The map's edge is a face, too, or ∞ far away; NaN for a pose that is not on the map.
@@ -228,14 +223,9 @@ def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, ou
 
 @compiled
 def roll_out(
-    poses: Singles,
-    moves: Singles,
-    reach: Reach,
-    frame: tuple[float, ...],
-    radius: float,
-    collisions: Ints,
-    out: Singles,
-) -> None:
+    poses: Singles, moves: Singles, reach: Reach, frame: tuple[float, ...], radius: float,
+    collisions: Ints, out: Singles,
+) -> None:  # fmt: skip
     """Drive poses through several moves; fill in the poses reached and the steps that collide.
 
     Args:
@@ -267,12 +257,7 @@ def roll_out(
 
 @compiled
 def collisions(
-    poses: Singles,
-    path: Singles,
-    reach: Reach,
-    frame: tuple[float, ...],
-    radius: float,
-    out: Ints,
+    poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, out: Ints
 ) -> None:
     """Fill in the number of steps that collide on a path laid from each pose.
 
@@ -309,14 +294,9 @@ def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Re
 
 @compiled
 def _count(
-    here: Floats,
-    near: Reached,
-    there: Floats,
-    next_near: Reached,
-    size: float,
-    reach: Reach,
+    here: Floats, near: Reached, there: Floats, next_near: Reached, size: float, reach: Reach,
     hits: Ints,
-) -> None:
+) -> None:  # fmt: skip
     """Count the paths that are not clear, for points and the reach found there, (n,)."""
     for i in range(near.size):
         u, v = here[0, i], here[1, i]

@@ -108,13 +108,9 @@ class GridMap:
                 be written to.
         """
         grid_file.write(
-            path,
-            mode,
-            self.occupancy,
-            resolution=self.resolution,
-            origin=self.origin,
+            path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
             thresholds=(self.free_thresh, self.occupied_thresh),
-        )
+        )  # fmt: skip
 
     @property
     def unit(self) -> str:

@@ -36,7 +36,6 @@ class Caster(Protocol):
             bearings: (B,) rad.
             out: (B, n).
         """
-        ...
 
 
 @runtime_checkable
@@ -51,22 +50,18 @@ class Map(Protocol):
     @property
     def unit(self) -> str:
         """The unit of all lengths: "px" or "m"."""
-        ...
 
     @property
     def bounds(self) -> Box:
         """Smallest box around the building: (x_low, y_low, x_high, y_high)."""
-        ...
 
     @property
     def datum(self) -> Point:
         """Origin for float32 coordinates: (0, 0), or a point of a map that is far from there."""
-        ...
 
     @property
     def local(self) -> "Map":
         """The same map with (0, 0) at its datum, for float32 poses relative to the datum."""
-        ...
 
     @property
     def walls(self) -> Floats:
@@ -74,12 +69,10 @@ class Map(Protocol):
 
         For physics and drawing; estimators do not need it.
         """
-        ...
 
     @property
     def caster(self) -> Caster:
         """The ray caster of this map."""
-        ...
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """Exact distance along each beam to the nearest wall; ∞ if none, NaN for a pose outside.
@@ -93,7 +86,6 @@ class Map(Protocol):
         Returns:
             (n, B).
         """
-        ...
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in solid space.
@@ -105,7 +97,6 @@ class Map(Protocol):
         Returns:
             (n,).
         """
-        ...
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """Whether a disc at each of ``points``, (n, 2+), lies in free space, clear of the walls.
@@ -113,11 +104,9 @@ class Map(Protocol):
         Returns:
             (n,).
         """
-        ...
 
     def distance(self, points: ArrayLike) -> Singles:
         """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
-        ...
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int

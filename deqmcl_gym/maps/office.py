@@ -93,7 +93,9 @@ def _polygons(office: Office) -> PolygonMap:
 
 def _building(office: Office, rng: np.random.Generator) -> Bools:
     """Draw which cells are free, the lowest row first; the free cells are connected."""
-    depths = _symmetric(_drawn(rng, 40, 60, (office.corridors + 2) // 2), office.corridors + 1)
+    rows = office.corridors + 1  # of rooms; the upper half mirrors the lower one
+    half = rng.integers(40, 61, (rows + 1) // 2).tolist()
+    depths = half[: rows // 2] + half[::-1]
     drawn = office.wings // 2 if office.symmetric else 1 if office.repeated else office.wings
     wings = [_wing(office, depths, rng) for _ in range(drawn)]
     if office.repeated:
@@ -119,7 +121,8 @@ def _wing(office: Office, depths: list[int], rng: np.random.Generator) -> Bools:
             row = np.zeros((2 * depth - _WALL, length), dtype=bool)
         elif kind in (1, 2):
             row = _hall(office, 2 * depth - _WALL, length, rng)
-            row &= kind == 1 or ~_pillars(*row.shape)
+            if kind == 2:  # with pillars in rows, centred between the walls
+                row &= ~(_stripes(len(row))[:, None] & _stripes(length))
         elif inner:
             low, high = (_rooms(office, depth, length, rng) for _ in range(2))
             row = np.vstack([low, high[::-1][_WALL:]])  # back to back: one wall between them
@@ -163,28 +166,14 @@ def _hall(office: Office, depth: int, length: int, rng: np.random.Generator) -> 
     return free
 
 
-def _pillars(depth: int, length: int) -> Bools:
-    """Which cells of a hall are pillars: in rows, centred between the walls."""
-    along, across = (_stripes(size) for size in (length, depth))
-    return across[:, None] & along
-
-
 def _stripes(size: int) -> Bools:
+    """Rows or columns of a hall in which pillars stand, (size,)."""
     count = (size - _PITCH) // _PITCH
     stripes = np.zeros(size, dtype=bool)
     first = (size - (count - 1) * _PITCH - _PILLAR) // 2
     for start in range(first, first + count * _PITCH, _PITCH):
         stripes[start : start + _PILLAR] = True
     return stripes
-
-
-def _drawn(rng: np.random.Generator, low: int, high: int, count: int) -> list[int]:
-    return [int(value) for value in rng.integers(low, high + 1, count)]
-
-
-def _symmetric(half: list[int], count: int) -> list[int]:
-    """Return ``count`` values: the first half of them, then its mirror image."""
-    return half[: count // 2] + half[: count - count // 2][::-1]
 
 
 def _cells(length: float) -> int:

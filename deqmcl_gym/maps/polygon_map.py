@@ -49,7 +49,7 @@ class PolygonMap:
     unit: str = "px"
 
     def __post_init__(self) -> None:
-        limits = _ZERO_LENGTH * self._pixel, _FARTHEST * self._pixel
+        limits = _ZERO_LENGTH * pixel(self.unit), _FARTHEST * pixel(self.unit)
         object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, *limits))
         try:
             given = enumerate(self.obstacles)
@@ -213,11 +213,7 @@ class PolygonMap:
         """See ``Map.caster``."""
         if self.local is not self:
             return _FarCaster(self.local.caster, self.datum)
-        return caster_of(self.outer, self.obstacles, self._pixel)
-
-    @cached_property
-    def _pixel(self) -> float:
-        return pixel(self.unit)
+        return caster_of(self.outer, self.obstacles, pixel(self.unit))
 
 
 def driven(poses: Singles, moves: Singles) -> Singles:

@@ -122,14 +122,9 @@ def _touches(wall: Floats, x: float, y: float, half: float) -> bool:
 
 @compiled
 def cast_among(
-    u: Singles,
-    v: Singles,
-    headings: Singles,
-    bearings: Singles,
-    cells: Table,
-    side: Single,
+    u: Singles, v: Singles, headings: Singles, bearings: Singles, cells: Table, side: Single,
     out: Singles,
-) -> None:
+) -> None:  # fmt: skip
     """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
     Args:
@@ -252,12 +247,8 @@ def _trace(
                 t[i] = _INF if across | (row[i] == _ZERO) | (row[i] == last_row) else t[i]
             out[who[i]] = t[i]
             x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
-            per_dx[kept], per_dy[kept], right[kept], up[kept] = (
-                per_dx[i],
-                per_dy[i],
-                right[i],
-                up[i],
-            )
+            per_dx[kept], per_dy[kept] = per_dx[i], per_dy[i]
+            right[kept], up[kept] = right[i], up[i]
             column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
             kept += stays
         left = kept

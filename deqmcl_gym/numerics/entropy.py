@@ -37,8 +37,11 @@ class Seeds(ISpawnableSeedSequence):
         """Return the first words of the sequence; fast for 64 bits, which PCG64 asks for."""
         if dtype is not np.uint64:
             return self._numpy.generate_state(n_words, dtype)
-        words = _words(self._seed)
-        words += [0] * (_POOL - len(words))
+        words: list[int] = []  # of 32 bits, the lowest first
+        rest = self._seed
+        while rest or len(words) < _POOL:
+            words.append(rest & 0xFFFFFFFF)
+            rest >>= _BITS
         state = np.empty(n_words, np.uint64)
         _fill(np.array([*words, *self._key], np.uint64), state)
         return state
@@ -50,14 +53,6 @@ class Seeds(ISpawnableSeedSequence):
     @cached_property
     def _numpy(self) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._seed, spawn_key=self._key)
-
-
-def _words(number: int) -> list[int]:
-    """Words of 32 bits, the lowest first."""
-    words = [number & 0xFFFFFFFF]
-    while number := number >> _BITS:
-        words.append(number & 0xFFFFFFFF)
-    return words
 
 
 @compiled

@@ -38,11 +38,13 @@ def floor_plan_of(given: Any) -> Map:
             f"mapping of {', '.join(polygon_file.KEYS)}, of file and unknown, or of office and "
             "form."
         )
-    if "office" in given:
-        return _office(given)
-    if "file" in given:
-        return _read(given)
-    return polygon_file.of_mapping(given)
+    if "office" not in given:
+        return _read(given) if "file" in given else polygon_file.of_mapping(given)
+    for key in given:
+        one_of("key in floor_plan", key, ("office", "form"))
+    office: Office = part("floor_plan.office", Office, given["office"], Office())
+    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
+    return office.grid if form == "grid" else office.polygons
 
 
 def _read(given: Mapping[str, Any]) -> Map:
@@ -54,14 +56,6 @@ def _read(given: Mapping[str, Any]) -> Map:
     if polygons:
         return polygon_file.read(path)
     return GridMap.load(path, given.get("unknown", "obstacle"))
-
-
-def _office(given: Mapping[str, Any]) -> Map:
-    for key in given:
-        one_of("key in floor_plan", key, ("office", "form"))
-    office: Office = part("floor_plan.office", Office, given["office"], Office())
-    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
-    return office.grid if form == "grid" else office.polygons
 
 
 SKIN = 1e-3  # px
@@ -294,7 +288,9 @@ class World:
         names = [own.name for own in fields(self)]
         given = {one_of("part of the world", name, names): parts[name] for name in parts}
         given = {name: value for name, value in given.items() if value is not None}
-        world = self._moved_to(floor_plan_of(given.pop("floor_plan", self.floor_plan)))
+        floor_plan = floor_plan_of(given.pop("floor_plan", self.floor_plan))
+        factor = pixel(floor_plan.unit) / self.pixel
+        world = replace(self if factor == 1 else scaled(self, factor), floor_plan=floor_plan)
         changes: dict[str, Any] = {}
         for name, kind in _OPTIONAL.items():
             if name in given:
@@ -304,11 +300,6 @@ class World:
             old = getattr(world, name)
             changes[name] = part(name, type(old), value, old)
         return replace(world, **changes)
-
-    def _moved_to(self, floor_plan: Map) -> "World":
-        factor = pixel(floor_plan.unit) / self.pixel
-        world = self if factor == 1 else scaled(self, factor)
-        return replace(world, floor_plan=floor_plan)
 
 
 _OPTIONAL: Mapping[str, Any] = {"driver": Driver, "route": Route}

@@ -9,6 +9,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.maps.polygons import signed_area
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64
 from deqmcl_gym.numerics.types import Floats, Singles
@@ -219,7 +220,8 @@ def mid_corridor(floor_plan: Map) -> Floats:
     outer, px = np.array(floor_plan.outer), pixel(floor_plan.unit)
     if not floor_plan.obstacles:
         middle = (outer.min(axis=0) + outer.max(axis=0)) / 2
-        return _counterclockwise((outer + middle) / 2)
+        halfway: Floats = (outer + middle) / 2
+        return halfway if signed_area(halfway) >= 0 else halfway[::-1]
     corners = np.vstack([np.array(polygon) for polygon in floor_plan.obstacles])
     hull = _thinned(_convex_hull(corners), 10 * px)
     into = hull - np.roll(hull, 1, axis=0)
@@ -290,12 +292,6 @@ def _parts(total: float, step: float) -> list[float]:
     whole = int(total / step + 1e-6)
     rest = total - whole * step
     return [step] * whole + ([rest] if rest > 1e-6 * step else [])
-
-
-def _counterclockwise(corners: Floats) -> Floats:
-    x, y = corners.T
-    clockwise = np.dot(x, np.roll(y, -1)) < np.dot(y, np.roll(x, -1))
-    return corners[::-1] if clockwise else corners
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -24,48 +24,18 @@ class Underway(Protocol):
     @property
     def step(self) -> int:
         """Steps carried out."""
-        ...
 
     @property
     def pose(self) -> Pose:
         """The true pose (x, y, θ)."""
-        ...
 
     @property
     def arc(self) -> float:
         """Arc length at which the robot is on the path."""
-        ...
 
     @property
     def way(self) -> float:
         """Distance along the path since reset; the shorter way round if the robot was carried."""
-        ...
-
-
-class Plan(Protocol):
-    """The interface of plans: the next actions at any step of an episode."""
-
-    @property
-    def horizon(self) -> int:
-        """h, actions shown ahead."""
-        ...
-
-    @property
-    def limit(self) -> int:
-        """The most steps of an episode."""
-        ...
-
-    @property
-    def actions(self) -> Actions:
-        """All actions from the expected start, (T, 2) float32: distance, turn."""
-        ...
-
-    def after(self, underway: Underway) -> tuple[Actions, int]:
-        """Return the next h actions, zero-padded, and their number; 0 ends the episode.
-
-        The array (h, 2) is fresh.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -88,7 +58,10 @@ class FixedPlan:
         return self.begun + len(self.actions)
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
-        """Return the next h actions, wherever the robot is; see ``Plan.after``."""
+        """Return the next h actions, zero-padded, and their number; 0 ends the episode.
+
+        The array (h, 2) is fresh. They are the same wherever the robot is.
+        """
         step = underway.step - self.begun
         end = step + self.horizon
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
@@ -191,7 +164,7 @@ class GuidedPlan:
         return self._rolled_out(self.course.start, self.course.arc, 0.0, self.limit)
 
     def after(self, underway: Underway) -> tuple[Actions, int]:
-        """Return the next h actions from where the robot truly is; see ``Plan.after``."""
+        """Return the next h actions from where the robot truly is; see ``FixedPlan.after``."""
         left = self.limit - underway.step
         # what is done on a route does not depend on how much of it is shown
         most = min(self.horizon, left) if self.world.route is None else left
@@ -208,25 +181,21 @@ class GuidedPlan:
 
     def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> Actions:
         """Return the next actions, at most so many."""
-        path = self.course.path
-        if self.world.route is None:
+        path, ground, route = self.course.path, self.world.floor_plan, self.world.route
+        if route is None:
             return self._along(path, 1.0, pose, arc, way, most)
-        body = self.world.body + self._margin(pose)
+        room = float(ground.distance([pose[:2]])[0]) - self.world.body
+        body = self.world.body + max(0.0, min(room, route.clearance)) / 2
         farthest, clear = np.empty((0, 2), np.float32), -1
         for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
             for share in _NEARER:
                 actions = self._along(onto, share, pose, begin, way, most)
-                blocked = _blocked(pose, actions, self.world.floor_plan, body)
+                blocked = _blocked(pose, actions, ground, body)
                 if not blocked.any():
                     return actions
                 if blocked.argmax() > clear:
                     farthest, clear = actions, int(blocked.argmax())
         return farthest
-
-    def _margin(self, pose: Pose) -> float:
-        assert self.world.route is not None
-        room = float(self.world.floor_plan.distance([pose[:2]])[0]) - self.world.body
-        return max(0.0, min(room, self.world.route.clearance)) / 2
 
     def _along(
         self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
@@ -234,6 +203,9 @@ class GuidedPlan:
         rules = (share * self.rules[0], *self.rules[1:])
         actions = np.empty((most, 2), np.float32)
         return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
+
+
+Plan = FixedPlan | GuidedPlan
 
 
 def _back_onto(path: Path, arc: float, pose: Pose) -> Path:

@@ -69,14 +69,9 @@ def follow(
 
 @compiled
 def roll_out(
-    pose: tuple[float, float, float],
-    arc: float,
-    way: float,
-    edges: Floats,
-    period: float,
-    rules: tuple[float, float, float, float, float, float],
-    actions: Actions,
-) -> int:
+    pose: tuple[float, float, float], arc: float, way: float, edges: Floats, period: float,
+    rules: tuple[float, float, float, float, float, float], actions: Actions,
+) -> int:  # fmt: skip
     """Fill in the actions of a driver from ``pose`` without noise, until it is done.
 
     Args:

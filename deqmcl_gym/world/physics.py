@@ -1,7 +1,6 @@
 """Contact of a driving disc with walls: by pymunk for polygons, exact for cells."""
 
 import math
-from typing import Protocol
 
 import numpy as np
 import pymunk
@@ -16,49 +15,19 @@ from deqmcl_gym.world.course import Point
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
 
-class Contacts(Protocol):
-    """The interface of walls that a disc can touch."""
-
-    @property
-    def skin(self) -> float:
-        """Distance at which a disc stops before a contact."""
-        ...
-
-    @property
-    def reach(self) -> float:
-        """A length that no drive can have without contact."""
-        ...
-
-    def gap(self, centre: Point) -> float:
-        """Distance of the disc's rim from the nearest wall, negative if they overlap."""
-        ...
-
-    def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear of walls touches one; None: never."""
-        ...
-
-
-def contacts_of(world: World) -> Contacts:
-    """Return the walls of a world for its robot."""
-    if isinstance(world.floor_plan, GridMap):
-        return Cells(world.floor_plan, world)
-    assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
-    return Walls(world.floor_plan, world)
-
-
 class Cells:
-    """The solid cells of a grid; the arithmetic is that of ``GridMap.collides``."""
+    """The solid cells of a grid, for a robot; the arithmetic is that of ``GridMap.collides``."""
 
     def __init__(self, floor_plan: GridMap, world: World) -> None:
         self._floor_plan, self._radius = floor_plan, world.body
         self.skin, self.reach = world.skin, world.reach
 
     def gap(self, centre: Point) -> float:
-        """See ``Contacts``."""
+        """Distance of the disc's rim from the nearest wall, negative if they overlap."""
         return float(self._floor_plan.distance([centre])[0]) - self._radius
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """See ``Contacts``."""
+        """Share of a drive at which a disc that starts clear of walls touches one; None: never."""
         return self._floor_plan.first_contact(start, end, self._radius)
 
 
@@ -71,6 +40,7 @@ class Walls:
 
     Attributes:
         space: all walls as static segments; nothing is ever inside an obstacle.
+        skin, reach: as of ``World``, like those of ``Cells``.
     """
 
     def __init__(self, floor_plan: PolygonMap, world: World) -> None:
@@ -90,15 +60,26 @@ class Walls:
         self.space.add(*(shapes[i] for i in shuffled))
 
     def gap(self, centre: Point) -> float:
-        """See ``Contacts``."""
+        """See ``Cells.gap``."""
         nearest = self.space.point_query_nearest(centre, math.inf, _WALLS)
         assert nearest is not None  # a room has walls
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """See ``Contacts``."""
+        """See ``Cells.first_contact``."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
+
+
+Contacts = Cells | Walls  # what a disc can touch
+
+
+def contacts_of(world: World) -> Contacts:
+    """Return the walls of a world for its robot."""
+    if isinstance(world.floor_plan, GridMap):
+        return Cells(world.floor_plan, world)
+    assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
+    return Walls(world.floor_plan, world)
 
 
 class Physics:

@@ -278,7 +278,7 @@ class Journeys:
             InputError: the pose is at the goal already.
         """
         self._check_apart("the pose", pose[:2], goal)
-        return Course.along(self._routes_to(goal).start_near(pose[:2]), pose, self.world)
+        return Course.along(_routes_to(self.routes, goal).start_near(pose[:2]), pose, self.world)
 
     def elsewhere(self, goal: Point, rng: np.random.Generator) -> Pose:
         """Draw another start for a goal.
@@ -307,7 +307,7 @@ class Journeys:
         if start is None or goal is None:
             return
         self._check_apart("start.pose", start[:2], goal)
-        self._routes_to(goal).start_at(start[:2])
+        _routes_to(self.routes, goal).start_at(start[:2])
 
     def _check_apart(self, what: str, at: Point, goal: Point) -> None:
         if math.dist(at, goal) <= self._route.tolerance:
@@ -327,7 +327,7 @@ class Journeys:
         """Return the corners of a route, (k, 2); an end that is not named is drawn."""
         goal = self._route.goal
         if start is not None and goal is not None:
-            return self._routes_to(goal).start_at(start)
+            return _routes_to(self.routes, goal).start_at(start)
         for _ in range(_ENDS):
             end = goal or start or self._place(rng)
             corners = self._drawn_to(end, rng)
@@ -337,7 +337,7 @@ class Journeys:
 
     def _drawn_to(self, end: Point, rng: np.random.Generator) -> Floats | None:
         """Return a route to ``end`` from a drawn place; None if none was found."""
-        routes, route = self._routes_to(end), self._route
+        routes, route = _routes_to(self.routes, end), self._route
         for _ in range(_OTHERS):
             other = self._place(rng)
             if not route.tolerance < math.dist(other, end) <= route.max_length:
@@ -361,9 +361,6 @@ class Journeys:
             f"none of {_DRAWS:,} places drawn on the floor plan is free: give start.pose and "
             "route.goal."
         )
-
-    def _routes_to(self, goal: Point) -> RoutesTo:
-        return _routes_to(self.routes, goal)
 
     @property
     def _route(self) -> Route:

@@ -94,7 +94,7 @@ class LidarSensor:
     def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
         """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
         self._lidar = lidar
-        self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
+        self._caster, self._bearings = floor_plan.local.caster, lidar.bearings.astype(np.float32)
         self._x, self._y = floor_plan.datum
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
@@ -122,7 +122,7 @@ class LidarSensors:
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
         """Mount ``lidar`` in n ``rooms``, for at most ``most`` scans in an episode."""
         self._lidar = lidar
-        self._caster, self._bearings = floor_plan.local.caster, _bearings(lidar)
+        self._caster, self._bearings = floor_plan.local.caster, lidar.bearings.astype(np.float32)
         self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
         self._noise = NormalTable(rooms, lidar.beams, most)
@@ -142,11 +142,6 @@ class LidarSensors:
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
 
 
-def _bearings(lidar: Lidar) -> Singles:
-    """Bearings in the caster's precision."""
-    return lidar.bearings.astype(np.float32)
-
-
 @compiled
 def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out: Singles) -> None:
     """Fill in clip(exact (B, 1) + σ normals (B,), 0, max_range) in one pass: NumPy takes five."""
@@ -157,14 +152,9 @@ def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out
 
 @compiled
 def _report_rooms(
-    rooms: Indices,
-    exact: Singles,
-    normals: Floats,
-    at: Indices,
-    sigma: float,
-    max_range: float,
+    rooms: Indices, exact: Singles, normals: Floats, at: Indices, sigma: float, max_range: float,
     out: Singles,
-) -> None:
+) -> None:  # fmt: skip
     """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers.
 
     ``exact`` is (B, k).

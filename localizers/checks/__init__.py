@@ -9,12 +9,6 @@ from localizers.checks.run import Report, check_localizer
 from localizers.checks.subject import LawBrokenError, LawSkippedError
 
 __all__ = [
-    "LAWS",
-    "Law",
-    "LawBrokenError",
-    "LawSkippedError",
-    "Report",
-    "Verdict",
-    "check_localizer",
+    "LAWS", "Law", "LawBrokenError", "LawSkippedError", "Report", "Verdict", "check_localizer",
     "parametrize_with_laws",
-]
+]  # fmt: skip

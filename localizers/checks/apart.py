@@ -8,10 +8,9 @@ from typing import Any
 
 from deqmcl_gym.validation import InputError, in_words, number
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
-from localizers.checks.spawned import Spawned
 from localizers.checks.subject import LawBrokenError
 from localizers.models.robot import RobotModel
-from localizers.naming.isolation import enter
+from localizers.naming.isolation import SPAWN, Isolated, NoAnswerError, enter
 
 
 class Apart:
@@ -28,7 +27,7 @@ class Apart:
         self.name = name
         self._timeout = number("the timeout", timeout, low=0, above=True)
         self._asked = name, robot, self._timeout / 2, dict(params)  # half for what a law starts
-        self._process: Spawned | None = None
+        self._process: Isolated | None = None
         self._unsaid: LawBrokenError | None = None
         try:
             self._started()
@@ -64,19 +63,18 @@ class Apart:
             raise error
         process = self._process or self._started()
         try:
-            process.ask(question)
-            return process.answer(self._timeout)
-        except (LawBrokenError, OSError) as error:
+            return process.answer(self._timeout, question)
+        except NoAnswerError as error:
             self.close()
             raise LawBrokenError(str(error)) from None
 
-    def _started(self) -> Spawned:
-        self._process = Spawned(_try_laws, *self._asked)
+    def _started(self) -> Isolated:
+        self._process = Isolated(SPAWN, _try_laws, *self._asked)
         try:
             refusal: str | None = self._process.answer(self._timeout)
-        except LawBrokenError:
+        except NoAnswerError as error:
             self.close()
-            raise
+            raise LawBrokenError(str(error)) from None
         if refusal is not None:
             self.close()
             raise InputError(refusal)

@@ -147,15 +147,10 @@ def subject_of(
     model = default_robot() if robot is None else robot
     here = not isinstance(localizer, str) or is_registered(localizer)
     return Subject(
-        name=name,
-        factory=factory,
-        params=params,
-        robot=model,
-        drive=random_drive(model, np.random.default_rng(0)),
-        sent=factory if here else found,
-        timeout=number("the timeout", timeout, low=0, above=True),
-        before=before,
-    )
+        name=name, factory=factory, params=params, robot=model,
+        drive=random_drive(model, np.random.default_rng(0)), sent=factory if here else found,
+        timeout=number("the timeout", timeout, low=0, above=True), before=before,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

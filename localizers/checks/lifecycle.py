@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from localizers.checks.spawned import Spawned
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
@@ -38,7 +37,7 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.naming.isolation import enter
+from localizers.naming.isolation import SPAWN, Isolated, NoAnswerError, enter
 from localizers.naming.plugins import raised
 from localizers.naming.registry import made_by, resolve
 
@@ -111,10 +110,12 @@ def _task(subject: Subject) -> bytes:
 
 def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
     """Let a spawned process run the localizer; return what it computed, or what it raised."""
-    process = Spawned(_answer, task)
+    process = Isolated(SPAWN, _answer, task)
     try:
         answer: list[Snapshot] | str = process.answer(timeout)
         return answer
+    except NoAnswerError as error:
+        raise LawBrokenError(str(error)) from None
     finally:
         process.close()
 
@@ -147,10 +148,6 @@ class _State:
     set: Callable[[Any], object]
 
 
-def _handlers() -> dict[int, Any]:
-    return {number: signal.getsignal(number) for number in signal.valid_signals()}
-
-
 def _set_handlers(kept: Mapping[int, Any]) -> None:
     for number, handler in kept.items():
         if handler is not None and handler != signal.getsignal(number):
@@ -176,7 +173,10 @@ def _set_streams(kept: Sequence[Any]) -> None:
 _STATES = {
     "the working folder": _State(os.getcwd, os.chdir),
     _STREAMS: _State(lambda: [sys.stdin, sys.stdout, sys.stderr], _set_streams),
-    "signal handlers": _State(_handlers, _set_handlers),
+    "signal handlers": _State(
+        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
+        _set_handlers,
+    ),
     "np.seterr": _State(np.geterr, lambda kept: np.seterr(**kept)),
     "np.set_printoptions": _State(np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
     "the filters of warnings": _State(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from localizers.checks.apart import Apart
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
@@ -61,31 +61,10 @@ def check_localizer(
         examination.close()
 
 
-class Tries(Protocol):
-    """Where a localizer is tried."""
-
-    @property
-    def name(self) -> str:
-        """What the localizer is called."""
-        ...
-
-    def verdict(self, law: Law) -> Verdict:
-        """Try a law."""
-        ...
-
-    def milliseconds_per_step(self) -> float:
-        """Return the median time of an update."""
-        ...
-
-    def close(self) -> None:
-        """End what was started for it."""
-        ...
-
-
 class Examination:
     """Tries laws on a localizer, each at most once and after those it needs."""
 
-    def __init__(self, place: Tries) -> None:
+    def __init__(self, place: Apart | Here) -> None:
         self._place = place
         self._tried: dict[Law, Verdict] = {}
         self.name, self.close = place.name, place.close

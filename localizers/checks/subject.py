@@ -306,10 +306,7 @@ def first_difference(run: list[Snapshot], other: list[Snapshot]) -> str | None:
     for t, (one, two) in enumerate(zip(run, other, strict=True)):
         for offset in OFFSETS:
             a, b = one.get(offset, ()), two.get(offset, ())
-            if len(a) != len(b) or not all(map(_equal, a, b)):
+            same = (np.array_equal(*pair, equal_nan=True) for pair in zip(a, b, strict=True))
+            if len(a) != len(b) or not all(same):
                 return f"points({offset}) of step {t}"
     return None
-
-
-def _equal(a: Floats, b: Floats) -> bool:
-    return np.array_equal(a, b, equal_nan=True)

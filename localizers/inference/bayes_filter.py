@@ -28,7 +28,6 @@ class Counted(Protocol):
     @property
     def events(self) -> Events:
         """Counts of irregular events since reset."""
-        ...
 
     def _replace(self, *, events: Any) -> Any: ...
 
@@ -41,13 +40,11 @@ class Filter(Protocol[B]):
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> B:
         """Return the belief at t = 0."""
-        ...
 
     def step(
         self, belief: B, scan: Scan, action: Floats, plan: Floats, rng: np.random.Generator
     ) -> B:
         """Return the belief after one action and one scan."""
-        ...
 
 
 class FilterLocalizer(Generic[B]):

@@ -141,8 +141,10 @@ class Redraw:
             return belief
         anchor = belief.queue.at(shared)
         assert anchor is not None, "the shared steps are held"
-        old = self._pilot_log_g(anchor, belief.drawn[shared:], self.pilots - 1, rng)
-        old = np.vstack([old, self.rollout.queued_log_g(belief, shared)])
+        old = self.rollout.queued_log_g(belief, shared)[None]
+        if (others := self.pilots - 1) > 0:
+            drawn = self.rollout.log_g(anchor, belief.drawn[shared:], others, rng)
+            old = np.vstack([drawn, old])
         paths, new = self.rollout.futures(anchor, actions[shared:held], self.pilots, rng)
         log_old = log_mean(old)
         # Where β = inf and every old future collides, the weight is zero already, or the charge
@@ -154,13 +156,6 @@ class Redraw:
             redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
-
-    def _pilot_log_g(
-        self, anchor: States, actions: Actions, pilots: int, rng: np.random.Generator
-    ) -> Floats:
-        if pilots == 0:
-            return np.empty((0, anchor.shape[1]))
-        return self.rollout.log_g(anchor, actions, pilots, rng)
 
 
 def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
@@ -179,7 +174,6 @@ class Move(Protocol):
         self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,9 @@ from deqmcl_gym.numerics.types import Floats
 
 @compiled
 def predict(
-    mean: Floats,
-    covariance: Floats,
-    distance: float,
-    bearing: float,
-    turn: float,
-    sd_distance: float,
-    sd_turn: float,
-) -> None:
+    mean: Floats, covariance: Floats, distance: float, bearing: float, turn: float,
+    sd_distance: float, sd_turn: float,
+) -> None:  # fmt: skip
     """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive in direction θ' + bearing.
 
     F = ∂f/∂x and V = ∂f/∂ε at the mean; Q = diag(sd_distance², sd_turn²).
@@ -49,13 +44,9 @@ def predict(
 
 @compiled
 def correct(
-    mean: Floats,
-    covariance: Floats,
-    innovations: Floats,
-    slopes: Floats,
-    variances: Floats,
+    mean: Floats, covariance: Floats, innovations: Floats, slopes: Floats, variances: Floats,
     gate: float,
-) -> int:
+) -> int:  # fmt: skip
     """Take in independent measurements one after another, in place; return how many were gated.
 
     Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised
@@ -103,12 +94,10 @@ def correct(
 
 
 @compiled
-def cholesky(covariance: Floats, out: Floats) -> None:
-    """Fill in the lower L with L Lᵀ = covariance, (d, d); a direction without variance gets 0."""
-    d = covariance.shape[0]
+def cholesky(covariance: Floats) -> Floats:
+    """Return the lower L with L Lᵀ = covariance, (d, d); a direction without variance gets 0."""
+    d, out = covariance.shape[0], np.zeros(covariance.shape)
     for j in range(d):
-        for i in range(d):
-            out[i, j] = 0.0
         for i in range(j, d):
             rest = covariance[i, j]
             for k in range(j):
@@ -117,6 +106,14 @@ def cholesky(covariance: Floats, out: Floats) -> None:
                 out[j, j] = np.sqrt(max(rest, 0.0))
             elif out[j, j] > 0.0:
                 out[i, j] = rest / out[j, j]
+    return out
+
+
+def covariance_of(offsets: Floats) -> Floats:
+    """Return the mean products of offsets (d, n) from a mean, (d, d)."""
+    apart = np.ascontiguousarray(offsets)
+    products: Floats = (apart[:, None] * apart).mean(axis=2)
+    return products
 
 
 POINTS = 512
@@ -132,8 +129,7 @@ def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
     Cholesky factor. Six sigma points have these moments too, but they all lie on one ellipsoid: the
     share of points inside an ellipsoid, which coverage counts, would be meaningless.
     """
-    root = np.zeros((3, 3))
-    cholesky(covariance, root)
+    root = cholesky(covariance)
     x, y, z = _standard_points()
     offsets = [row[0] * x + row[1] * y + row[2] * z for row in root]
     poses: Floats = mean + np.stack(offsets, axis=1)
@@ -142,8 +138,7 @@ def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
 
 def sigma_points(mean: Floats, covariance: Floats) -> Floats:
     """Return the six poses μ ± √3 L_i, equally weighted, of this mean and covariance, (3, 6)."""
-    root = np.zeros((3, 3))
-    cholesky(covariance, root)
+    root = cholesky(covariance)
     poses: Floats = mean[:, None] + math.sqrt(3) * np.hstack([root, -root])
     return poses
 
@@ -156,11 +151,7 @@ def _standard_points() -> Floats:
     angle = 2 * np.pi * even[:, 2:]
     half = np.hstack([radius * arrays.cos(angle), radius[:, :1] * arrays.sin(angle[:, :1])]).T
     points = np.hstack([half, -half])
-    root, covariance = np.zeros((3, 3)), np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            covariance[i, j] = (points[i] * points[j]).mean()
-    cholesky(covariance, root)
+    root = cholesky(covariance_of(points))
     for i in range(3):  # points ← root⁻¹ points, by forward substitution
         for j in range(i):
             points[i] -= root[i, j] * points[j]

@@ -24,7 +24,6 @@ class Initial(Protocol):
 
     def sample(self, n: int, rng: np.random.Generator) -> NDArray[Any]:
         """Draw n states, (n, d)."""
-        ...
 
 
 class ScanModel(Protocol):
@@ -32,7 +31,6 @@ class ScanModel(Protocol):
 
     def log_likelihood(self, states: States, scan: Scan) -> LogWeights:
         """Log-density of the observation at each state, up to one common constant, (n,)."""
-        ...
 
 
 class Feasibility(Protocol):
@@ -40,7 +38,6 @@ class Feasibility(Protocol):
 
     def log_g(self, before: States, after: States) -> LogWeights:
         """Log g of each step, (n,)."""
-        ...
 
 
 class Walk(Protocol):
@@ -55,7 +52,6 @@ class Walk(Protocol):
             The states after each step, (d, n) each (none unless ``keep``), and
             log Π g of each path, (n,). Same draws, and same bits, as ``StepByStep``.
         """
-        ...
 
 
 class Resampling(Protocol):
@@ -66,7 +62,6 @@ class Resampling(Protocol):
 
         The weights have sum 1, (n,).
         """
-        ...
 
 
 class Memory:

@@ -18,7 +18,7 @@ from deqmcl_gym.validation import number
 from localizers.inference.belief import ParticleBelief, PlanReading
 from localizers.inference.futures import Rollout, agreeing, log_mean
 from localizers.inference.parts import Actions, LogWeights, Memory, States
-from localizers.models.plan_sensor import PlanSensor
+from localizers.models.plan_sensor import PlanSensor, charges
 
 
 class Lookahead(Protocol):
@@ -32,7 +32,6 @@ class Lookahead(Protocol):
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, looking ahead along the plan (h, k)."""
-        ...
 
 
 class Table(Protocol):
@@ -40,7 +39,6 @@ class Table(Protocol):
 
     def log_h(self, states: States, window: Actions) -> LogWeights:
         """Log h of states (d, n) under the actions (F, k), (n,)."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +144,8 @@ class PlanEvidence:
         power, feasible, log_evidence = tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
         )
-        read = belief.reweighted(_charges(power, self.sensor.beta, collisions))
+        beta = power * self.sensor.beta if power > 0.0 else 0.0  # also if it is infinite
+        read = belief.reweighted(charges(beta, collisions))
         if feasible == 0.0:
             read = read._replace(events=read.events.plus(infeasible_plans=1))
         return read.remembering(PlanReading(plan, seen, power, feasible, log_evidence))
@@ -200,15 +199,6 @@ def tempering(
     return low, sums[0], log64(total) - shift
 
 
-def _charges(power: float, beta: float, collisions: Ints) -> Floats:
-    """-λ β C of each state, (n,); 0 at λ = 0, even if β is infinite."""
-    per_count = np.zeros(int(collisions.max()) + 1)
-    if power > 0.0:
-        per_count[1:] = -(power * beta) * np.arange(1.0, per_count.size)
-    charges: Floats = per_count[collisions]
-    return charges
-
-
 @dataclass(frozen=True)
 class PlanValidity(Memory):
     """v = P(plans are about this robot) given the path of each particle, (n,)."""
@@ -257,8 +247,10 @@ class DoubtedPlans:
         if len(seen) == 0:
             return belief.remembering(PlanValidity(valid)).remembering(PlanReading(plan, seen))
         collisions = self.sensor.collisions(belief.present, seen)
-        right = valid * self._likelihoods(collisions)
-        factor = right + (1.0 - valid) * self._likelihoods(self._elsewhere(seen)).mean()
+        elsewhere = self.sensor.collisions(self.anywhere, seen)
+        right = valid * arrays.exp(charges(self.sensor.beta, collisions))
+        wrong = (1.0 - valid) * arrays.exp(charges(self.sensor.beta, elsewhere)).mean()
+        factor = right + wrong
         prior = belief.weights
         feasible = float(prior[collisions == 0].sum())
         told = factor > 0.0
@@ -271,12 +263,3 @@ class DoubtedPlans:
         share = float((read.weights * valid).sum())  # no BLAS: the same bits everywhere
         reading = PlanReading(plan, seen, 1.0, feasible, evidence, share)
         return read.remembering(PlanValidity(valid)).remembering(reading)
-
-    def _elsewhere(self, seen: Actions) -> Ints:
-        return self.sensor.collisions(self.anywhere, seen)
-
-    def _likelihoods(self, collisions: Ints) -> Floats:
-        """e^{-βC} of each state, (n,); 1 where C is 0, even if β is infinite."""
-        charges = np.zeros(int(collisions.max()) + 1)
-        charges[1:] = -self.sensor.beta * np.arange(1.0, charges.size)
-        return arrays.exp(charges)[collisions]

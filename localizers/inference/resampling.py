@@ -19,7 +19,7 @@ from localizers.inference.weights import effective_sample_size, largest
 
 @compiled
 def _systematic(weights: Floats, offset: float, out: Indices) -> None:
-    """Do the same as ``_pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
+    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
 
     Each particle is written at its first pointer, over those before it that get none; the other
     pointers repeat the last one written. A search would mispredict a branch at every pointer.
@@ -48,16 +48,9 @@ def _systematic(weights: Floats, offset: float, out: Indices) -> None:
 
 
 @compiled
-def _strata(offsets: Floats, out: Floats) -> None:
-    """Fill in (k + u) / n for k = 0 … n - 1, u from ``offsets``."""
-    n = out.size
-    for k in range(n):
-        out[k] = (k + offsets[k]) / n
-
-
-@compiled
-def _pointed_at(weights: Floats, pointers: Floats, out: Indices) -> None:
-    """Fill in which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+def pointed_at(weights: Floats, pointers: Floats) -> Indices:
+    """Return which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
+    out = np.empty(pointers.size, np.intp)
     total = 0.0
     last = 0  # of weight above zero
     for i in range(weights.size):
@@ -71,13 +64,7 @@ def _pointed_at(weights: Floats, pointers: Floats, out: Indices) -> None:
             particle += 1
             reached += weights[particle]
         out[k] = particle
-
-
-def pointed_at(weights: Floats, pointers: Floats) -> Indices:
-    """Return which particle each ascending pointer in [0, 1) falls on, by cumulative weight."""
-    chosen = np.empty(pointers.size, np.intp)
-    _pointed_at(weights, pointers, chosen)
-    return chosen
+    return out
 
 
 @compiled
@@ -123,9 +110,8 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
 
 def stratified(weights: Weights, rng: np.random.Generator) -> Indices:
     """One uniform pointer in each of n equal strata (Kitagawa 1996)."""
-    pointers = np.empty(weights.size)
-    _strata(rng.random(weights.size), pointers)
-    return pointed_at(weights, pointers)
+    n = weights.size
+    return pointed_at(weights, (np.arange(n) + rng.random(n)) / n)
 
 
 def multinomial(weights: Weights, rng: np.random.Generator) -> Indices:

@@ -10,7 +10,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, digits, number
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.futures import agreeing
-from localizers.inference.parts import Actions, Initial, Memory, States
+from localizers.inference.parts import Actions, Initial, Memory
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
@@ -56,35 +56,28 @@ class InformedStart:
         chosen = pointed_at(weights, (np.arange(n) + rng.random()) / n)
         states = read.present.take(chosen, axis=1)
         if self.jitter > 0:
-            states = states + self._noise(states, plan, rng)
+            length = float(np.sqrt(plan[:, 0] ** 2 + plan[:, 1] ** 2).sum())
+            sd = np.array([self.jitter, self.jitter, self.jitter / length if length > 0 else 0.0])
+            noise = sd[:, None] * rng.standard_normal(states.shape)
+            states = states + noise.astype(states.dtype)
         return read.resampled(chosen, by, log_sum)._replace(queue=Queue((states,)))
-
-    def _noise(self, states: States, plan: Actions, rng: np.random.Generator) -> States:
-        length = float(np.sqrt(plan[:, 0] ** 2 + plan[:, 1] ** 2).sum())
-        sd = np.array([self.jitter, self.jitter, self.jitter / length if length > 0 else 0.0])
-        noise: States = sd[:, None] * rng.standard_normal(states.shape)
-        return noise.astype(states.dtype)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recovery:
-    """max(0, 1 - w_fast / w_slow) of the draws are random poses (Thrun et al. 2005, table 8.3).
+class Averages:
+    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
 
-    w_slow and w_fast are exponential averages of how likely the scans were; over the first
-    1 / α scans they are plain means, so that the first scan, which the particles of a lost robot
-    hardly explain, is soon outweighed. With both rates 0 there are no random poses.
+    Exponential averages of how likely the scans were (Thrun et al. 2005, table 8.3).
 
     Attributes:
         alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
         slow, fast: w_slow and w_fast; 0 before the first scan.
-        scans: how many were averaged.
     """
 
     alpha_slow: float = 0.0
     alpha_fast: float = 0.0
     slow: float = 0.0
     fast: float = 0.0
-    scans: int = 0
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
@@ -99,6 +92,20 @@ class Recovery:
     def share(self) -> float:
         """Probability that a draw is a random pose."""
         return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery(Averages):
+    """``Averages`` that are plain means over the first 1 / α scans.
+
+    So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
+    both rates 0 there are no random poses.
+
+    Attributes:
+        scans: how many were averaged.
+    """
+
+    scans: int = 0
 
     def after(self, log_evidence: float, beams: int) -> "Recovery":
         """Return the averages after a scan.

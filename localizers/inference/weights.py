@@ -66,12 +66,12 @@ def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> flo
 
 
 @compiled
-def square_sum(weights: Floats) -> float:
-    """Σ w²."""
-    total = 0.0
+def effective_sample_size(weights: Weights) -> float:
+    """1 / Σ w², from 1 to n, for weights with sum 1 (Kong, Liu & Wong 1994)."""
+    square = 0.0
     for i in range(weights.size):
-        total += weights[i] * weights[i]
-    return total
+        square += weights[i] * weights[i]
+    return 1.0 / square
 
 
 @compiled
@@ -101,18 +101,8 @@ def log_sum_exp(log_weights: LogWeights) -> float:
     return normalize(log_weights, np.empty_like(log_weights))
 
 
-def normalized(log_weights: LogWeights) -> Weights:
-    """Weights with sum 1, (n,)."""
-    return normalized_with_log_sum(log_weights)[0]
-
-
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
     """Weights with sum 1, (n,), and log Σ exp(log w), -inf if all weights are zero."""
     weights = np.empty(log_weights.size)
     log_sum = normalize(log_weights, weights)
     return weights, log_sum
-
-
-def effective_sample_size(weights: Weights) -> float:
-    """1 / Σ w², from 1 to n, for weights with sum 1 (Kong, Liu & Wong 1994)."""
-    return 1.0 / square_sum(weights)

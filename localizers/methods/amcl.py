@@ -15,12 +15,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
-from localizers.inference.bayes_filter import (
-    checked_plan,
-    checked_rng,
-    checked_step,
-    require_reset,
-)
+from localizers.inference.bayes_filter import checked_plan, checked_rng, checked_step, require_reset
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.kld_sampling import KldSampling
 from localizers.inference.loss_detector import LossDetector
@@ -28,6 +23,7 @@ from localizers.inference.particle_filter import MAX_PARTICLES
 from localizers.inference.parts import Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import searched
+from localizers.inference.start import Averages
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -93,38 +89,14 @@ class UpdateGate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeightAverages:
-    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
+class WeightAverages(Averages):
+    """``Averages`` of the mean weight of a cloud's particles after a scan, not yet normalised.
 
-    Averaged is the mean weight of a cloud's particles after a scan, before they are normalised,
-    each 1 / n before the scan: it falls as n grows. After random poses were drawn the averages
-    start anew; the first scan sets both.
+    Each weighs 1 / n before the scan, so the mean falls as n grows. After random poses were drawn
+    the averages start anew; the first scan sets both.
 
     Source: pf.c.
-
-    Attributes:
-        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
-        slow, fast: w_slow and w_fast; 0 before the first scan.
     """
-
-    alpha_slow: float = 0.0
-    alpha_fast: float = 0.0
-    slow: float = 0.0
-    fast: float = 0.0
-
-    def __post_init__(self) -> None:
-        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
-        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
-        if self.alpha_fast < self.alpha_slow:
-            raise InputError(
-                f"recovery_alpha_fast is {self.alpha_fast:g}, but must be at least "
-                f"recovery_alpha_slow, {self.alpha_slow:g}."
-            )
-
-    @property
-    def share(self) -> float:
-        """Probability that a draw is a random pose."""
-        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
 
     def after(self, log_evidence: float, particles: int) -> "WeightAverages":
         """Return the averages after a scan of mean weight exp(log_evidence) in a cloud of n."""
@@ -253,52 +225,29 @@ class AdaptiveLocalizer:
         cloud = _cloud(kept, events, belief.memory)._replace(
             scan_log_evidence=belief.scan_log_evidence
         )
+        off = np.abs(kept[:2] - kept[:2].mean(axis=1, dtype=np.float64, keepdims=True))
         return replace(
             now,
             belief=cloud,
             averages=now.averages.anew if share > 0 else now.averages,
-            converged=self._is_small(kept),
+            converged=float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED,
         )
-
-    def _is_small(self, states: States) -> bool:
-        off = np.abs(states[:2] - states[:2].mean(axis=1, dtype=np.float64, keepdims=True))
-        return float(off.max()) * metres_in(self.robot.floor_plan) <= _CONVERGED
 
 
 def amcl(
-    robot: RobotModel,
-    *,
-    max_particles: int = 2000,
-    min_particles: int = 500,
-    pf_err: float = 0.05,
-    pf_z: float = 0.99,
-    recovery_alpha_slow: float = 0.0,
-    recovery_alpha_fast: float = 0.0,
-    resample_interval: int = 1,
-    selective_resampling: bool = False,
-    update_min_d: float = 0.25,
-    update_min_a: float = 0.2,
-    robot_model_type: str = DIFFERENTIAL,
-    alpha1: float = 0.2,
-    alpha2: float = 0.2,
-    alpha3: float = 0.2,
-    alpha4: float = 0.2,
-    alpha5: float = 0.2,
-    laser_model_type: str = "likelihood_field",
-    max_beams: int = 60,
-    z_hit: float = 0.5,
-    z_short: float = 0.05,
-    z_max: float = 0.05,
-    z_rand: float = 0.5,
-    sigma_hit: float = 0.2,
-    lambda_short: float = 0.1,
-    laser_likelihood_max_dist: float = 2.0,
-    do_beamskip: bool = False,
-    beam_skip_distance: float = 0.5,
-    beam_skip_threshold: float = 0.3,
-    beam_skip_error_threshold: float = 0.9,
-    field_cell: float = 0.02,
-) -> AdaptiveLocalizer:
+    robot: RobotModel, *,
+    max_particles: int = 2000, min_particles: int = 500, pf_err: float = 0.05, pf_z: float = 0.99,
+    recovery_alpha_slow: float = 0.0, recovery_alpha_fast: float = 0.0,
+    resample_interval: int = 1, selective_resampling: bool = False,
+    update_min_d: float = 0.25, update_min_a: float = 0.2,
+    robot_model_type: str = DIFFERENTIAL, alpha1: float = 0.2, alpha2: float = 0.2,
+    alpha3: float = 0.2, alpha4: float = 0.2, alpha5: float = 0.2,
+    laser_model_type: str = "likelihood_field", max_beams: int = 60,
+    z_hit: float = 0.5, z_short: float = 0.05, z_max: float = 0.05, z_rand: float = 0.5,
+    sigma_hit: float = 0.2, lambda_short: float = 0.1, laser_likelihood_max_dist: float = 2.0,
+    do_beamskip: bool = False, beam_skip_distance: float = 0.5, beam_skip_threshold: float = 0.3,
+    beam_skip_error_threshold: float = 0.9, field_cell: float = 0.02,
+) -> AdaptiveLocalizer:  # fmt: skip
     """Return Nav2's AMCL. Lengths are in metres, on a map in px too (1 px is 0.02 m).
 
     Args:
@@ -357,29 +306,18 @@ def amcl(
         scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
     elif laser_model_type == "beam":
         scan = BeamCubes(
-            floor_plan=plan,
-            lidar=lidar,
-            hit=z_hit,
-            short=z_short,
-            max=z_max,
-            rand=z_rand,
-            sigma=sigma,
-            decay=number("lambda_short", lambda_short, low=0) / metre,
+            floor_plan=plan, lidar=lidar, hit=z_hit, short=z_short, max=z_max, rand=z_rand,
+            sigma=sigma, decay=number("lambda_short", lambda_short, low=0) / metre,
             max_beams=max_beams,
-        )
+        )  # fmt: skip
     else:
         field = LikelihoodField if laser_model_type == "likelihood_field" else LikelihoodFieldProb
         farthest = number("laser_likelihood_max_dist", laser_likelihood_max_dist, low=0, above=True)
         scan = field(
-            floor_plan=plan,
-            lidar=lidar,
-            sigma=sigma,
-            farthest=farthest * metre,
-            hit=z_hit,
-            rand=z_rand,
-            max_beams=max_beams,
+            floor_plan=plan, lidar=lidar, sigma=sigma, farthest=farthest * metre, hit=z_hit,
+            rand=z_rand, max_beams=max_beams,
             cell=number("field_cell", field_cell, low=0, above=True) * metre,
-        )
+        )  # fmt: skip
     return AdaptiveLocalizer(
         robot,
         motion=motions[robot_model_type],

@@ -19,7 +19,7 @@ from localizers.beliefs import mean_pose
 from localizers.inference import gaussian as kernels
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
-from localizers.inference.gaussian import gaussian_points, sigma_points
+from localizers.inference.gaussian import covariance_of, gaussian_points, sigma_points
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.weights import log_evidence
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
@@ -38,7 +38,6 @@ class HitMoments(Protocol):
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance, (n, B) each."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -143,13 +142,9 @@ class KalmanFilter:
         )
         slopes = (expected[1:4] - expected[4:7]) / (2 * steps[:, None])
         gated = kernels.correct(
-            mean,
-            covariance,
-            scan.ranges[scan.usable][predicted] - expected[0],
-            np.ascontiguousarray(slopes.T),
-            variances[0],
-            self.gate,
-        )
+            mean, covariance, scan.ranges[scan.usable][predicted] - expected[0],
+            np.ascontiguousarray(slopes.T), variances[0], self.gate,
+        )  # fmt: skip
         return gated, int((~predicted).sum())
 
 
@@ -194,8 +189,4 @@ def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
     mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)
     apart = draws - mean
     apart[:, 2] = arrays.wrapped(apart[:, 2])
-    covariance = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            covariance[i, j] = (apart[:, i] * apart[:, j]).mean()
-    return mean, covariance
+    return mean, covariance_of(apart.T)

@@ -91,12 +91,7 @@ class GridFilter:
         return GridBelief(self.grid, prior_mass(self.grid, prior), self.detector)
 
     def step(
-        self,
-        belief: GridBelief,
-        scan: Scan,
-        action: Floats,
-        plan: Floats,
-        rng: np.random.Generator,
+        self, belief: GridBelief, scan: Scan, action: Floats, plan: Floats, rng: np.random.Generator
     ) -> GridBelief:
         """Return the belief after one increment (3,) and one scan."""
         events = belief.events

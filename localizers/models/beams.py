@@ -10,6 +10,7 @@ import numpy as np
 
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, digits, number, one_of, part
 from localizers.models import beam_kernels
@@ -19,11 +20,6 @@ def normal_pdf(z: Floats) -> Floats:
     """N(z; 0, 1)."""
     density: Floats = arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
     return density
-
-
-def normal_cdf(z: Floats) -> Floats:
-    """Φ(z), element by element."""
-    return arrays.normal_cdf(z)
 
 
 METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
@@ -37,7 +33,6 @@ class BeamDensity(Protocol):
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
-        ...
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density (at an atom: mass) of each measured range.
@@ -50,11 +45,9 @@ class BeamDensity(Protocol):
         Returns:
             (n, B).
         """
-        ...
 
     def least_density(self, max_range: float) -> float:
         """Return what ``density`` is never below, whatever the measured and the exact range."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,18 +248,17 @@ class BeamModel(_Tempered):
         return seen + sigma * shift, sigma**2 * spread / self.power
 
 
-BEAM_MODELS: Mapping[str, type[GaussianUniform | CensoredGaussianUniform | BeamModel]] = (
-    MappingProxyType(
-        {
-            "gaussian-uniform": GaussianUniform,
-            "censored-gaussian-uniform": CensoredGaussianUniform,
-            "beam-model": BeamModel,
-        }
-    )
+AnyBeamModel = GaussianUniform | CensoredGaussianUniform | BeamModel
+BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
+    {
+        "gaussian-uniform": GaussianUniform,
+        "censored-gaussian-uniform": CensoredGaussianUniform,
+        "beam-model": BeamModel,
+    }
 )
 
 
-def beam_model(kind: str, **fields: Any) -> GaussianUniform | CensoredGaussianUniform | BeamModel:
+def beam_model(kind: str, **fields: Any) -> AnyBeamModel:
     """Return a beam model by its name in ``BEAM_MODELS``, with the fields given.
 
     Raises:

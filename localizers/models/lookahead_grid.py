@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.models import lookahead_kernels as grid_kernels
-from localizers.models.beams import normal_cdf, normal_pdf
+from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
 MAX_BYTES = 2**30
@@ -52,11 +53,7 @@ class PoseGrid:
     def shape(self) -> tuple[int, int, int]:
         """Cells in θ, y, x."""
         x0, y0, x1, y1 = self.bounds
-        return (
-            self.headings,
-            math.ceil((y1 - y0) / self.cell),
-            math.ceil((x1 - x0) / self.cell),
-        )
+        return (self.headings, math.ceil((y1 - y0) / self.cell), math.ceil((x1 - x0) / self.cell))
 
     @property
     def heading_step(self) -> float:
@@ -175,17 +172,9 @@ class LookaheadGrid:
             if drive not in drives:
                 drives[drive] = _among(_drives(self, *drive), widest, pad)
             grid_kernels.stepped_back(
-                h,
-                columns + 2 * pad,
-                pad,
-                drives[drive],
-                charge,
-                turns[step],
-                least,
-                (nodes.low - widest.low, nodes.high - widest.low),
-                nodes.headings,
-                out,
-            )
+                h, columns + 2 * pad, pad, drives[drive], charge, turns[step], least,
+                (nodes.low - widest.low, nodes.high - widest.low), nodes.headings, out,
+            )  # fmt: skip
             h, out = out, h
         nodes, planes = before[0], h.reshape(headings, rows + 2 * pad, -1)
         left, low = pad + nodes.left - widest.left, pad + nodes.low - widest.low

@@ -25,14 +25,9 @@ _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
 
 @compiled
 def normal_pairs(
-    uniforms: Floats,
-    first_mean: float,
-    first_sd: float,
-    mean: float,
-    sd: float,
-    first: Singles,
+    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, first: Singles,
     second: Singles,
-) -> None:
+) -> None:  # fmt: skip
     """Fill in pairs of independent normal numbers, each made of one uniform number.
 
     Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
@@ -76,23 +71,6 @@ def along(forward: float, left: float) -> tuple[float, float, float]:
 
 
 @compiled
-def _noisy_move(
-    uniforms: Floats, increment: Floats, drive: float, turn: float, drift: float, out: Singles
-) -> None:
-    distance, u, v = along(increment[0], increment[1])
-    angle = increment[2]
-    sd_angle = turn * abs(angle) + drift * abs(distance)
-    normal_pairs(uniforms, distance, drive * abs(distance), angle, sd_angle, out[0], out[2])
-    if v == 0.0:
-        out[1] = 0.0
-        return
-    ahead, aside = np.float32(u), np.float32(v)
-    for i in range(uniforms.size):
-        out[1, i] = out[0, i] * aside
-        out[0, i] = out[0, i] * ahead
-
-
-@compiled
 def noisy_moves(
     uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
 ) -> None:
@@ -105,23 +83,17 @@ def noisy_moves(
         out: (F, 3, n).
     """
     for step in range(actions.shape[0]):
-        _noisy_move(uniforms[step], actions[step], drive, turn, drift, out[step])
-
-
-@compiled
-def odometry_moves(
-    poses: Singles,
-    uniforms: Floats,
-    action: Floats,
-    drive: float,
-    turn: float,
-    drift: float,
-    out: Singles,
-) -> None:
-    """Fill in one successor of each pose (3, n); the rest as ``noisy_moves``, for one increment."""
-    moves = np.empty((3, uniforms.size), np.float32)
-    _noisy_move(uniforms, action, drive, turn, drift, moves)
-    drive_poses(poses, moves, out)
+        move, angle = out[step], actions[step, 2]
+        distance, u, v = along(actions[step, 0], actions[step, 1])
+        sd, sd_angle = drive * abs(distance), turn * abs(angle) + drift * abs(distance)
+        normal_pairs(uniforms[step], distance, sd, angle, sd_angle, move[0], move[2])
+        if v == 0.0:
+            move[1] = 0.0
+            continue
+        ahead, aside = np.float32(u), np.float32(v)
+        for i in range(move.shape[1]):
+            move[1, i] = move[0, i] * aside
+            move[0, i] = move[0, i] * ahead
 
 
 @final
@@ -165,11 +137,9 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        command = increments(action)
-        n: int = states.shape[1]
-        uniforms = rng.random(n)
+        moves = self.moves(increments(action)[None], states.shape[1], rng)
         after = np.empty_like(states)
-        odometry_moves(states, uniforms, command, self.drive, self.turn, self.drift, after)
+        drive_poses(states, moves[0], after)
         return after
 
     def moves(self, actions: Floats, n: int, rng: np.random.Generator) -> Singles:
@@ -242,12 +212,7 @@ class ChargedDrives:
     beta: float
 
     def __call__(
-        self,
-        states: Singles,
-        actions: Floats,
-        rng: np.random.Generator,
-        *,
-        keep: bool,
+        self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
     ) -> tuple[list[Singles], Floats]:
         """Draw one path of poses from each of ``states``; see ``Walk``."""
         n = states.shape[1]

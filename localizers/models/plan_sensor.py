@@ -75,9 +75,7 @@ class PlanSensor:
 
     def log_likelihood(self, states: Singles, plan: Floats) -> Floats:
         """Log p(π | x, m) of a plan (h, 3) at poses (3, n), up to a constant: 0 if feasible."""
-        charges = np.append(0.0, -self.beta * np.arange(1.0, len(plan) + 1))
-        log_likelihood: Floats = charges[self.collisions(states, plan)]
-        return log_likelihood
+        return charges(self.beta, self.collisions(states, plan))
 
     def collisions(self, states: Singles, plan: Floats, first: int = 0) -> Ints:
         """How many planned steps collide from each pose.
@@ -94,6 +92,14 @@ class PlanSensor:
         if len(path) < 2:
             return np.zeros(poses.shape[1], np.int32)
         return self.floor_plan.collisions_along(poses, path, self.radius)
+
+
+def charges(beta: float, collisions: Ints) -> Floats:
+    """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
+    per_count = np.zeros(int(collisions.max()) + 1)
+    per_count[1:] = -beta * np.arange(1.0, per_count.size)
+    found: Floats = per_count[collisions]
+    return found
 
 
 def path_of(plan: Floats) -> Singles:

@@ -41,11 +41,6 @@ def random_poses(
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def free_share(floor_plan: Map, radius: float) -> float:
-    """Return the share of the map's bounds where a disc fits."""
-    return len(_free(floor_plan, _even_shares(0, _COUNTED), radius)) / _COUNTED
-
-
 def _even_shares(start: int, count: int) -> Floats:
     shares: Floats = (0.5 + np.arange(start, start + count)[:, None] * _STEPS) % 1.0
     return shares
@@ -152,4 +147,5 @@ class UniformPrior:
 
     @cached_property
     def _share(self) -> float:
-        return free_share(self.floor_plan, self.radius)
+        """Share of the map's bounds where the disc fits."""
+        return len(_free(self.floor_plan, _even_shares(0, _COUNTED), self.radius)) / _COUNTED

@@ -9,7 +9,7 @@ from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall
 from refusals import refused
 
-from benchmarks.setup.motion_noise import motion_noise
+from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.plugins import key_of

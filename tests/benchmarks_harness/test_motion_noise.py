@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.setup.motion_noise import motion_noise, typical_steps
+from benchmarks.setup.logs import motion_noise, typical_steps
 from deqmcl_gym.logs import Log, Scanner, Trajectory
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.logs.trajectory import referenced

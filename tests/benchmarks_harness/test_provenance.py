@@ -12,7 +12,7 @@ ROOT = Path(trials.__file__).parents[2]
 
 RUN = """
 import sys
-import benchmarks.setup.log_scenario  # whose trials load a log
+import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -42,9 +42,6 @@ def modules(package):
     return {f"{package}.{own.stem}".removesuffix(".__init__") for own in path.glob("*.py")}
 
 
-READING = "benchmarks.files"  # hands a file on as it is, or refuses it
-
-
 @pytest.fixture(scope="module")
 def seen():
     """Modules of the harness that trials load, and files of ours that they execute."""
@@ -55,15 +52,14 @@ def seen():
 def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads(seen):
     loaded, _ = seen
     covered = {p: modules(p) for p in provenance.PACKAGES if p.startswith("benchmarks.")}
-    assert loaded - modules(READING) <= set().union(*covered.values())
+    assert loaded <= set().union(*covered.values())
     for package in ("benchmarks.trials", "benchmarks.setup"):
         assert covered[package] <= loaded
 
 
 def test_the_digest_covers_every_file_that_a_trial_executes(seen):
     _, executed = seen
-    packages = (*provenance.PACKAGES, READING)
-    covered = {path for package in packages for path, _ in provenance._files(package)}
+    covered = {path for package in provenance.PACKAGES for path, _ in provenance._files(package)}
     assert len(executed) > 50
     assert executed <= covered
 

@@ -121,45 +121,6 @@ def test_the_wilson_interval_is_scipys(k, n):
     assert stats.wilson(k / n, n) == pytest.approx(tuple(expected), rel=1e-9, abs=1e-15)
 
 
-@settings(deadline=None)
-@given(worlds(least=1, of=st.floats(-1e3, 1e3)), st.sampled_from([0.05, 0.0125]))
-def test_the_interval_of_the_signed_ranks_excludes_0_exactly_where_their_test_does(given, alpha):
-    apart = given + 1e-3 * np.sqrt(2) * np.arange(given.size)  # without zeros and ties
-    magnitudes = np.abs(apart)
-    if len(set(magnitudes.tolist())) < apart.size or not magnitudes.all():
-        return
-    found = stats.signed_rank_estimate(apart, alpha)
-    rejects = stats.wilcoxon(apart) < alpha
-    assert rejects == (found.low > 0 or found.high < 0)
-    if not math.isnan(found.low):
-        assert found.low <= found.mean <= found.high
-
-
-def test_the_signed_rank_interval_is_the_published_one():
-    # Hollander & Wolfe (1973), depression factor IV, n = 9: 96.1 % interval (-0.786, -0.010), and
-    # the estimate -0.46
-    before = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
-    after = [0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29]
-    found = stats.signed_rank_estimate(np.subtract(after, before), 0.05)
-    assert found == pytest.approx((-0.46, -0.786, -0.010), abs=0.001)
-
-
-@settings(deadline=None)
-@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 9), st.sampled_from([0.05, 0.0125]))
-def test_the_interval_of_the_signs_is_clopper_and_pearsons_and_agrees_with_their_test(
-    above, below, same, alpha
-):
-    apart = np.repeat([1.0, -1.0, 0.0], (above, below, same))
-    found, n = stats.sign_estimate(apart, alpha), above + below
-    if not n:
-        assert math.isnan(found.low)
-        return
-    exact = scipy_stats.binomtest(above, n).proportion_ci(1 - alpha, method="exact")
-    ends = [n / apart.size * (2 * end - 1) for end in (exact.low, exact.high)]
-    assert found == pytest.approx((apart.mean(), *ends), abs=1e-9)
-    assert (stats.sign_test(apart) < alpha) == (found.low > 0 or found.high < 0)
-
-
 @pytest.mark.parametrize("tests", [1, 2, 5, 9])
 def test_the_least_p_is_that_of_the_exact_test_and_holm(tests):
     for worlds in range(2, 12):

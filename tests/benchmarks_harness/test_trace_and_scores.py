@@ -20,6 +20,7 @@ from fake_episode import (
 
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.trials.episode import Moment
+from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import groups_named
 from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
 from benchmarks.trials.trace import trace_of
@@ -263,12 +264,13 @@ def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(sile
 def test_what_is_no_belief_is_refused_by_name_in_whole_runs_too(points):
     moments = [Moment(0, truth_of(0), USABLE, FakeBelief({0: points}), 0.0)]
     with pytest.raises(InputError, match="its belief of state 0 at offset 0 has"):
-        trace_of(moments, (0,), TASK, groups_named(["lost"]))
+        trace_of(moments, (0,), TASK, JourneyLog(TASK, groups_named(["lost"])))
 
 
 def test_a_belief_may_be_lists_in_whole_runs_too():
     believed = FakeBelief({0: ([[100.0, 50.0, 0.5], [101.0, 50.0, 0.5]], [0.5, 0.5])})
     forth = np.array([1.0, 0.0])
     moments = [Moment(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
-    found = trace_of(moments, (0,), TASK, groups_named(["lost", "ambiguity"]))
+    asked = JourneyLog(TASK, groups_named(["lost", "ambiguity"]))
+    found = trace_of(moments, (0,), TASK, asked)
     assert found.journey.scores["metres_to_localize"] == 0

@@ -1,54 +1,58 @@
 """The power of the scan model: beams that are wrong together tell less than they seem to."""
 
+import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import test_yardstick
 
-from benchmarks.replay.calibration import LEVEL, calibrated, fitted_power
-from benchmarks.replay.playing import replay
-from benchmarks.replay.setting import Told, robot_of, setting_of
-from localizers import make
+from benchmarks.replay.calibration import LEVEL, PART, calibrated
+from benchmarks.replay.command import sweep_of
+from benchmarks.replay.options import setting_of
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from deqmcl_gym import logs
 
 
 @pytest.fixture(scope="module")
-def setting(tmp_path_factory):
+def folder(tmp_path_factory):
     """A log of 2 laps whose map is 3 % too large: all beams are too short together."""
-    path = tmp_path_factory.mktemp("hall") / "hall.yaml"
-    test_yardstick.hall().save(path)
+    folder = tmp_path_factory.mktemp("hall")
+    test_yardstick.hall().save(folder / "hall.yaml")
     log = test_yardstick.recorded(0, laps=2)
-    return setting_of(replace(log, ranges=log.ranges / 1.03), path, Told(every="0.1m,5deg"))
+    logs.write(replace(log, ranges=log.ranges / 1.03), folder / "log.npz")
+    return folder
 
 
-def share_within(setting, seed):
+@pytest.fixture(scope="module")
+def setting(folder):
+    return setting_of(folder / "log.npz", folder / "hall.yaml", every="0.1m,5deg")
+
+
+def share_within(setting):
     """Share of the reference within the 95 % region of mcl, where nothing was fitted on."""
-    env = setting.env()
-    robot, prior = robot_of(setting, env)
-    track = replay(env, make("mcl", robot, particles=1000), prior, np.random.default_rng(seed))
-    ranks = track.ranks[setting.judged :]
-    return np.mean(ranks[np.isfinite(ranks)] <= LEVEL)
+    own = {"mcl": {"particles": 1000}}
+    sweep = sweep_of(setting, ["mcl"], particles=None, seeds=1, root=1, shared={}, own=own)
+    (trial,) = sweep.distinct()
+    return attempt(trial, key_of(trial)).record.track.scores[f"coverage_{LEVEL}"]
 
 
 def test_a_fitted_power_makes_beliefs_about_as_sure_as_they_may_be_on_the_rest_of_the_log(setting):
     fitted = calibrated(setting)
-    fit = fitted_power(setting)
-    assert fit is not None
-    assert fitted.scan.power == fit.power < 1.0
-    assert fitted.judged == fit.records
-    sure, calm = share_within(setting, 1), share_within(fitted, 1)
-    assert fit.untempered == pytest.approx(sure, abs=0.25)  # one part of the log for another
+    assert fitted.scenario.scan.power < 1.0
+    assert fitted.scenario.judged == math.ceil(PART * len(setting.log))
+    sure, calm = share_within(setting), share_within(fitted)
     assert sure < 0.6
     assert 0.85 <= calm <= 1.0
+    assert calibrated(setting) == fitted  # whenever it is made
 
 
-def test_the_fit_does_not_depend_on_when_it_is_made(setting):
-    assert fitted_power(setting) == fitted_power(setting)
-
-
-def test_without_enough_of_a_reference_the_power_stays(setting):
-    few = replace(setting, log=setting.log.segment(0, 200))
-    assert fitted_power(few) is None
-    assert calibrated(few) == few
-    blind = replace(setting, log=replace(setting.log, reference=None))
-    assert fitted_power(blind) is None
+def test_without_enough_of_a_reference_the_power_stays(setting, folder):
+    for kept in ({"length": 250}, {"start": 400}):
+        few = replace(setting, world=setting.world | kept)
+        assert calibrated(few) == few
+    log = logs.read(folder / "log.npz")
+    logs.write(replace(log, reference=None), folder / "blind.npz")
+    told = {"every": "0.1m,5deg", "start": "1.5,1.6,0"}
+    blind = setting_of(folder / "blind.npz", folder / "hall.yaml", **told)
+    assert calibrated(blind) == blind

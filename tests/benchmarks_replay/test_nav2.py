@@ -1,7 +1,6 @@
 """``deqmcl from-nav2``, ``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
-import inspect
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
-from localizers.methods.amcl import amcl
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 # As in a robot's bring-up, other nodes left in
@@ -101,16 +99,6 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     assert found.notes[0].endswith("not used: kld_err")
 
 
-def test_amcl_takes_every_parameter_of_the_filter_and_its_defaults_are_navs(tmp_path):
-    path = tmp_path / "x.yaml"
-    path.write_text("amcl: {ros__parameters: {use_sim_time: false}}")
-    found = read_nav2(path)
-    ours = {"selective_resampling", "field_cell"}
-    assert {*found.params, *ours} == set(localizers.parameters("amcl"))
-    signature = inspect.signature(amcl).parameters
-    assert found.params == {name: signature[name].default for name in found.params}
-
-
 def test_older_names_and_a_least_range_are_read(params):
     old = params("nav2_amcl::DifferentialMotionModel", "omnidirectional")
     assert read_nav2(old).params["robot_model_type"] == "nav2_amcl::OmniMotionModel"
@@ -131,6 +119,8 @@ def test_what_is_not_given_has_navs_defaults(tmp_path):
     path = tmp_path / "x.yaml"
     path.write_text("amcl: {ros__parameters: {use_sim_time: false}}")
     found = read_nav2(path)
+    ours = {"selective_resampling", "field_cell"}
+    assert {*found.params, *ours} == set(localizers.parameters("amcl"))
     assert found.params["lambda_short"] == 0.1
     assert found.params["max_beams"] == 60
     assert found.motion == DifferentialMotion()

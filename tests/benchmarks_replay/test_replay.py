@@ -1,20 +1,21 @@
 """A localizer on a log: what it is given, and that a recorded lap is that lap again."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from playing import played, tracked
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from benchmarks.replay.playing import played, replay
 from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
-from deqmcl_gym.validation import InputError
 from localizers import PointsBelief, best_cluster, make
 
 
@@ -78,17 +79,23 @@ def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
     np.testing.assert_equal(seen[2], seen[0])
 
 
-def test_a_track_has_a_pose_for_each_record_and_goes_to_evo(lap):
-    room, log = lap
-    env = LogEnv(log=log, map=room.floor_plan)
+def test_a_track_has_a_pose_for_each_record_and_its_errors_are_of_those_with_a_reference(lap):
+    room, whole = lap
+    reference = whole.reference.copy()
+    reference[:30] = np.nan
+    log = replace(whole, reference=reference)
     setup = scenario("sharp")
     localizer = make("mcl", setup.robot_model(room), particles=200)
-    track = replay(env, localizer, setup.prior_in(room), np.random.default_rng(0))
-    assert track.means.shape == track.best.shape == track.truth.shape == (len(log), 3)
-    np.testing.assert_array_equal(track.truth, log.reference)
-    assert track.way[-1] == pytest.approx(log.driven[-1])
-    assert np.median(np.hypot(*(track.means - track.truth)[:, :2].T)) < 20
-    assert len(track.tum.splitlines()) == len(log)
+    rng = np.random.default_rng(0)
+    kept = tracked(log, room.floor_plan, localizer, setup.prior_in(room), rng)
+    track = kept.track
+    assert track.best.shape == (len(log), 3)
+    np.testing.assert_array_equal(track.known, np.arange(30, len(log)))
+    assert track.way[-1] == pytest.approx(log.driven[-1] * 0.02)  # px of 2 cm
+    off = np.hypot(*(track.best - log.reference)[30:, :2].T)
+    np.testing.assert_allclose(track.errors.translation, off * 0.02)
+    assert np.median(off) < 20
+    assert len(kept.kept()[0].curves["way"]) == len(log) - 30
 
 
 def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():
@@ -105,56 +112,3 @@ def test_a_cluster_on_the_edge_of_cells_is_whole(heading, x, y):
     rng = np.random.default_rng(1)
     poses = rng.normal((x, y, heading), 0.05, (100, 3))
     assert best_cluster(poses, np.full(100, 0.01), unit="m").share == pytest.approx(1.0)
-
-
-class Answers:
-    """Writes into all that it is given, and answers the points at each step."""
-
-    def __init__(self, *points):
-        self.points_of = iter(points)
-
-    def reset(self, prior, plan, rng):
-        plan[:] = 0
-        return self.belief()
-
-    def update(self, ranges, action, plan):
-        ranges[:], action[:], plan[:] = 0, 0, 0
-        return self.belief()
-
-    def belief(self):
-        self.held = next(self.points_of)
-        return self
-
-    def points(self, offset=0):
-        return self.held
-
-
-def test_a_localizer_that_writes_into_what_it_is_given_changes_nothing_else(lap):
-    _, log = lap
-    spy, env = Spy(), LogEnv(log=log)
-    kept = env.log.ranges.copy(), env.log.increments.copy()
-    sound = np.zeros((1, 3)), np.ones(1)
-    list(played(env, Answers(*[sound] * len(log)), None, np.random.default_rng(0)))
-    np.testing.assert_equal((env.log.ranges, env.log.increments), kept)
-    list(played(env, spy, None, np.random.default_rng(0)))
-    other = Spy()
-    list(played(LogEnv(log=log), other, None, np.random.default_rng(0)))
-    np.testing.assert_equal(spy.given, other.given)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        (np.zeros((2, 3)), np.ones(2)),
-        (np.zeros((2, 3)), np.array([1.5, -0.5])),
-        (np.zeros((2, 2)), np.full(2, 0.5)),
-        (np.full((2, 3), np.nan), np.full(2, 0.5)),
-        (np.zeros((0, 3)), np.zeros(0)),
-        None,
-    ],
-)
-def test_a_belief_that_is_none_fails_the_run_with_the_record(lap, wrong):
-    _, log = lap
-    sound = np.zeros((1, 3)), np.ones(1)
-    with pytest.raises(InputError, match="its belief of state 2 "):
-        replay(LogEnv(log=log), Answers(sound, sound, wrong), None, np.random.default_rng(0))

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 import yardstick
+from playing import tracked
 
-from benchmarks.replay.playing import replay
-from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs import Log, Scanner
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap
@@ -53,17 +52,16 @@ def test_no_filter_is_much_worse_on_a_log_than_a_small_one_of_foreign_code(name)
     for seed in range(2):
         log = recorded(seed)
         theirs.append(np.median(yardstick.errors(log, hall(), seed)))
-        env = LogEnv(log=log, map=hall())
         robot = RobotModel(
             floor_plan=hall(),
-            lidar=env.lidar,
+            lidar=log.scanner,
             motion=DifferentialMotion(),
             scan=GaussianUniform(sigma=0.2, power=0.1),
         )
         start = GaussianPrior(mean=tuple(log.reference[0]), sd_position=0.2, sd_heading=0.1)
-        track = replay(env, make(name, robot, **METHODS[name]), start, np.random.default_rng(seed))
-        off = (track.best - track.truth)[:, :2]
-        ours.append(np.median(np.hypot(off[:, 0], off[:, 1])))
+        localizer, rng = make(name, robot, **METHODS[name]), np.random.default_rng(seed)
+        track = tracked(log, hall(), localizer, start, rng).track
+        ours.append(np.median(track.errors.translation))
     # Half as large again is what another sensor model may cost; a fault of the model of motion,
     # of the lidar's place or of unknown cells costs several times that.
     assert np.mean(ours) <= 1.5 * np.mean(theirs), (ours, theirs)

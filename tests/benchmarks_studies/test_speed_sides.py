@@ -8,8 +8,8 @@ import reference
 
 from benchmarks.studies.speed import numpy_baseline, peers
 from benchmarks.studies.speed.numpy_baseline import NumpyModels
-from benchmarks.studies.speed.rays import pymunk_queries
-from benchmarks.studies.speed.work import bearings_of, fan, free_poses, pillared_room, recorded_lap
+from benchmarks.studies.speed.rays import bearings_of, pymunk_queries
+from benchmarks.studies.speed.work import fan, free_poses, pillared_room, recorded_lap
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic

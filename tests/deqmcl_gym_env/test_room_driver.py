@@ -197,9 +197,9 @@ def test_many_guided_rooms_run_one_by_one():
 
 def test_a_pickled_room_drives_on_alike():
     env = guided()
-    plan = pickle.loads(pickle.dumps(env._setting.plan))
+    plan = pickle.loads(pickle.dumps(env._rules.plan))
     env.reset(seed=2)
-    np.testing.assert_equal(plan.after(env._episode), env._setting.plan.after(env._episode))
+    np.testing.assert_equal(plan.after(env._episode), env._rules.plan.after(env._episode))
 
 
 def test_any_world_can_have_a_driver_and_lose_it_and_its_keys_change_alone():

@@ -16,7 +16,7 @@ from benchmarks.commands import COMMANDS, paper
 from benchmarks.setup.names import agent_names, scenario, scenario_names
 from benchmarks.sweeps.suites import SUITES
 
-HELP = [("--help",), *[(command.NAME, "--help") for command in COMMANDS]]
+HELP = [("--help",), *((name, "--help") for name in COMMANDS)]
 
 
 def test_help_is_no_error_and_loads_nothing_heavy():

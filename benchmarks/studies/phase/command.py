@@ -1,25 +1,20 @@
 """``deqmcl phase``: from laps to the figure, the data and the page."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from tabulate import tabulate
 
-from benchmarks.files import command_line, own_folder, write_part
+from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.plots import require_plots
-from benchmarks.studies.phase.cycles import (
-    PERFECT,
-    Lap,
-    PlaceFields,
-    cycles_of,
-    perfect_cycles,
-)
+from benchmarks.studies.phase.cycles import PERFECT, Lap, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
@@ -136,10 +131,7 @@ def _cycles_csv(laps: Sequence[Lap], unit: str) -> str:
     count = laps[0].cycles.activity.shape[2]
     header = ["method", "step", "offset", "state", "phase_deg"]
     header += [f"error_{unit}", f"spread_{unit}"]
-    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], _rows(laps))
-
-
-def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
+    rows: list[list[object]] = []
     for lap in laps:
         cycles = lap.cycles
         phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
@@ -147,4 +139,5 @@ def _rows(laps: Iterable[Lap]) -> Iterable[list[object]]:
         for t, column in np.argwhere(cycles.held).tolist():
             k = column - cycles.reach
             numbers = (f"{value:.4g}" for value in values[t, column].tolist())
-            yield [lap.name, t, k, t + k, phases[column], *numbers]
+            rows.append([lap.name, t, k, t + k, phases[column], *numbers])
+    return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], rows)

@@ -1,6 +1,5 @@
 """phase.png: a row per method; its theta cycles, its precession, its table of the queue."""
 
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
+from benchmarks.pictures.plots import png_of
 from benchmarks.studies.phase.cycles import Cycles, Lap, PlaceFields, Precession
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
@@ -42,7 +42,10 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         figure = Figure(figsize=(11, 1.3 + 2.15 * len(laps)), dpi=100, layout="constrained")
         shares: Any = {"width_ratios": (2.1, 1, 1.15), "height_ratios": [*[1.0] * len(laps), 0.09]}
         axes = figure.subplots(len(laps) + 1, 3, squeeze=False, **shares)
-        extent, farthest = _extent(perfect.cycles), _farthest(laps[1:])
+        told = np.nan_to_num(perfect.cycles.activity) > 0  # the queue tells of the field
+        extent = float(np.abs(perfect.cycles.passed[told]).max(initial=0.0)) or 1.0
+        off = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps[1:]])
+        farthest = float(np.quantile(off, 0.98)) if off.size else 1.0  # 2 % are farther
         for row, lap in zip(axes[:-1], laps, strict=True):
             _draw_cycles(row[0], lap.cycles)
             row[0].set_title(f"{lap.title}: {_words(lap)}", loc="left", fontweight="bold")
@@ -57,10 +60,7 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         for image, bar, label in ((mass, 1, "mean mass in the field"), (table, 2, distance)):
             figure.colorbar(image, cax=axes[-1][bar], orientation="horizontal", label=label)
         figure.suptitle(title, fontsize=11)
-        buffer = io.BytesIO()
-        metadata, smaller = {"Software": None}, {"optimize": True}
-        figure.savefig(buffer, format="png", metadata=metadata, pil_kwargs=smaller)
-    return buffer.getvalue()
+        return png_of(figure, pil_kwargs={"optimize": True})
 
 
 def _words(lap: Lap) -> str:
@@ -81,7 +81,6 @@ def _draw_cycles(axes: Axes, cycles: Cycles) -> None:
     picture[~cycles.held] = to_rgb(_NOT_HELD)
     over_phase = picture.clip(0, 1).transpose(1, 0, 2)
     _image(axes, over_phase, (-0.5, cycles.steps + 0.5, *_phase_span(cycles)))
-    _phase_axis(axes)
 
 
 def _number_fields(axes: Axes, perfect: Cycles) -> None:
@@ -106,7 +105,6 @@ def _draw_precession(axes: Axes, lap: Lap, true: Precession, extent: float, unit
             places = line.late + (phases - 180) / line.slope
             axes.plot(places, phases, color=color, linestyle=style, linewidth=1.6)
     axes.set_xlim(-extent, extent)
-    _phase_axis(axes)
     words = f"slope {found.slope:#.3g} °/{unit}" if math.isfinite(found.slope) else "no slope"
     axes.set_title(words, loc="left")
     return image
@@ -151,7 +149,8 @@ def _draw_map(axes: Axes, fields: PlaceFields, floor_plan: Map) -> None:
 
 def _label(axes: NDArray[Any], unit: str) -> None:
     for row in axes:
-        row[0].set_ylabel("theta phase (°)")
+        row[0].set(ylim=(0, 360), yticks=[0, 90, 180, 270, 360], ylabel="theta phase (°)")
+        row[1].set_ylim(0, 360)
         row[1].set_yticks([90, 180, 270], ["past", "now", "future"], rotation=90, va="center")
         row[1].tick_params(axis="y", length=0)
     axes[-1][0].set_xlabel("theta cycle = step t")
@@ -188,11 +187,6 @@ def _write(axes: Axes, x: float, y: float, place: int, *, size: float) -> None:
     axes.text(x, y, str(place + 1), fontsize=size, **style)
 
 
-def _phase_axis(axes: Axes) -> None:
-    axes.set_ylim(0, 360)
-    axes.set_yticks([0, 90, 180, 270, 360])
-
-
 def _phase_span(cycles: Cycles) -> tuple[float, float]:
     """Phases at which the drawn offsets begin and end, degrees."""
     half = 180 / (2 * cycles.lag + 1)
@@ -204,10 +198,8 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
     known = ~np.isnan(cycles.activity) & (cycles.passed < extent)
     row = np.broadcast_to(cycles.offsets[:, None], known.shape)[known]
     reach = cycles.reach + 0.5
-    bins: Any = {
-        "bins": (cycles.offsets.size, _CELLS),
-        "range": ((-reach, reach), (-extent, extent)),
-    }
+    span = ((-reach, reach), (-extent, extent))
+    bins: Any = {"bins": (cycles.offsets.size, _CELLS), "range": span}
     counts, _, _ = np.histogram2d(row, cycles.passed[known], **bins)
     active = cycles.activity[known]
     sums, _, _ = np.histogram2d(row, cycles.passed[known], weights=active, **bins)
@@ -218,15 +210,3 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
 def _colors(count: int) -> Floats:
     """RGB of each field, (count, 3)."""
     return np.array([to_rgb(_COLORS[i % len(_COLORS)]) for i in range(count)])
-
-
-def _extent(perfect: Cycles) -> float:
-    """The farthest from a field's centre that the robot is while the queue tells of it."""
-    active = np.nan_to_num(perfect.activity) > 0
-    return float(np.abs(perfect.passed[active]).max(initial=0.0)) or 1.0
-
-
-def _farthest(laps: Sequence[Lap]) -> float:
-    """Upper end of the colours: all but the farthest 2 % of the cells."""
-    values = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps])
-    return float(np.quantile(values, 0.98)) if values.size else 1.0

@@ -9,17 +9,9 @@ from typing import TypeVar
 from tabulate import tabulate
 from tqdm import tqdm
 
-from benchmarks.files import command_line, own_folder, write_part
+from benchmarks.files import own_folder, write_part
 from benchmarks.studies.speed import rays, steps, worlds
-from benchmarks.studies.speed.figure import (
-    Effort,
-    Measured,
-    amount,
-    digits,
-    is_time,
-    measured,
-    three_digits,
-)
+from benchmarks.studies.speed.figure import Effort, Measured, digits, figures_table, measured
 from benchmarks.studies.speed.scaling import (
     Scaling,
     curves,
@@ -30,6 +22,7 @@ from benchmarks.studies.speed.scaling import (
 )
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.provenance import environment
+from deqmcl_gym.files import command_line
 
 T = TypeVar("T")
 
@@ -51,16 +44,8 @@ class Extent:
     largest: int
 
 
-FULL = Extent(
-    figures=Effort(repeats=15, seconds=0.2),
-    scaling=Effort(repeats=5, seconds=0.1),
-    largest=1_000_000,
-)
-QUICK = Extent(
-    figures=Effort(repeats=11, seconds=0.06),
-    scaling=Effort(repeats=3, seconds=0.01),
-    largest=100_000,
-)
+FULL = Extent(figures=Effort(15, seconds=0.2), scaling=Effort(5, seconds=0.1), largest=1_000_000)
+QUICK = Extent(figures=Effort(11, seconds=0.06), scaling=Effort(3, seconds=0.01), largest=100_000)
 
 
 def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str]) -> str:
@@ -69,7 +54,10 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     rows, reasons = _measured(extent.figures, peers=peers)
     chosen = curves(largest=extent.largest)
     seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
-    files = {"speed.csv": _csv(rows).encode(), "scaling.csv": scaling_csv(seen).encode()}
+    # rates are per second, times in their unit
+    lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
+    table = csv_text(["figure", "ours", "other", "ratio"], lines)
+    files = {"speed.csv": table.encode(), "scaling.csv": scaling_csv(seen).encode()}
     if find_spec("matplotlib"):
         files["scaling.png"] = scaling_plot(seen)
     else:
@@ -77,7 +65,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
     write_part(out, "speed", files)
     written = f"Written to {out}: {', '.join(files)}."
-    return "\n\n".join([_table(rows, "simple"), _HOW, *reasons, written])
+    return "\n\n".join([figures_table(rows, "simple"), _HOW, *reasons, written])
 
 
 def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]]:
@@ -93,25 +81,6 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
         except ImportError as error:
             reasons.append(f"No row: {figure.name}: {error} (docs/speed.md says what to install).")
     return rows, reasons
-
-
-def _csv(rows: Iterable[Measured]) -> str:
-    """Return speed.csv; rates per second, or times in their unit."""
-    lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
-    return csv_text(["figure", "ours", "other", "ratio"], lines)
-
-
-def _table(rows: Iterable[Measured], style: str) -> str:
-    """Return the figures as a table; ``style`` is a format of tabulate."""
-    lines = []
-    for row in rows:
-        unit, target = row.figure.unit, row.figure.target
-        aim = "" if target is None else f"{'≤' if is_time(unit) else '≥'} {target:,g}"
-        sides = amount(row.ours, unit), amount(row.other, unit)
-        lines.append([row.figure.name, *sides, three_digits(row.ratio), aim, row.verdict])
-    header = ["figure", "ours", "other", "ratio", "target", "reached"]
-    align = ("left", "right", "right", "right", "right", "left")
-    return tabulate(lines, header, tablefmt=style, disable_numparse=True, colalign=align)
 
 
 def _page(
@@ -130,7 +99,7 @@ def _page(
     parts = [
         "# Speed",
         f"`{command_line(command)}`",
-        _table(rows, "github"),
+        figures_table(rows, "github"),
         _HOW,
         *reasons,
         f"{', '.join(versions)}; {machine['platform']}.",

@@ -2,9 +2,11 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
+
+from tabulate import tabulate
 
 _PER_SECOND = {"µs/step": 1e6, "µs/scan": 1e6, "ms/trial": 1e3}  # units of time, in a second
 
@@ -24,7 +26,7 @@ class Job:
     clock: Callable[[], float] = time.process_time
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Effort:
     """How often each job has its turn, and the seconds that a turn takes at least."""
 
@@ -133,6 +135,19 @@ def measured(figure: Figure, effort: Effort) -> Measured:
         mine, theirs = (in_unit(rate, figure.unit) for rate in seen)
         ratio = mine / theirs
     return Measured(figure=figure, ours=mine, other=theirs, ratio=ratio)
+
+
+def figures_table(rows: Iterable[Measured], style: str) -> str:
+    """Return the figures as a table; ``style`` is a format of tabulate."""
+    lines = []
+    for row in rows:
+        unit, target = row.figure.unit, row.figure.target
+        aim = "" if target is None else f"{'≤' if is_time(unit) else '≥'} {target:,g}"
+        sides = amount(row.ours, unit), amount(row.other, unit)
+        lines.append([row.figure.name, *sides, three_digits(row.ratio), aim, row.verdict])
+    header = ["figure", "ours", "other", "ratio", "target", "reached"]
+    align = ("left", "right", "right", "right", "right", "left")
+    return tabulate(lines, header, tablefmt=style, disable_numparse=True, colalign=align)
 
 
 def is_time(unit: str) -> bool:

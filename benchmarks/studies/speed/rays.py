@@ -9,13 +9,7 @@ import pymunk
 from benchmarks.studies.speed import peers
 from benchmarks.studies.speed.figure import Figure, Job, Published, Side
 from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
-from benchmarks.studies.speed.work import (
-    BEAMS,
-    bearings_of,
-    free_poses,
-    office_floor,
-    pillared_room,
-)
+from benchmarks.studies.speed.work import BEAMS, fan, free_poses, office_floor, pillared_room
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.world.config import PAPER_ROOM
@@ -23,6 +17,11 @@ from deqmcl_gym.world.config import PAPER_ROOM
 POSES = 20_000
 POSES_ONE_BY_ONE = 100  # for those who are asked for a pose at a time
 FAR = 1000.0  # px, beyond every wall
+
+
+def bearings_of(beams: int) -> Singles:
+    """Return the bearings of a lidar that looks all around, (beams,) rad."""
+    return fan(beams).bearings.astype(np.float32)
 
 
 def our_job(room: Map, poses: int, beams: int = BEAMS) -> Job:

@@ -1,12 +1,12 @@
 """How rays and steps grow with the map, the particles, the beams and the queue: curves."""
 
-import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 from tabulate import tabulate
 
+from benchmarks.pictures.plots import png_of
 from benchmarks.studies.speed import rays
 from benchmarks.studies.speed.figure import Effort, Job, amount, digits, in_unit, rates
 from benchmarks.studies.speed.steps import FEW, numpy_job, our_job
@@ -107,14 +107,12 @@ def scaling_plot(measured: Sequence[Scaling]) -> bytes:
         else:
             axes.set_ylim(0, 1.15 * max(seen))
         axes.set_xticks(curve.values, [f"{value:,}" for value in curve.values])
-        axes.yaxis.set_major_formatter(_plain)
+        axes.yaxis.set_major_formatter(lambda y, _: f"{y / 1e6:,g} M" if y >= 1e6 else f"{y:,g}")
         axes.set(xlabel=curve.varied, ylabel=curve.unit)
         axes.set_title(what, fontsize="medium")
         axes.grid(alpha=0.3)
         axes.legend()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    return png_of(figure)
 
 
 def _rays_among(segments: int) -> Job:
@@ -124,7 +122,3 @@ def _rays_among(segments: int) -> Job:
 def _by_task(measured: Iterable[Scaling]) -> list[tuple[str, list[Scaling]]]:
     """Return the curves of each task, which follow each other."""
     return [(what, list(same)) for what, same in groupby(measured, lambda seen: seen[0].what)]
-
-
-def _plain(value: float, _place: object) -> str:
-    return f"{value / 1e6:,g} M" if value >= 1e6 else f"{value:,g}"

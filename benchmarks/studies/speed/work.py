@@ -40,11 +40,6 @@ def fan(beams: int) -> Lidar:
     return Lidar(beams=beams, field_of_view=2 * math.pi, max_range=400.0, sigma=SIGMA)
 
 
-def bearings_of(beams: int) -> Singles:
-    """Return the bearings of such a lidar, (beams,) rad."""
-    return fan(beams).bearings.astype(np.float32)
-
-
 def pillared_room(segments: int) -> PolygonMap:
     """Return a square room of 400 px with oblique square pillars: 4 walls each and 4 around."""
     pillars = segments // 4 - 1

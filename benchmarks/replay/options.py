@@ -1,0 +1,319 @@
+"""What a user says about a replay, as changes to the scenario ``replay``; and in words."""
+
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
+from benchmarks.setup.names import scenario
+from benchmarks.setup.scenario import Uniform
+from benchmarks.trials.fixes import metre
+from benchmarks.trials.tracks import absolute
+from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError, number, pose
+from localizers import OmniMotion
+from localizers.models.nav2_motion import MotionModel, kind_of
+
+NAME = "replay"  # of the scenario
+EVERY = "0.2m,5deg"
+NO_ERROR = (
+    "There is no reference, so no error is known. The share of beams that agree with the map is no "
+    "substitute: a wrong place that looks alike agrees equally well."
+)
+_SIDEWAYS = 0.1  # share of the way above which sideways motion is told; 1 to 2 % in two real logs
+_UNKNOWN = {
+    "obstacle": "obstacles, which stop beams and the robot",
+    "transparent": "transparent, they stop the robot but no beam",
+    "free": "free, they stop neither beams nor the robot",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them.
+
+    Attributes:
+        world, assumed: the changes, by dotted name.
+        noise: where that of the motion is from.
+        reference: where the true poses are from, in words; "" without any.
+        calibration: how the power of the scan model was fitted, in words; "" if it was not.
+    """
+
+    world: Changes
+    assumed: Changes
+    noise: str
+    reference: str
+    calibration: str = ""
+
+    @property
+    def scenario(self) -> ReplayScenario:
+        """The scenario with the changes."""
+        return _replayed(self.world, self.assumed)
+
+    @property
+    def log(self) -> Log:
+        """The records that are played."""
+        return self.scenario.recording()[0]
+
+    @property
+    def motion(self) -> MotionModel:
+        """What the localizers assume of the odometry."""
+        return self.scenario.motion_of(self.log)
+
+    @property
+    def overview(self) -> str:
+        """What is played."""
+        log = self.log
+        return (
+            f"{len(log):,} records of {Path(self.world['log']).name} with {log.scanner.beams} "
+            f"beams each on the map {Path(self.world['map']).name}, {log.driven[-1]:,.0f} "
+            f"{log.unit} by odometry."
+        )
+
+    @property
+    def facts(self) -> list[str]:
+        """What the localizers assume."""
+        setup, log = self.scenario, self.log
+        motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
+        told = [
+            f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
+            f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
+            self.calibration,
+            f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
+            self._start,
+            "Poses are of the robot's base (ROS: base_link): the start, the reference and "
+            f"tracks/*.tum.{_mounted(log)}",
+            self.reference or NO_ERROR,
+        ]
+        return [fact for fact in told if fact]
+
+    @property
+    def sideways(self) -> str | None:
+        """The warning that the odometry moves the robot sideways; None if it hardly does."""
+        log = self.log
+        aside, driven = float(np.abs(log.residuals).sum()), float(log.driven[-1])
+        if isinstance(self.motion, OmniMotion) or aside <= _SIDEWAYS * driven:
+            return None
+        return (
+            f"{aside:.1f} of {driven:.1f} {log.unit} of odometry are sideways: for a robot that "
+            "can move so, add --motion kind=omni; for one that cannot, its odometry is not of the "
+            "point between its wheels, or the wheels slip."
+        )
+
+    @property
+    def _start(self) -> str:
+        prior = self.scenario.prior
+        if isinstance(prior, Uniform):
+            return "Start: anywhere on the map."
+        x, y, heading = prior.mean or self.scenario.room().log[0].reference or (0.0, 0.0, 0.0)
+        return f"Start: known to 0.2 m and 0.1 rad, around ({x:.2f}, {y:.2f}, {heading:.2f} rad)."
+
+
+def setting_of(
+    log: str | Path,
+    floor_plan: str | Path,
+    *,
+    reference: str | Path | None = None,
+    reading: Mapping[str, Any] | None = None,
+    start: str | None = None,
+    otherwise: str | None = None,
+    every: str | tuple[float, float] = EVERY,
+    max_beams: int = 60,
+    motion: str = "",
+    scan: str = "",
+    radius: float | None = None,
+    unknown: str = "obstacle",
+) -> Setting:
+    """Return what is to be replayed.
+
+    Args:
+        log: path of the log.
+        floor_plan: path of the map's yaml.
+        reference: path of a TUM file.
+        reading: further arguments of ``logs.read``.
+        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        otherwise: the start of a log without a reference, if none is said.
+        every, max_beams, unknown: see ``LogEnv``.
+        motion: "kind=differential,alpha1=…"; what is not given is estimated from the reference, if
+            there is one.
+        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        radius: of the robot, m; None is 0.16 m.
+
+    Raises:
+        InputError: something of it is refused.
+    """
+    world: dict[str, Any] = {
+        "log": os.path.abspath(log),
+        "map": os.path.abspath(floor_plan),
+        **({} if reference is None else {"reference": os.path.abspath(reference)}),
+        **{f"reading.{name}": value for name, value in (reading or {}).items()},
+        "unknown": unknown,
+        "every": every,
+        "max_beams": max_beams,
+    }
+    whole = _replayed(world).whole
+    if radius is not None:
+        world["radius"] = number("--radius", radius, low=0) * metre(whole.unit)
+    if start is None:
+        start = "reference" if whole.reference is not None else otherwise
+    if start is None:
+        raise InputError(
+            f"{log} has no reference: give --reference, --start x,y,θ or --start global."
+        )
+    if start == "reference":
+        if not whole.referenced.size:
+            raise InputError(f"--start is reference, but {log} has none: give --reference.")
+        world["start"] = int(whole.referenced[0])
+    played, ground = _replayed(world).recording()
+    check_inside(played, ground)
+    assumed = _assumed("motion", motion) | _assumed("scan", scan)
+    noise = _replayed(world, assumed).motion
+    names = {f"motion.{name}" for name in vars(noise)}
+    told = [name.partition(".")[2] for name in assumed if name in names]
+    origin = "assumed, as there is no reference"
+    if played.reference is not None:
+        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
+    if names - {"motion.still"} <= assumed.keys():
+        origin = "given"
+    elif told:
+        origin = f"{', '.join(told)} given; the rest {origin}"
+        if played.reference is not None:
+            estimated = vars(motion_noise(played, kind_of(noise)))
+            assumed = {f"motion.{name}": value for name, value in estimated.items()} | assumed
+    if start == "global":
+        assumed["prior.kind"] = "uniform"
+    elif start != "reference":
+        at = _pose_of(start)
+        if not ground.free(np.array([at]))[0]:
+            raise InputError(
+                f"--start is ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give a "
+                "pose where the robot can be."
+            )
+        assumed["prior.mean"] = at
+    said = _reference(whole.segment(world.get("start", 0)), played)
+    return Setting(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
+
+
+def reading_of(words: Sequence[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as arguments of ``logs.read``.
+
+    Raises:
+        InputError: a word of another form.
+    """
+    found: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
+        if name.strip() == "scanner":
+            raise InputError(
+                "--read takes no scanner: write it into the file, as "
+                '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
+            )
+        numbers = None if name.strip().endswith(("_topic", "_frame")) else _numbers(value)
+        one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+        found[name.strip()] = value.strip() if one is None else one
+    return found
+
+
+def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
+    found = scenario(NAME).changed(world, assumed)
+    assert isinstance(found, ReplayScenario)
+    return found
+
+
+def _mounted(log: Log) -> str:
+    x, y = log.scanner.mounting
+    if (x, y) == (0, 0):
+        return ""
+    return f" The scanner is mounted at ({x:g}, {y:g}) {log.unit} on it, ahead and left."
+
+
+def _pose_of(start: str) -> tuple[float, float, float]:
+    given = _numbers(start)
+    if given is None or len(given) != 3:
+        raise InputError(
+            f"--start is {start!r}, but must be reference, global, or a pose x,y,θ in m and rad, "
+            "as in --start=-1.5,2,0.3."
+        )
+    x, y, heading = pose("--start", given)
+    return float(x), float(y), float(heading)
+
+
+def _reference(whole: Log, played: Log) -> str:
+    """Say how many of the records played have a reference pose, and how good those between are."""
+    known = played.referenced
+    if not known.size:
+        return ""
+    between = 0 if played.interpolated is None else int(played.interpolated.sum())
+    counts = [f"{known.size - between:,} of {len(played):,} records have a pose of their own time"]
+    if between:
+        counts.append(
+            f"for {between:,} it is interpolated along the odometry, whose error is spread over "
+            "the way between two poses"
+        )
+    if unknown := len(played) - known.size:
+        counts.append(f"{unknown:,} without one do not count")
+    said = f"Reference: {'; '.join(counts)}."
+    off = interpolation_errors(whole) if between else None
+    if off is None:
+        return said
+    size = metre(whole.unit)
+    position, heading = (np.quantile(one, (0.5, 0.95)) for one in off)
+    return (
+        f"{said} Every second pose, left out and interpolated from its neighbours, is off by "
+        f"{position[0] / size:.3f} m and {math.degrees(heading[0]):.1f}° (median), "
+        f"{position[1] / size:.3f} m and {math.degrees(heading[1]):.1f}° (95 %): errors "
+        "of that size may be the reference's."
+    )
+
+
+def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
+    """How far off every second reference pose is if it is interpolated between its neighbours.
+
+    More than at the records between, as here the neighbours are twice as far apart.
+
+    Returns:
+        Lengths and angles, (k,) each; None if there are none.
+    """
+    at = log.referenced
+    if log.interpolated is not None:
+        at = at[~log.interpolated[at]]
+    if log.reference is None or at.size < 3:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # of few records: half of them are left out
+        half = referenced(log, Trajectory(log.times[at[::2]], log.reference[at[::2]]))
+    hidden = at[1:-1:2]
+    assert half.reference is not None
+    if not np.isfinite(half.reference[hidden]).any():
+        return None
+    off = absolute(log.reference[hidden], half.reference[hidden])
+    return off.translation, off.rotation
+
+
+def _assumed(part: str, given: str) -> dict[str, Any]:
+    """Return "kind=…,name=number,…" as assumptions by dotted name."""
+    found: dict[str, Any] = {}
+    for word in filter(None, map(str.strip, given.split(","))):
+        name, equals, value = map(str.strip, word.partition("="))
+        numbers = None if name == "kind" else _numbers(value)
+        if not equals or (name != "kind" and numbers is None):
+            raise InputError(f"--{part} has {word}, but must be name=number, comma-separated.")
+        found[f"{part}.{name}"] = value if numbers is None else numbers[0]
+    return found
+
+
+def _numbers(text: str) -> list[float] | None:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        return None

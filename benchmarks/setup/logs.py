@@ -1,0 +1,334 @@
+"""Recorded logs as worlds: segments of one, or the whole of it; the noise of their odometry."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from inspect import signature
+from typing import Any, Self
+
+import numpy as np
+
+from benchmarks.setup.changes import NOTHING, Changes, file_digest
+from benchmarks.setup.scenario import Gaussian, Scenario, TrialEnv
+from benchmarks.setup.thresholds import Thresholds
+from deqmcl_gym.envs.log import LogEnv, log_of
+from deqmcl_gym.logs import Log
+from deqmcl_gym.logs.motion import increments_of, lengths_of
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.validation import InputError, integer
+from localizers import GaussianUniform, OdometryMotion, RobotModel
+from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
+
+# arguments of the env that are not a scenario's to give
+_OURS = ("on_mismatch", "render_mode", "others")
+_ARGUMENTS = tuple(name for name in signature(LogEnv).parameters if name not in _OURS)
+_EPISODES = ("segment", "plan", "horizon", "radius")  # of them: may differ between envs of one log
+_READ = ("log", "reference", "reading")  # of them: what the records are read from
+_SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
+_LEAST = 10  # steps to estimate from
+_ROUNDS = 50  # of the fit of two numbers, which has converged long before
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogScenario(Scenario):
+    """Segments of a recorded log: each trial's seed draws where its own begins.
+
+    Attributes:
+        env: arguments of ``LogEnv``; "none" is None, where the env takes it.
+        estimated: whether the motion's noise is that of the log's odometry against its reference,
+            instead of ``motion``.
+    """
+
+    estimated: bool = True
+    _names = _ARGUMENTS  # of its env
+
+    @property
+    def unit(self) -> str:
+        """Of all lengths."""
+        return self.recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
+
+    @property
+    def has_goal(self) -> bool:
+        """False: a log goes where it went."""
+        return False
+
+    def room(self) -> LogEnv:
+        """Return the log as an env.
+
+        Raises:
+            InputError: no log or map is named, it cannot be read, has no reference or leaves the
+                map, or an agent is to drive it.
+        """
+        log, floor_plan = self.recording()
+        self._check(log)
+        check_inside(log, floor_plan)
+        given = {name: value for name, value in _arguments(self.env).items() if name in _EPISODES}
+        shown = given.get("plan", "odometry")
+        if shown != "odometry" and self.agent != "open-loop":
+            raise InputError(
+                f"the agent is {self.agent!r} and plan is {shown!r}, but an agent other than "
+                'open-loop needs the recorded actions: leave it out, or write plan = "odometry".'
+            )
+        mismatch = "error" if shown == "odometry" else "ignore"
+        return LogEnv(log=log, map=floor_plan, on_mismatch=mismatch, **given)
+
+    def robot_model(self, room: TrialEnv) -> RobotModel:
+        """Return what localizers and agents are made for."""
+        robot = super().robot_model(room)
+        return replace(robot, motion=self.motion_of(self.recording()[0]))
+
+    def motion_of(self, log: Log) -> MotionModel:
+        """Return the motion that the filters assume: without a reference none can be estimated."""
+        known = self.estimated and log.reference is not None
+        return _noise(log, kind_of(self.motion)) if known else self.motion
+
+    def changed(
+        self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
+    ) -> Self:
+        """Return this scenario with some values changed; noise that is given is not estimated."""
+        found = super().changed(world, assumed)
+        given = any(name.startswith("motion.") and name != "motion.kind" for name in assumed)
+        return replace(found, estimated=found.estimated and not given)
+
+    def recording(self) -> tuple[Log, Map]:
+        """Return the records that are played and their map.
+
+        Raises:
+            InputError: no log or map is named, or one of them cannot be read.
+        """
+        others = (*_EPISODES, "judged")
+        played = {name: value for name, value in self._named().items() if name not in others}
+        return _played(Changes(played), self._digests)
+
+    @property
+    def whole(self) -> Log:
+        """The log as it was read, with all records and beams."""
+        return _whole(_read(self._named()), self._digests)
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The noise that the log shows."""
+        shown = _noise(self.recording()[0], kind_of(self.motion))
+        return {f"motion.{name}": value for name, value in vars(shown).items()}
+
+    def _check(self, log: Log) -> None:
+        if not log.referenced.size:
+            raise InputError(f"{log.source} has no reference to score by: name one as reference.")
+
+    def _env_with(self, values: Changes) -> Mapping[str, Any]:
+        return {**self.env, **values.by_part(self._names, "part of a log's world")}
+
+    def _named(self) -> Mapping[str, Any]:
+        """Return the arguments of the env, the log and the map among them."""
+        for name in ("log", "map"):
+            if name not in self.env:
+                raise InputError(
+                    f"the scenario names no {name}: write {name} = … in [env] of a scenario file "
+                    'with base = "log", or in [world] of a sweep file.'
+                )
+        return self.env
+
+    @property
+    def _digests(self) -> str:
+        return "".join(map(file_digest, Changes(self.env).files))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayScenario(LogScenario):
+    """A whole log, with a reference or without: its worlds are runs of the localizers on it.
+
+    Its env has another name, ``judged``: the first record by which beliefs are judged, as what is
+    before it was fitted on.
+    """
+
+    _names = (*_ARGUMENTS, "judged")
+
+    @property
+    def judged(self) -> int:
+        """First record by which beliefs are judged."""
+        return integer("judged", self.env.get("judged", 0))
+
+    def _check(self, log: Log) -> None:
+        """Take any log: without a reference, scans are compared with the map."""
+
+
+def check_inside(log: Log, floor_plan: Map) -> None:
+    """Refuse a map that the log leaves, as far as that is known."""
+    if log.reference is None:
+        return
+    x0, y0, x1, y1 = floor_plan.bounds
+    x, y = log.reference[log.referenced, :2].T
+    outside = (x < x0) | (x > x1) | (y < y0) | (y > y1)
+    if outside.any():
+        first = log.referenced[outside.argmax()]
+        raise InputError(
+            f"the reference leaves the map at {log.times[first]:.2f} s, at ({x[outside][0]:.2f}, "
+            f"{y[outside][0]:.2f}), and is outside at {int(outside.sum()):,} of {outside.size:,} "
+            f"records, but the map reaches from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}): give "
+            "the map of this log, and the reference in its frame."
+        )
+
+
+def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments as the env takes them: TOML has no None, and "none" is a plan's name."""
+    return {
+        name: None if value == "none" and name != "plan" else value for name, value in env.items()
+    }
+
+
+def _read(env: Mapping[str, Any]) -> Changes:
+    return Changes({name: value for name, value in env.items() if name in _READ})
+
+
+@lru_cache(maxsize=4)
+def _whole(env: Changes, digests: str) -> Log:
+    """Return all records of a log, read once for all trials of a process."""
+    del digests  # a file that was changed is read again
+    given = _arguments(env)
+    return log_of(given["log"], given.get("reference"), given.get("reading"))
+
+
+@lru_cache(maxsize=4)
+def _played(env: Changes, digests: str) -> tuple[Log, Map]:
+    """Return the records that are played and their map."""
+    others = {name: value for name, value in _arguments(env).items() if name not in _READ}
+    made = LogEnv(log=_whole(_read(env), digests), **others)
+    return made.log, made.floor_plan
+
+
+@lru_cache(maxsize=4)
+def _noise(log: Log, kind: str) -> MotionModel:
+    return motion_noise(log, kind)
+
+
+def typical_steps(log: Log) -> tuple[Floats, Floats]:
+    """Return increments of the odometry, and what the reference says was done, (k, 3) each.
+
+    One for each stretch between consecutive poses of the reference: interpolated ones follow the
+    odometry, so they know nothing of its noise. A stretch of n > 1 records is told as one of its
+    steps, of root mean square length and turn. Its error is 1/n of what the length and the turn of
+    all stretches explain (a wheel that is too small adds up by steps) and 1/√n of the rest (noise
+    adds up by variances). In which direction such a step went is not known: its ``left`` is NaN.
+
+    Raises:
+        InputError: no reference, or fewer than 10 stretches with movement.
+    """
+    if log.reference is None:
+        raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
+    between = np.zeros(len(log), np.bool_) if log.interpolated is None else log.interpolated
+    own = log.referenced[~between[log.referenced]]
+    meant, done = increments_of(log.odometry[own]), increments_of(log.reference[own])
+    steps, off = np.diff(own), done - meant
+    off[:, 2] = arrays.wrapped(off[:, 2])
+    length, turn = lengths_of(log.increments), log.increments[:, 2]
+    way = _over(length, own)
+    net = lengths_of(meant)
+    ahead = (off * meant)[:, :2].sum(axis=1) / np.where(net > 0, net, 1.0)
+    explained = np.column_stack(
+        [
+            _explained(ahead, way[:, None]),
+            _explained(off[:, 2], np.column_stack([way, meant[:, 2]])),
+        ]
+    )
+    rest = np.column_stack([ahead, off[:, 2]]) - explained
+    n = steps[:, None]
+    error = explained / n + rest / np.sqrt(n)
+    typical = np.sqrt(np.column_stack([_over(length**2, own), _over(turn**2, own)]) / n)
+    single, unknown = steps == 1, np.full(len(steps), np.nan)
+    told = np.column_stack([typical[:, 0], np.zeros(len(steps)), typical[:, 1]])
+    told[single] = meant[single]
+    true = np.column_stack([told[:, 0] + error[:, 0], unknown, told[:, 2] + error[:, 1]])
+    true[single] = done[single]
+    moving = np.abs(told).max(axis=1, initial=0.0) > 0
+    if moving.sum() < _LEAST:
+        raise InputError(
+            f"{log.source} has {int(moving.sum())} stretches with movement between poses of its "
+            f"reference, too few to estimate the noise of the motion, which needs {_LEAST}: give "
+            "it by --motion, or in a scenario by assumed.motion."
+        )
+    return told[moving], true[moving]
+
+
+def _over(values: Floats, ends: Indices) -> Floats:
+    """Return the sums of the values of steps, (n - 1,), between records, (k,), (k - 1,)."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    return np.asarray(np.diff(sums[ends]))
+
+
+def _explained(errors: Floats, by: Floats) -> Floats:
+    """Return the least-squares fit of errors (k,) by columns (k, j) without a constant, (k,)."""
+    found: Floats = by @ np.linalg.lstsq(by, errors, rcond=None)[0]
+    return found
+
+
+def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
+    """Return the motion model of a kind with the noise that a log shows, or what it assumes anyway.
+
+    Each number is that of the fit, but at least half of ``unknown_motion``'s: where a reference was
+    made with the help of the odometry, it denies its noise.
+
+    Args:
+        log: with a reference; thinned as it will be played, as the noise is that of a step.
+        kind: of ``MOTION_MODELS``.
+
+    Raises:
+        InputError: fewer than 10 stretches with movement have a reference at both ends.
+    """
+    least, steps = unknown_motion(kind, log.unit), typical_steps(log)
+    found = _odometry(*steps) if isinstance(least, OdometryMotion) else type(least).fitted(*steps)
+    noise = [name for name in vars(least) if name != "still"]
+    larger = {name: max(getattr(least, name) / 2, getattr(found, name)) for name in noise}
+    return replace(least, **larger)
+
+
+def _odometry(meant: Floats, done: Floats) -> OdometryMotion:
+    """Return the noise of turn and drive that fits steps best.
+
+    ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that 99 %
+    of |ε_d| / |d| lie within 2.58 σ_dd, and never less than their root mean square: odometry that
+    goes the wrong way for some steps (a speed without its sign, wheels that slip) must stay
+    possible. Of the steps only the longer half counts, as the reference has noise of its own.
+    σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| +
+    σ_φd |d|)²), on a grid that is refined around its best point.
+    """
+    driven, turned = lengths_of(meant), np.abs(meant[:, 2])
+    off = done - meant
+    off[np.isnan(off[:, 1]), 1] = 0.0
+    missed = (off[:, :2] * meant[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
+    missed_turn = arrays.wrapped(off[:, 2])
+    long = driven >= max(np.median(driven), 1e-9)
+    ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
+    drive = max(np.sqrt(np.square(ratio).mean()), np.quantile(ratio, _SHARE) / _WITHIN)
+
+    def cost(turn: float, drift: float) -> float:
+        spread = np.maximum(turn * turned + drift * driven, 1e-6)
+        return float((np.log(spread) + 0.5 * np.square(missed_turn / spread)).sum())
+
+    scale = np.sqrt(np.square(missed_turn).mean())
+    best = (scale / max(turned.mean(), 1e-9), scale / max(driven.mean(), 1e-9))
+    width = 100.0
+    for _ in range(_ROUNDS):
+        factors = width ** np.linspace(-1, 1, 7)
+        tried = [(best[0] * a, best[1] * b) for a in factors for b in factors]
+        best = min(tried, key=lambda pair: cost(*pair))
+        width = max(np.sqrt(width), 1.001)
+    return OdometryMotion(drive=float(drive), turn=float(best[0]), drift=float(best[1]))
+
+
+LOG = LogScenario(
+    words="segments of a recorded log, named by log, map and reference in a file of your own",
+    env={"segment": 50.0, "every": "0.2m,5deg", "max_beams": 60},
+    motion=unknown_motion("differential", "m"),  # what is not given if some of it is
+    scan=GaussianUniform(sigma=0.2),  # Nav2's sigma_hit
+    prior=Gaussian(sd_position=0.2, sd_heading=0.1),
+    thresholds=Thresholds(far=1.0, lost=1.0),
+)
+REPLAY = ReplayScenario(
+    **{own.name: getattr(LOG, own.name) for own in fields(LOG)}
+    | {
+        "words": "the whole of a recorded log, as deqmcl replay runs it: each world is another run",
+        "env": {"every": "0.2m,5deg", "max_beams": 60},
+    }
+)

@@ -1,0 +1,200 @@
+"""The runs of localizers on a log: the scores of a localizer, results.csv and trials.csv.
+
+Lengths are in m, angles in rad. Errors are those of best clusters.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from benchmarks.tables.comparison import Comparison
+from benchmarks.tables.journeys import median, value_in
+from benchmarks.tables.pairing import milliseconds_per_step
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.stats import wilson
+from benchmarks.tables.text import csv_text
+from benchmarks.trials.fixes import FOUND, NEAR
+from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.tracks import PoseErrors, Track, middle
+from deqmcl_gym.logs import Log
+from deqmcl_gym.numerics.types import Floats
+
+RESULTS = (
+    "position_median", "position_p95", "heading_median", "position_median_stamps",
+    "heading_median_stamps", "success_1m", "success_1m_low", "success_1m_high", "success_05m",
+    "within_1m", "within_05m", "metres_to_localize", "lost", "coverage_50", "coverage_80",
+    "coverage_95", "nees", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03", "ms_per_step",
+)  # fmt: skip
+_TRIALS = tuple(name for name in RESULTS if not name.endswith(("_low", "_high")))
+_COMPARED = ("success_1m", "metres_to_localize", "position_median")
+_ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", "p_holm": "p_holm"}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that has come to its end: its record, and its track on the log."""
+
+    record: Finished
+    track: Track
+
+    @property
+    def seed(self) -> int:
+        """Which run of the localizer it is."""
+        return self.record.trial.trial
+
+    @cached_property
+    def scores(self) -> dict[str, float]:
+        """Its numbers by column; NaN is not available."""
+        own = recorded(self.record).scores
+        found = {name: math.nan if value is None else value for name, value in own.items()}
+        journey = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
+        found |= {score.name: value_in(self.record, score) for score in journey}
+        return found | {"ms_per_step": milliseconds_per_step([self.record])}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """The runs of a localizer on a log.
+
+    Attributes:
+        label: what it is called.
+        runs: those that came to their end, by seed.
+        failed: how many did not; they count as no success.
+    """
+
+    label: str
+    runs: Sequence[Run]
+    failed: int = 0
+
+    @property
+    def seeds(self) -> int:
+        """How many runs there are."""
+        return len(self.runs) + self.failed
+
+    @cached_property
+    def scores(self) -> dict[str, float]:
+        """Its numbers by column.
+
+        Errors are those of all records of all runs; ``_stamps``: of those at the reference's own
+        times. Success is a share of all runs, lost a share of those that ended. Metres to localize
+        are the median over all runs, where failed runs and those that never localize count as
+        infinite; ms per step the median over those that ended. All else is the mean over these.
+        """
+        if not self.runs:
+            return {}
+        each = [run.scores for run in self.runs]
+        found = {name: float(np.mean([scores[name] for scores in each])) for name in _TRIALS}
+        errors = [run.track.errors for run in self.runs]
+        position, heading = _pooled([(own, slice(None)) for own in errors])
+        stamps = [run.track.at_stamps for run in self.runs]
+        near, turned = _pooled(list(zip(errors, stamps, strict=True)))
+        shares = {f"success_{name}": found[f"success_{name}"] for name in NEAR}
+        shares = {name: share * len(each) / self.seeds for name, share in shares.items()}
+        low, high = wilson(shares[f"success_{FOUND}"], self.seeds)
+        metres = [own["metres_to_localize"] for own in each] + [math.inf] * self.failed
+        return found | {
+            "position_median": middle(position),
+            "position_p95": float(np.quantile(position, 0.95)) if position.size else math.nan,
+            "heading_median": middle(heading),
+            "position_median_stamps": middle(near),
+            "heading_median_stamps": middle(turned),
+            **shares,
+            f"success_{FOUND}_low": low,
+            f"success_{FOUND}_high": high,
+            "metres_to_localize": median(metres),
+            "ms_per_step": milliseconds_per_step([run.record for run in self.runs]),
+        }
+
+    @property
+    def middle(self) -> Run:
+        """The run of the median error, or without a reference of the median agreement."""
+        by = "position_median" if self.runs[0].track.known.size else "agreement_03"
+        ordered = sorted(self.runs, key=lambda run: run.scores[by])
+        return ordered[(len(ordered) - 1) // 2]
+
+    @property
+    def worst(self) -> Run:
+        """The run with the fewest records within 1 m and 30°, then with the largest 95 % error.
+
+        Without a reference, the run of the least agreement.
+        """
+        return min(self.runs, key=worse)
+
+
+def worse(run: Run) -> tuple[float, ...]:
+    """What runs are ordered by, the worst first: see ``Row.worst``."""
+    scores = run.scores
+    if not run.track.known.size:
+        return (scores["agreement_03"],)
+    return scores[f"within_{FOUND}"], -scores["position_p95"]
+
+
+def rows_of(
+    records: Mapping[str, Sequence[Finished]], failed: Mapping[str, int], log: Log
+) -> list[Row]:
+    """Return a row for each of the records' labels.
+
+    Args:
+        records: finished trials by label, in the order of their seeds.
+        failed: number of those that failed by label.
+        log: that they were run on.
+    """
+
+    def run(record: Finished) -> Run:
+        return Run(record, Track(log, np.array(recorded(record).best).T))
+
+    return [
+        Row(label=label, runs=list(map(run, own)), failed=failed.get(label, 0))
+        for label, own in records.items()
+    ]
+
+
+def recorded(record: Finished) -> RecordedTrack:
+    """Return the track in the record of a trial on a whole log."""
+    assert record.track is not None
+    return record.track
+
+
+def results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
+    """Return results.csv: a line per localizer, its scores, then its differences to the first."""
+    compared = {} if panel is None else {panel.labels[row.method]: row for row in panel.present}
+    further = {f"{score}_{end}": (score, end) for score in _COMPARED for end in _ENDS}
+    lines = (
+        [
+            *(row.label, row.seeds, row.failed),
+            *(row.scores.get(name) for name in RESULTS),
+            *(_compared(compared.get(row.label), *which) for which in further.values()),
+        ]
+        for row in rows
+    )
+    return csv_text(["localizer", "seeds", "failed", *RESULTS, *further], lines)
+
+
+def trials_csv(rows: Iterable[Row]) -> str:
+    """Return trials.csv: a line per run that came to its end."""
+    lines = (
+        [row.label, run.seed, *(run.scores[name] for name in _TRIALS)]
+        for row in rows
+        for run in row.runs
+    )
+    return csv_text(["localizer", "seed", *_TRIALS], lines)
+
+
+def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
+    """Return the chosen errors in position and heading of all runs."""
+    return (
+        np.concatenate([own.translation[chosen] for own, chosen in errors]),
+        np.concatenate([own.rotation[chosen] for own, chosen in errors]),
+    )
+
+
+def _compared(row: Comparison | None, score: str, end: str) -> Any:
+    if row is None or row.is_baseline or score not in row.journey:
+        return None
+    return attrgetter(_ENDS[end])(row.journey[score])

@@ -1,0 +1,260 @@
+"""What a localizer estimated at each record of a log, how far off it was, and how that is scored.
+
+Errors are those of the best cluster, as evo computes them: absolute (APE) and relative (RPE). All
+lengths of scores are in m.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.setup.thresholds import Thresholds
+from benchmarks.trials.clouds import calibration, cloud_of, joined, moments
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.fixes import NEAR, Fixes, metre
+from benchmarks.trials.journeys import (
+    Journey,
+    RecordedTrack,
+    WholeRun,
+    finite,
+    four_digits,
+    groups_named,
+    scores_of,
+)
+from benchmarks.trials.metrics import LEVELS, mean
+from deqmcl_gym.logs import Log
+from deqmcl_gym.logs.motion import relative
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.validation import InputError, array
+from localizers import best_cluster, quality_of
+
+AGREE = (0.1, 0.3)  # m that a beam may be off
+AGREEMENTS = ("agreement_01", "agreement_03")
+_GROUPS = groups_named(["lost", "log"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseErrors:
+    """Errors of poses, in position and heading.
+
+    Attributes:
+        translation: lengths, (n,): evo's ``trans_part``.
+        rotation: rad in [0, π], (n,): evo's ``angle_rad``.
+    """
+
+    translation: Floats
+    rotation: Floats
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the translations, evo's first figure; NaN of nothing."""
+        return float(np.sqrt(mean(np.square(self.translation))))
+
+
+def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
+    """APE: how far each pose (n, 3) is from its reference (n, 3), without any alignment.
+
+    A localizer estimates in the map's frame: an alignment would hide its error.
+    """
+    given, true = _pairs(estimate, reference)
+    return _errors(relative(true, given))
+
+
+def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
+    """RPE: how far the motion from pose to pose is from that of the reference."""
+    given, true = _pairs(estimate, reference)
+    driven, meant = (relative(poses[:-1], poses[1:]) for poses in (given, true))
+    return _errors(relative(meant, driven))
+
+
+def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
+    """Share of the beams with a return that are within 0.1 m and 0.3 m of what the map says.
+
+    Args:
+        log: n records.
+        floor_plan: the map.
+        poses: assumed for each scan, (n, 3).
+    """
+    origins = log.scanner.origins(poses.T).T
+    expected = floor_plan.ranges(origins, log.scanner.bearings)
+    seen = np.isfinite(log.ranges)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(expected - log.ranges)[seen] / metre(log.unit)
+    within, well = ((off <= most).mean() if off.size else math.nan for most in AGREE)
+    return float(within), float(well)
+
+
+@dataclass(frozen=True)
+class Track:
+    """The best clusters at the first n records of a log, and their errors.
+
+    Attributes:
+        log: with its reference, if it has one.
+        best: means of the best clusters, (x, y, θ), (n, 3).
+    """
+
+    log: Log
+    best: Floats
+
+    @cached_property
+    def known(self) -> Indices:
+        """The records with a reference, in order."""
+        return self.log.referenced[self.log.referenced < len(self.best)]
+
+    @cached_property
+    def way(self) -> Floats:
+        """Metres driven at each record, by odometry."""
+        way: Floats = self.log.driven[: len(self.best)] / metre(self.log.unit)
+        return way
+
+    @cached_property
+    def errors(self) -> PoseErrors:
+        """APE at the records with a reference, m."""
+        return self._in_metres(absolute, 1)
+
+    @cached_property
+    def relative(self) -> PoseErrors:
+        """RPE from record to record, m."""
+        return self._in_metres(relative_errors, 2)
+
+    @cached_property
+    def at_stamps(self) -> Indices:
+        """Which of the known records are at times of the reference's own poses."""
+        between = self.log.interpolated
+        own = np.ones(self.known.size, bool) if between is None else ~between[self.known]
+        return np.flatnonzero(own)
+
+    def fixes(self, quality: Floats | None = None) -> Fixes:
+        """Where the best cluster is, at the records with a reference.
+
+        Args:
+            quality: P(not lost) at each record, (n,).
+        """
+        unrated = np.full(len(self.best), math.nan)
+        return Fixes(
+            steps=self.known,
+            count=len(self.best),
+            way=self.way[self.known],
+            distance=self.errors.translation,
+            angle=self.errors.rotation,
+            quality=(unrated if quality is None else quality)[self.known],
+        )
+
+    @property
+    def lost(self) -> tuple[int, float] | None:
+        """The record from which on it is never again within 1 m and 30°, and the way there, m."""
+        fixes = self.fixes()
+        first = fixes.lost_at
+        return None if first is None else (int(self.known[first]), float(fixes.way[first]))
+
+    def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
+        if self.log.reference is None or self.known.size < least:
+            return PoseErrors(translation=np.empty(0), rotation=np.empty(0))
+        found = of(self.best, self.log.reference[: len(self.best)])
+        lengths = found.translation / metre(self.log.unit)
+        return PoseErrors(translation=lengths, rotation=found.rotation)
+
+
+class TrackLog:
+    """Collects the track of a run on a log, and scores it by its records.
+
+    Beside the metrics of a trial, which are of the belief's mean at the steps t ≥ 1.
+    """
+
+    def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
+        self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
+        self._best: list[tuple[float, float, float]] = []
+        self._rows: list[tuple[float, float, float]] = []  # rank, NEES, quality
+
+    def see(self, moment: Moment) -> None:
+        """Take in a record."""
+        points = moment.belief.points()
+        if points is None:
+            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
+        clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
+        means = moments(clouds)[:, :4]
+        rank = nees = math.nan
+        if np.isfinite(moment.truth).all():
+            _, rank, nees = calibration(clouds, means, self._log.unit)[0].tolist()
+        quality = quality_of(moment.belief)
+        self._rows.append((rank, nees, math.nan if quality is None else quality))
+        self._best.append(best_cluster(*points, unit=self._log.unit).mean)
+
+    @property
+    def track(self) -> Track:
+        """The track so far."""
+        return Track(self._log, np.array(self._best, np.float64))
+
+    def scores(self) -> dict[str, float]:
+        """Return the scores by records that no journey has; NaN is not available."""
+        track = self.track
+        errors, own = track.errors, track.at_stamps
+        judged = np.array(self._rows)[self._judged :]
+        ranks, nees = (known[np.isfinite(known)] for known in judged.T[:2])
+        last = errors.translation[-self._thresholds.lost_steps :]
+        limit = self._thresholds.lost / metre(self._log.unit)
+        played = self._log.segment(0, len(track.best))
+        fixes = track.fixes()
+        return {
+            **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
+            "position_median": middle(errors.translation),
+            "position_p95": float(np.quantile(errors.translation, 0.95))
+            if track.known.size
+            else math.nan,
+            "heading_median": middle(errors.rotation),
+            "position_median_stamps": middle(errors.translation[own]),
+            "heading_median_stamps": middle(errors.rotation[own]),
+            "lost": float(last.mean() > limit) if last.size else math.nan,
+            **{f"coverage_{p}": mean((ranks <= p / 100).astype(np.float64)) for p in LEVELS},
+            "nees": mean(nees),
+            "ape_rmse": errors.rmse,
+            "rpe_rmse": track.relative.rmse,
+            **dict(zip(AGREEMENTS, agreement(played, self._map, track.best), strict=True)),
+        }
+
+    def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
+        """Return the parts of a record about this run: a journey, with a reference, and a track."""
+        track = self.track
+        x, y, heading = track.best.T.tolist()
+        recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
+        if not track.known.size:
+            return None, recorded
+        fixes = track.fixes(np.array(self._rows)[:, 2])
+        run = Journey(fixes=fixes, driven=track.way, truth=track.best)
+        curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+        journey = WholeRun(
+            scores=finite(scores_of(run, _GROUPS)),
+            curves={name: four_digits(values) for name, values in curves.items()},
+        )
+        return journey, recorded
+
+
+def middle(values: Floats) -> float:
+    """Median; NaN of nothing."""
+    return float(np.median(values)) if values.size else math.nan
+
+
+def _errors(off: Floats) -> PoseErrors:
+    return PoseErrors(
+        translation=np.hypot(off[:, 0], off[:, 1]), rotation=np.abs(arrays.wrapped(off[:, 2]))
+    )
+
+
+def _pairs(estimate: Floats, reference: Floats) -> tuple[Floats, Floats]:
+    """Return the poses that have a reference."""
+    given = array("the estimate", estimate, (None, 3))
+    true = np.asarray(reference, dtype=np.float64)
+    if true.shape != given.shape:
+        raise InputError(
+            f"the reference has shape {true.shape}, but must have that of the estimate, "
+            f"{given.shape}."
+        )
+    known = np.isfinite(true).all(axis=1)
+    if not known.any():
+        raise InputError("no pose has a reference, so there is no error.")
+    return given[known], true[known]
