@@ -130,7 +130,7 @@ def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, ref
     path = copy / "manifest.json"
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"verified": [{"code": 1}]}))
-    refusal(["verify", copy], "manifest.json", "verified")
+    refusal(["verify", copy], "manifest.json has int instead of str at verified[0].code")
     path.write_text(json.dumps(content))
     for trial in (copy / "trials").iterdir():
         trial.unlink()
