@@ -1,7 +1,6 @@
 """The engines a sweep can run on, and what keeps them busy with trials.
 
-An engine gives an ``Executor`` for as long as it is needed. A trial is one of a sweep, or whatever
-else has a function that runs it to its ``Outcome``.
+An engine gives an ``Executor`` for as long as it is needed.
 """
 
 import importlib
@@ -12,7 +11,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from benchmarks.execution import dask
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
@@ -23,8 +22,7 @@ from deqmcl_gym.validation import InputError, in_words, integer, number
 
 TRIES = 3  # of a trial whose worker dies
 
-T = TypeVar("T")
-_InFlight = dict[Future[Outcome], tuple[str, T, float]]  # key, trial, when it was submitted
+_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,9 +142,9 @@ def available_cpus() -> int:
 
 
 def outcomes(
-    jobs: Iterable[tuple[str, T]], engine: Engine, run: Callable[..., Outcome] = attempt
+    jobs: Iterable[tuple[str, Trial]], engine: Engine
 ) -> Generator[tuple[str, Outcome], None, None]:
-    """Run (key, trial) pairs by ``run(trial, key)``; yield (key, outcome) as they finish.
+    """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
     No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
     that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
@@ -157,7 +155,7 @@ def outcomes(
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
-    in_flight: _InFlight[T] = {}
+    in_flight: _InFlight = {}
     hung: list[Future[Outcome]] = []
     while waiting or in_flight:
         if len(hung) == engine.slots:
@@ -167,7 +165,7 @@ def outcomes(
             )
         while waiting and len(in_flight) + len(hung) < engine.slots:
             key, trial = waiting.popleft()
-            future = engine.executor.submit(run, trial, key)
+            future = engine.executor.submit(attempt, trial, key)
             in_flight[future] = key, trial, time.monotonic()
             if future.done():
                 break  # an engine that runs it here: take it at once
@@ -185,7 +183,7 @@ def outcomes(
                 yield key, outcome
 
 
-def _landed(in_flight: _InFlight[T], engine: Engine) -> set[Future[Outcome]]:
+def _landed(in_flight: _InFlight, engine: Engine) -> set[Future[Outcome]]:
     """Wait for futures that are done, or have been in flight for too long."""
     if engine.timeout is None:
         return wait(in_flight, return_when=FIRST_COMPLETED).done

@@ -13,7 +13,7 @@ from localizers.inference import weights
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.parts import Actions, LogWeights, Memory, States
 from localizers.inference.queue import Queue
-from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized_with_log_sum
+from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 from localizers.models.scan import Scan
 
 M = TypeVar("M", bound=Memory)
@@ -149,7 +149,7 @@ class ParticleBelief(_Cloud):
     @cached_property
     def weights(self) -> Floats:
         """Reported weights with sum 1, (n,); read-only."""
-        return normalized_with_log_sum(self.reported_log_weights)[0]
+        return normalized(self.reported_log_weights)
 
     @property
     def effective_sample_size(self) -> float:

@@ -101,6 +101,11 @@ def log_sum_exp(log_weights: LogWeights) -> float:
     return normalize(log_weights, np.empty_like(log_weights))
 
 
+def normalized(log_weights: LogWeights) -> Weights:
+    """Weights with sum 1, (n,)."""
+    return normalized_with_log_sum(log_weights)[0]
+
+
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
     """Weights with sum 1, (n,), and log Σ exp(log w), -inf if all weights are zero."""
     weights = np.empty(log_weights.size)

@@ -15,66 +15,6 @@ from benchmarks.tables.pairing import profile
 from benchmarks.tables.panels import panels
 
 
-@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
-@given(
-    st.lists(st.floats(0, 1), min_size=2, max_size=40),
-    st.sampled_from([0.0, 1e-3, 1.0, 1e6]),
-)
-def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
-    errors = [size * (1 + share) for share in shares]
-    records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
-    for record in records:
-        share = shares[record.trial.trial]
-        for score in record.scores:
-            score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
-    (panel,) = panels(records)
-    seen = []
-
-    def keep(figure, *, name, **_):
-        (axes,) = figure.axes
-        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
-        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
-        places = [place for line in marked for place in line.get_xydata().tolist()]
-        bars = [way for bar in axes.collections for way in bar.get_segments()]
-        places += np.concatenate([np.empty((0, 2)), *bars]).tolist()
-        assert places, name
-        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
-        seen.append(name)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(charts, "picture", keep)
-        for name in ("points", "offset", "speed", "calibration"):
-            getattr(charts, f"{name}_chart")(panel, looks(panel.labels.values()))
-    assert seen == ["points-1", "offsets-1", "speed-1", "calibration-1"]
-
-
-def test_a_method_with_a_long_name_has_room_beside_its_chart():
-    name = "./a/folder/with/a/long/name/localizer.py:Localizer"
-    records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
-    (panel,) = panels(records)
-    (axes,) = charts.points_chart(panel, looks(panel.labels.values())).figure.axes
-    assert axes.get_position().width > 0.3
-
-
-def test_each_chart_over_time_dashes_the_methods_own_baseline(monkeypatch):
-    one, other = ({"params": {"resampler": kind}} for kind in ("systematic", "multinomial"))
-    records = trials("mcl", [10.0], **one) + trials("mcl", [20.0], **other)
-    (panel,) = panels(records + trials("deq-mcl", [15.0], **other))
-    dashed = {}
-
-    def keep(figure, *, title, **_):
-        lines = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
-        dashed[title.rpartition(": ")[2]] = [float(line.get_ydata()[0]) for line in lines]
-
-    monkeypatch.setattr(charts, "picture", keep)
-    charts.time_charts(panel, looks(panel.labels.values()))
-    assert dashed == {
-        "mcl resampler=systematic": [],
-        "mcl resampler=multinomial": [],
-        "deq-mcl": [20.0],
-    }
-
-
 def axes_of(module, draw):
     """The axes of each picture that ``draw`` makes of a module, by name."""
     found = {}
@@ -86,6 +26,53 @@ def axes_of(module, draw):
         patch.setattr(module, "picture", keep)
         draw()
     return found
+
+
+@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=40), st.sampled_from([0.0, 1e-3, 1.0, 1e6]))
+def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
+    errors = [size * (1 + share) for share in shares]
+    records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
+    for record in records:
+        share = shares[record.trial.trial]
+        for score in record.scores:
+            score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
+    (panel,) = panels(records)
+    look = looks(panel.labels.values())
+
+    def draw():
+        for name in ("points", "offset", "speed", "calibration"):
+            getattr(charts, f"{name}_chart")(panel, look)
+
+    found = axes_of(charts, draw)
+    assert [*found] == ["points-1", "offsets-1", "speed-1", "calibration-1"]
+    for name, axes in found.items():
+        (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+        places = [place for line in marked for place in line.get_xydata().tolist()]
+        bars = [way for bar in axes.collections for way in bar.get_segments()]
+        places += np.concatenate([np.empty((0, 2)), *bars]).tolist()
+        assert places, name
+        assert all(left <= x <= right and ends[0] <= y <= ends[1] for x, y in places), name
+
+
+def test_a_method_with_a_long_name_has_room_beside_its_chart():
+    name = "./a/folder/with/a/long/name/localizer.py:Localizer"
+    records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
+    (panel,) = panels(records)
+    (axes,) = charts.points_chart(panel, looks(panel.labels.values())).figure.axes
+    assert axes.get_position().width > 0.3
+
+
+def test_each_chart_over_time_dashes_the_methods_own_baseline():
+    one, other = ({"params": {"resampler": kind}} for kind in ("systematic", "multinomial"))
+    records = trials("mcl", [10.0], **one) + trials("mcl", [20.0], **other)
+    (panel,) = panels(records + trials("deq-mcl", [15.0], **other))
+    found = axes_of(charts, lambda: charts.time_charts(panel, looks(panel.labels.values())))
+    assert [*panel.labels.values()][2] == "deq-mcl"
+    assert [[*line.get_ydata()[:1]] for axes in found.values() for line in axes.lines
+            if line.get_linestyle() == "--"] == [[20.0]]  # fmt: skip
+    assert any(line.get_linestyle() == "--" for line in [*found.values()][2].lines)
 
 
 def estimates_in(axes):

@@ -133,28 +133,21 @@ def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number
 
 
 def test_settings_are_panels_named_by_what_sets_them_apart():
-    records = [
-        finished("mcl", 0, 1.0, world={"noise.drive": 0.1}),
-        finished("mcl", 0, 1.0, assumed={"scan.sigma": 5.0}, lag=10),
-        finished("mcl", 0, 1.0, disturbance=[{"kind": "kidnap", "step": 100}]),
-        finished("mcl", 0, 1.0, world={"lidar.sigma": 5.0}, assumed={"scan.sigma": 5.0}),
-        finished("mcl", 0, 1.0, world={"lidar.sigma": 5.0}, assumed={"scan.sigma": 9.0}),
-        finished(
-            "mcl",
-            0,
-            1.0,
-            world={"lidar.sigma": 5.0, "noise.turn": 0.1},
-            assumed={"scan.sigma": 5.0},
-        ),
-    ]
-    assert [panel.title for panel in panels(records)] == [
-        "scenario paper, noise.drive 0.1, L 20",
-        "scenario paper, assumed scan.sigma 5.0, L 10",
-        "scenario paper, kidnap step 100, L 20",
-        "scenario paper, lidar.sigma 5.0, filters assume the same, L 20",
-        "scenario paper, lidar.sigma 5.0, assumed scan.sigma 9.0, L 20",
-        "scenario paper, lidar.sigma 5.0, noise.turn 0.1, assumed scan.sigma 5.0, L 20",
-    ]
+    noisy, assumed = {"lidar.sigma": 5.0}, {"scan.sigma": 5.0}
+    named = {
+        "noise.drive 0.1, L 20": {"world": {"noise.drive": 0.1}},
+        "assumed scan.sigma 5.0, L 10": {"assumed": assumed, "lag": 10},
+        "kidnap step 100, L 20": {"disturbance": [{"kind": "kidnap", "step": 100}]},
+        "lidar.sigma 5.0, filters assume the same, L 20": {"world": noisy, "assumed": assumed},
+        "lidar.sigma 5.0, assumed scan.sigma 9.0, L 20": {
+            "world": noisy, "assumed": {"scan.sigma": 9.0}
+        },
+        "lidar.sigma 5.0, noise.turn 0.1, assumed scan.sigma 5.0, L 20": {
+            "world": noisy | {"noise.turn": 0.1}, "assumed": assumed
+        },
+    }  # fmt: skip
+    records = [finished("mcl", 0, 1.0, **setting) for setting in named.values()]
+    assert [one.title for one in panels(records)] == [f"scenario paper, {it}" for it in named]
 
 
 def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():

@@ -1,15 +1,17 @@
-"""Scores of whole runs: of hand-made ones, and of filters whose answer is known."""
+"""Whole runs: when a robot is localized, committed or found again, and the scores of that."""
 
 import math
 from itertools import islice
 
 import numpy as np
 import pytest
-from test_fixes import fixes
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.setup.changes import Changes
-from benchmarks.setup.names import scenario
+from benchmarks.setup.names import make_agent, scenario
 from benchmarks.trials.episode import moments
+from benchmarks.trials.fixes import NEAR, RECOVERED_STEPS, Fixes, driven, metre
 from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import (
     GROUPS,
@@ -26,6 +28,89 @@ from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.maps import PolygonMap
 from localizers import make
+
+NEVER = math.inf
+
+
+def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stride=0.5):
+    """Fixes of a run that drives ``stride`` metres a step."""
+    off = np.array(distance, np.float64)
+    at = np.arange(off.size) if steps is None else np.array(steps)
+    return Fixes(
+        steps=at,
+        count=count or off.size,
+        way=stride * at,
+        distance=off,
+        angle=np.broadcast_to(np.array(angle, np.float64), off.shape),
+        quality=np.broadcast_to(np.array(quality, np.float64), off.shape),
+    )
+
+
+@pytest.mark.parametrize(
+    ("distance", "metres"),
+    [
+        ([0, 0, 0, 0], 0.0),
+        ([5, 5, 0.9, 1.0], 1.0),
+        ([5, 0, 0, 5, 5, 0, 0, 0], 2.5),  # lost again: from where on it stays so
+        ([0, 0, 0, 1.001], NEVER),  # lost in the last step
+        ([5, 5, 5], NEVER),
+    ],
+)
+def test_metres_to_localize_are_those_from_where_on_it_stays_localized(distance, metres):
+    assert fixes(distance).metres_to_localize == metres
+
+
+def test_both_the_distance_and_the_angle_must_be_near():
+    half_right = [[0.4, 0.6, 1.0, 1.1], np.radians([9, 9, 30, 0])]
+    assert fixes(*half_right).localized("05m").tolist() == [True, False, False, False]
+    assert fixes(*half_right).localized("1m").tolist() == [True, True, True, False]
+
+
+def test_success_is_judged_in_every_step_of_the_last_quarter_and_in_no_other():
+    assert fixes([9, 9, 9, 9, 9, 9, 0, 0]).success("1m") == 1
+    assert fixes([0, 0, 0, 0, 0, 0, 9, 0]).success("1m") == 0
+    # the reference of a log ends early: nothing is known of its last quarter
+    assert math.isnan(fixes([0, 0], steps=[0, 1], count=8).success("1m"))
+
+
+@given(st.lists(st.floats(0, 3), min_size=1, max_size=30))
+def test_a_success_is_localized_before_the_last_quarter_begins(distance):
+    run = fixes(distance)
+    assert math.isfinite(run.metres_to_localize) == (distance[-1] <= NEAR["1m"][0])
+    if run.success("1m"):
+        assert run.metres_to_localize <= run.way[run.last][0]
+
+
+def test_a_commitment_is_false_above_one_half_and_beyond_two_metres():
+    run = fixes([3, 3, 2, 3, 3], quality=[0.9, 0.5, 0.9, 0.51, math.nan])
+    assert run.false.tolist() == [True, False, False, True, False]
+    assert run.rated.tolist() == [False, True, True, True, False]  # nothing was seen at t = 0
+
+
+def test_a_kidnapped_robot_is_found_where_twenty_good_steps_on_end_begin():
+    bad, good = [9.0], [0.45]
+    short = good * (RECOVERED_STEPS - 1)
+    before = good * 10
+    found = before + bad * 4 + short + bad + good * RECOVERED_STEPS + bad
+    assert fixes(found).metres_to_recover(10) == 0.5 * (4 + len(short) + 1)
+    assert fixes(before + bad * 4 + short).metres_to_recover(10) == NEVER
+    assert fixes(before + good * 30).metres_to_recover(10) == 0
+    assert fixes(before).metres_to_recover(10) == NEVER  # carried off in the last step
+
+
+def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
+    assert driven([[1.0, 9.0], [-2.0, 0.0]]).tolist() == [0, 1, 3]
+    assert driven([[-2.0, 0.0, 9.0], [0.3, 0.4, 7.0]]).tolist() == [0, 2, 2.5]
+    assert (metre("px"), metre("m")) == (50.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("distance", "lost_at"),
+    [([0, 0, 5, 0], None), ([0, 5, 0, 5, 5], 3), ([5, 5], 0), ([0, 0, 1.001], 2), ([], None)],
+)
+def test_it_is_lost_from_the_first_step_after_which_it_is_never_again_localized(distance, lost_at):
+    assert fixes(distance).lost_at == lost_at
+
 
 STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
 
@@ -84,15 +169,12 @@ def test_the_split_is_the_smaller_share_of_what_is_near_either_place():
 
 def test_every_score_says_how_a_failed_run_counts_if_methods_are_compared_by_it():
     tested = [score for group in GROUPS for score in group.scores if score.tested]
+    shares = dict.fromkeys(("success_1m", "recovered", "success"), 0)
+    metres = dict.fromkeys(("metres_to_localize", "metres_to_recover"), math.inf)
     errors = {score.name for score in tested if math.isnan(score.failed)}
     assert errors == {"position_median"}  # of a run that failed it is unknown
-    assert {score.name: score.failed for score in tested if score.name not in errors} == {
-        "success_1m": 0,
-        "metres_to_localize": math.inf,
-        "recovered": 0,
-        "metres_to_recover": math.inf,
-        "success": 0,
-    }
+    found = {score.name: score.failed for score in tested if score.name not in errors}
+    assert found == shares | metres
 
 
 def test_a_half_turn_is_found_where_the_map_has_one():
@@ -113,8 +195,8 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 
 
 def trial(**parts):
-    given = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
-    return Trial(**given | {"params": Changes({"particles": 300})} | parts)
+    usual = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
+    return Trial(**usual | {"params": Changes({"particles": 300})} | parts)
 
 
 ANYWHERE = (("prior.kind", "uniform"),)
@@ -143,13 +225,8 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
         0,
         scenario("sharp").thresholds,
     ).journey
-    assert kept.scores == {
-        "success_1m": 1,
-        "success_05m": 1,
-        "metres_to_localize": 0,
-        "false_commitment": 0,
-        "false_steps": 0,
-    }
+    nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
+    assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
     assert [len(curve) for curve in kept.curves.values()] == [205] * 3
     assert kept.curves["way"][-1] == pytest.approx(0.1 * 180)  # 180 drives of 5 px, 24 turns
 
@@ -172,12 +249,15 @@ def test_where_two_places_fit_a_filter_that_does_not_see_the_plan_stays_split_be
     setup = scenario("sharp").changed({"lidar.sigma": 40.0}, {"scan.sigma": 40.0})
     steps, particles, seeds = 20, 2000, 6
     room = setup.room()
-    shares = []
+    robot, shares = setup.robot_model(room), []
     for seed in range(seeds):
-        localizer = make("mcl-map", setup.robot_model(room), particles=particles)
+        localizer, agent = (
+            make("mcl-map", robot, particles=particles),
+            make_agent("open-loop", robot),
+        )
         log = JourneyLog(Stage.of(trial()).task, groups_named(["lost", "ambiguity"]))
         rng = np.random.default_rng(seed)
-        episode = moments(room, OpenLoop(), localizer, lambda: TwoPlaces(room), rng, seed=1)
+        episode = moments(room, agent, localizer, lambda: TwoPlaces(room), rng, seed=1)
         for moment in islice(episode, steps + 1):
             log.see(moment)
         masses = log.journey().masses[-1]
@@ -187,16 +267,6 @@ def test_where_two_places_fit_a_filter_that_does_not_see_the_plan_stays_split_be
     sd = math.sqrt(0.25 * steps / particles)
     assert abs(np.mean(shares) - 0.5) < 4 * sd / math.sqrt(seeds)  # by chance in 1 of 16,000
     assert max(abs(share - 0.5) for share in shares) < 5 * sd
-
-
-class OpenLoop:
-    """Carries out the plan."""
-
-    def plan_at_reset(self, info):
-        return None
-
-    def act(self, belief, info):
-        return info["planned_actions"][0], None
 
 
 def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():

@@ -1,14 +1,14 @@
 """Scenario ``log``: a segment of a recorded log is a world, the same for all methods."""
 
-import csv
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall
+from refusals import refused
 
-from benchmarks.cli import main
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
@@ -16,7 +16,6 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import increments_of, lengths_of
-from deqmcl_gym.validation import InputError
 from localizers import OdometryMotion
 from localizers.models.nav2_motion import MOTION_MODELS, DifferentialMotion, unknown_motion
 
@@ -173,16 +172,16 @@ def test_a_result_is_named_by_what_is_in_the_files_of_its_world(folder):
 def test_a_sweep_goes_over_a_log_and_says_what_is_damaged(folder, capsys):
     torn = folder / "data" / "lap.csv"
     torn.write_text(torn.read_text() + "1,2,3\n")
-    out = str(folder / "out")
-    assert main(["sweep", str(folder / "sweep.toml"), "--out", out, "--jobs", "1"]) == 0
+    out = folder / "out"
+    assert exit_code("sweep", folder / "sweep.toml", "--out", out, "--jobs", "1") == 0
     said = capsys.readouterr().err
     assert said.count("skipped 1 of 62 records: 1 unreadable") == 1
-    with open(folder / "out" / "trials.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["offset"] == "0"]
+    rows = [row for row in lines(out) if row["offset"] == "0"]
     assert len(rows) == 6
     assert all(float(row["position_rmse"]) < 0.5 for row in rows if row["method"] == "mcl")
 
 
+KIDNAP = 'kind = "kidnap"\nstep = 3'
 BAD = [
     ("log = ", "", "names no log"),
     ("map = ", "", "names no map"),
@@ -194,30 +193,23 @@ BAD = [
     ("segment", 'plan = "odo"\nsegment', "plan"),
     ("[params]", '[assumed]\nmotion.kind = "omny"\n[params]', "did you mean 'omni'?"),
     ("[params]", "[assumed]\nmotion.drive = 0.1\n[params]", "'motion.drive'"),
-    (
-        "[params]",
-        '[[disturbance]]\nkind = "kidnap"\nstep = 3\n[params]',
-        "needs deqmcl_gym/Room-v0",
-    ),
+    ("[params]", f"[[disturbance]]\n{KIDNAP}\n[params]", "needs deqmcl_gym/Room-v0"),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "named"), BAD)
 def test_a_bad_world_is_refused_in_one_sentence_before_anything_is_written(
-    folder, capsys, old, new, named
+    folder, refusal, old, new, named
 ):
-    lines = SWEEP.splitlines()
-    text = "\n".join(line for line in lines if new or not line.startswith(old)).replace(old, new)
+    kept = [line for line in SWEEP.splitlines() if new or not line.startswith(old)]
+    text = "\n".join(kept).replace(old, new)
     (folder / "sweep.toml").write_text(text)
-    assert main(["sweep", str(folder / "sweep.toml"), "--out", str(folder / "out")]) == 2
-    said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert named in said
-    assert said.startswith("deqmcl: ")
+    refusal(["sweep", folder / "sweep.toml", "--out", folder / "out"], named)
     assert not (folder / "out").exists()
 
 
 def test_an_agent_that_would_drive_a_log_is_refused(folder):
     changed = SCENARIO.replace("[env]", 'agent = "on-estimate"\n[env]\nplan = "none"')
     (folder / "hall.toml").write_text(changed)
-    with pytest.raises(InputError, match="recorded actions"):
+    with refused("recorded actions"):
         scenario(str(folder / "hall.toml")).room()

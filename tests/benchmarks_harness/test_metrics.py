@@ -1,12 +1,11 @@
 """Each score against plain arithmetic, and what a new one takes."""
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from deqmcl_command import python
 from report_cases import parsed
 
 from benchmarks.trials import metrics
@@ -119,13 +118,5 @@ print(trials_csv([changed(finished("mcl", 0, 1.0), **msgspec.structs.asdict(made
 
 
 def test_a_metric_defined_in_one_place_is_in_records_and_tables():
-    done = subprocess.run(
-        [sys.executable, "-c", NEW_METRIC],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    (row,) = parsed(done.stdout)
+    (row,) = parsed(python("-c", NEW_METRIC, cwd=Path(__file__).parent))
     assert float(row["rightmost"]) == 4

@@ -1,10 +1,13 @@
-"""Progress without a terminal: a line a minute, and nothing more."""
+"""What a user is told while waiting: in a terminal, and without one a line a minute."""
 
+import io
 import re
+import sys
 import time
 
 import pytest
 
+from benchmarks import console
 from benchmarks.sweeps import running
 from benchmarks.sweeps.running import counted
 
@@ -34,3 +37,37 @@ def test_a_run_of_less_than_a_second_says_nothing(tmp_path, capsys, shown):
         count(False)
         count(False)
     assert capsys.readouterr().err == ""
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("stream", [io.StringIO, Terminal])
+def test_only_what_takes_long_is_told(monkeypatch, stream):
+    monkeypatch.setattr(console, "PATIENCE", 0.2)
+    monkeypatch.setattr(sys, "stderr", stream())
+    with console.doing("blinking"):
+        pass
+    assert sys.stderr.getvalue() == ""
+    with console.doing("sleeping"):
+        time.sleep(0.5)
+    said = sys.stderr.getvalue()
+    if stream is Terminal:
+        first, blank, end = said.split("\r")[1:]
+        assert (first, blank, end) == ("sleeping … 0 s", " " * len(first), "")
+    else:
+        assert said == "deqmcl: sleeping …\n"
+
+
+def test_the_bar_names_the_sweep_and_counts_failures(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with counted(tmp_path / "quick", 4, 3) as count:
+        count(False)
+        count(True)
+        count(True)
+    first, *_, last = sys.stderr.getvalue().strip().split("\r")
+    assert first.startswith("quick:  25%")
+    assert "failed" not in first
+    assert "2 failed" in last

@@ -1,10 +1,9 @@
 """What makes a result out of date: any code that a trial runs, and no other."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from deqmcl_command import python
 
 from benchmarks import trials
 from benchmarks.trials import provenance
@@ -46,11 +45,7 @@ def modules(package):
 @pytest.fixture(scope="module")
 def seen():
     """Modules of the harness that trials load, and files of ours that they execute."""
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, ROOT], capture_output=True, text=True, check=False, timeout=400
-    )
-    assert done.returncode == 0, done.stderr
-    loaded, executed = done.stdout.splitlines()
+    loaded, executed = python("-c", RUN, ROOT).splitlines()
     return set(loaded.split()) - {"benchmarks"}, {Path(path) for path in executed.split()}
 
 
@@ -108,8 +103,7 @@ class C: 'another text'
 
 
 @pytest.mark.parametrize(
-    "other",
-    ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"],
+    "other", ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"]
 )
 def test_the_digest_is_of_what_code_does_whatever_its_words_and_layout(digest_of, other):
     package = provenance.PACKAGES[0]

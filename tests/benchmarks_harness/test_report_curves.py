@@ -1,23 +1,35 @@
-"""Curves over what was swept."""
+"""Curves over what was swept, and the map of regimes where three numbers were."""
 
+import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from itertools import product
 
 import matplotlib as mpl
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_cases import trials
+from report_cases import changed, trials
+from test_journey_tables import run
 
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.svg import HOUSE_STYLE, looks
+from benchmarks.report.swept import charts_over, regime_maps
+from benchmarks.setup.changes import Changes
 from benchmarks.tables.panels import panels
+
+
+@pytest.fixture(autouse=True)
+def house_style():
+    with mpl.rc_context(HOUSE_STYLE):
+        yield
 
 
 def curves(records, quantity=ERROR):
     found = panels(records)
-    look = looks(label for panel in found for label in panel.labels.values())
-    with mpl.rc_context(HOUSE_STYLE):
-        return swept_charts(found, look, quantity)
+    return swept_charts(
+        found, looks(name for one in found for name in one.labels.values()), quantity
+    )
 
 
 def words_of(chart):
@@ -104,3 +116,64 @@ def test_words_seeds_and_single_values_make_no_curve():
     for seed, kind in product((0, 1), ("systematic", "multinomial")):
         records += trials("mcl", [1.0], seed=seed, params={"resampler": kind, "particles": 10})
     assert curves(records) == []
+
+
+BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
+WORLDS = 12
+
+
+def at(record, beams, width, length):
+    world = {
+        "floor_plan.office.corridor": width,
+        "lidar.beams": beams,
+        "route.max_length": length[1],
+        "route.min_length": length[0],
+    }
+    return changed(record, trial=replace(record.trial, world=Changes(world)))
+
+
+def regimes(lengths=LENGTHS):
+    """The plan pays with long routes and four beams, and costs with long routes and one."""
+    records = []
+    for beams, width, length in product(BEAMS, WIDTHS, lengths):
+        for world in range(WORLDS):
+            ahead = 0.0 if length == LENGTHS[0] else 6.0 if beams == 4 else -6.0
+            for method, metres in (("mcl-map", 7.0), ("mcl-plan", 7.0 - ahead)):
+                found = run(method, world, metres, success=float(metres < 7 + (world % 2)))
+                records.append(at(found, beams, width, length))
+    return panels(records, "mcl-map")
+
+
+def cells(picture):
+    return [" ".join(found.split()) for found in re.findall(r"<text[^>]*>([^<]*)<", picture.source)]
+
+
+def test_three_numbers_give_a_map_for_each_tested_score_and_no_curves():
+    drawn = regime_maps(regimes())
+    assert [one.name for one in drawn] == ["regimes-success-1m-1", "regimes-metres-to-localize-1"]
+    look = looks(["mcl-map", "mcl-plan"])
+    assert [one.name for one in charts_over(regimes(), look)] == [one.name for one in drawn]
+
+
+def test_a_cell_has_the_difference_its_interval_and_both_values():
+    success, metres = map(cells, regime_maps(regimes()))
+    assert metres.count("−6.0") == 2  # four beams, long routes, both widths
+    assert metres.count("+3.0") == 2  # 10 m were driven at most
+    assert metres.count("+0.0") == 4
+    assert metres.count("7.0 → 1.0 m") == metres.count("7.0 → 10.0 m") == 2
+    assert success.count("50 → 100 %") == success.count("50 → 0 %") == 2
+    for told in (success, metres):
+        assert told.count("floor_plan.office.corridor") == 2
+        assert told.count("max_length 60.0, min_length 40.0") == 1
+
+
+def test_it_counts_where_the_method_is_clearly_ahead_and_where_behind():
+    _, metres = regime_maps(regimes())
+    assert metres.alt.endswith("ahead of the baseline in 2 of 8 settings, clearly behind in 2.")
+
+
+def test_two_numbers_are_drawn_as_curves():
+    few = regimes(LENGTHS[:1])
+    assert regime_maps(few) == []
+    titles = [one.title for one in charts_over(few, looks(["mcl-map", "mcl-plan"]))]
+    assert titles[0].startswith("Runs localized to the end over ")  # what they are about, not e

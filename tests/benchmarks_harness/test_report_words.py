@@ -1,13 +1,13 @@
-"""What a report says of made-up results."""
+"""What a report says of made-up results: findings, verdict, tables in words."""
 
 import re
 
 import pytest
-from report_cases import changed, finished, paired, results, trial_of, trials
+from report_cases import changed, finished, paired, parsed, results, trials, written
 
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
-from benchmarks.report.words import findings
+from benchmarks.report.words import conclusion, findings, power_hint, runner_up, spoken
 from benchmarks.setup.thresholds import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
@@ -28,10 +28,7 @@ FINDINGS = {
     "Smaller error than MCL: a.": (20, [16] * 25),
     "Larger error than MCL: a.": (20, [24] * 25),
     "Statistically indistinguishable from MCL: a.": (20, [19, 21] * 15),
-    "Smaller error than MCL, but not confirmed by the signed-rank test: a.": (
-        20,
-        [16, 17, 18, 19],
-    ),
+    "Smaller error than MCL, but not confirmed by the signed-rank test: a.": (20, [16, 17, 18, 19]),
     "Exactly the error of MCL at x[t] in every world: a.": (5, [5] * 20),
     "Not compared with MCL (one world is too few): a.": (5, [1]),
 }
@@ -76,21 +73,9 @@ def test_worlds_that_are_not_shared_are_not_compared():
     assert sentence == "Not compared with MCL (no finished world in common): a."
 
 
-def test_progress_says_n_of_n_and_what_is_missing():
-    records = paired({"mcl": (20.0, ONE)}, worlds=3)
-    assert words.progress(results(records)) == "3 of 3 trials finished."
-    partial = results(records, failures=[(trial_of("x", 0), "boom")], missing=2)
-    assert words.progress(partial) == (
-        "3 of 6 trials finished, 1 failed, 2 not run yet: this report is partial."
-    )
-
-
 def test_the_overview_counts_localizers_settings_worlds_and_seeds():
-    records = [
-        r
-        for s in (0, 1)
-        for r in paired({"mcl": (1.0, ONE), "deq-mcl": (1.0, ONE)}, 3, filter_seed=s)
-    ]
+    two = {"mcl": (1.0, ONE), "deq-mcl": (1.0, ONE)}
+    records = [one for seed in (0, 1) for one in paired(two, 3, filter_seed=seed)]
     text = words.overview(results(records), [panel_of(records)])
     assert text.startswith(
         "2 localizers (MCL, DEQ-MCL) on 1 setting, 3 worlds per setting, each with 2 filter seeds."
@@ -158,3 +143,87 @@ def test_the_verdict_says_what_lost_means_of_how_many_runs_and_with_which_parame
     assert "above 1.5 m on average over the last 9 states" in table.caption
     assert table.caption.endswith("Parameters of all methods that take them: particles 300.")
     assert table.lines[0][5] == "0 % of 3 (0 to 56)"
+
+
+def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
+    records = paired({"mcl": (20.0, ONE), "mcl-map": (15.0, ONE), "grid": (17.0, ONE)}, worlds=30)
+    written(tmp_path, results(records))
+    rows = {row["method"]: row for row in parsed((tmp_path / "results.csv").read_text())}
+    times = parsed((tmp_path / "timings.csv").read_text())
+    spent = {row["method"]: float(row["ms_per_step"]) for row in times}
+    best = rows["mcl-map"]
+    low, mean, high = (-100 * float(best[f"relative{end}"]) for end in ("_high", "", "_low"))
+    expected = (
+        f"Map-based MCL is best: {float(best['error']):.1f} px, {mean:.0f} % "
+        f"below MCL (95 %: {low:.0f} to {high:.0f}), smaller in "
+        f"{float(best['win_rate']) * int(best['paired_worlds']):g} of 30 worlds; costs "
+        f"{spent['mcl-map'] / spent['mcl']:.2g} × the time."
+    )
+    assert float(best["relative"]) == pytest.approx(
+        float(best["diff"]) / float(rows["mcl"]["error"])
+    )
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.search('<p class="verdict">(.*?)</p>', page)[1] == expected
+    assert expected in (tmp_path / "results.md").read_text(encoding="utf-8").replace("\\", "")
+    assert conclusion(results(records)) == expected
+
+
+CASES = {
+    "MCL: 20.0 px; nothing to compare it with.": {"mcl": [20.0] * 9},
+    "No method is better than the baseline, MCL: 20.0 px.": {"mcl": [20.0] * 9, "a": [21.0] * 9},
+    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 16.0 px, "
+    "20 % below (95 %: 20 to 20), smaller in 5 of 5 worlds; 5 worlds cannot give p < 0.05 in 1 "
+    "test, 6 can.": {"mcl": [20.0] * 5, "a": [16.0] * 5},
+    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 19.0 px, "
+    "5.0 % below (95 %: −1.2 to 11.6), smaller in 5 of 8 worlds; p = 0.25.": {
+        "mcl": [20.0] * 8,
+        "a": [16.0, 17, 18, 18.5, 19.5, 20.5, 21, 21.5],
+    },
+    "Dead reckoning on the plan is best: 9.00 px, 55 % below MCL (95 %: 55 to 55), smaller in 9 of "
+    "9 worlds; costs 4.7 × the time. Of the methods that use scans, a is best: 16.0 px, 20 % below "
+    "MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × the time.": {
+        "mcl": [20.0] * 9,
+        "dead-reckoning": [9.0] * 9,
+        "a": [16.0] * 9,
+    },
+    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
+    "the time.": {"mcl": [20.0] * 9, "a": [16.0] * 9},
+    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
+    "the time (b has 14.4 px, which is not confirmed).": {
+        "mcl": [20.0] * 9,
+        "a": [16.0] * 9,
+        "b": [1.0, 1, 1, 1, 21, 22, 27, 27, 29],
+    },
+}
+
+
+@pytest.mark.parametrize("expected", CASES)
+def test_the_verdict_says_only_what_is_known(expected):
+    records = [one for name, errors in CASES[expected].items() for one in trials(name, errors)]
+    assert spoken(panel_of(records)) == expected
+
+
+def test_of_several_settings_it_is_counted_who_is_best():
+    records = paired({"mcl": (20.0, ONE), "deq-mcl": (16.0, ONE)})
+    records += paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="sharp")
+    assert conclusion(results(records)) == (
+        "Of 2 settings, DEQ-MCL is best in 1; in 1 no method is confirmed to be better than MCL."
+    )
+    assert conclusion(results(records[-2:] + records[:2])).startswith("In none of 2 settings")
+    assert conclusion(results([])) == "No trial is finished."
+
+
+def test_the_next_method_is_named_with_what_it_is_behind():
+    better = trials("mcl", [20.0] * 9) + trials("a", [16.0] * 9)
+    panel = panel_of(better + trials("b", [17.0] * 9))
+    assert runner_up(panel) == "Next is b, 17.0 px: 1.00 px behind (95 %: 1.00 to 1.00)."
+    assert runner_up(panel_of(better)) == ""  # the sentence before has it
+
+
+def test_the_hint_names_a_number_of_worlds_for_every_method_that_differs():
+    records = paired({"mcl": (20.0, ONE), "a": (19.9, ONE)}) + trials("b", [20.0] * 12)
+    assert re.fullmatch(
+        r"Worlds needed to detect a difference of 1 px to MCL with 80 % power: about [\d,]+ for a, "
+        r"[\d,]+ for b\.",
+        power_hint(panel_of(records)),
+    )

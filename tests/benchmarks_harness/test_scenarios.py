@@ -1,11 +1,11 @@
 """Scenarios: ours and users', what a trial changes of them, and how they are refused."""
 
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
 from benchmarks.setup.thresholds import Thresholds
@@ -13,21 +13,13 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.map import scaled
-from deqmcl_gym.validation import InputError
 from localizers import BeamModel, CensoredGaussianUniform
 from localizers.models.nav2_motion import unknown_motion
 
 
 def trial(**changes):
-    base = {
-        "scenario": "sharp",
-        "localizer": "dead-reckoning",
-        "params": (),
-        "lag": 0,
-        "seed": 0,
-        "trial": 0,
-    }
-    return Trial(**base | changes)
+    few = {"scenario": "sharp", "localizer": "dead-reckoning", "params": ()}
+    return Trial(**few | {"lag": 0, "seed": 0, "trial": 0} | changes)
 
 
 def test_a_change_of_the_world_reaches_the_world_and_leaves_the_other_streams_alone():
@@ -47,12 +39,9 @@ def test_an_assumption_reaches_the_filters_and_no_other_and_the_world_is_not_cha
     assert changed.scan == replace(sharp.scan, sigma=7.0)
     assert changed.motion == replace(sharp.motion, drive=0.3)
     assert changed.prior == replace(sharp.prior, sd_heading=0.5)
-    ours, theirs = (
-        list(
-            Stage.of(trial(localizer="mcl", params=(("particles", 20),), assumed=assumed)).moments()
-        )
-        for assumed in ((), (("scan.sigma", 50.0),))
-    )
+    mcl = trial(localizer="mcl", params=(("particles", 20),))
+    others = replace(mcl, assumed=(("scan.sigma", 50.0),))
+    ours, theirs = (list(Stage.of(one).moments()) for one in (mcl, others))
     assert np.array_equal([m.ranges for m in ours], [m.ranges for m in theirs])
     assert not np.array_equal(ours[-1].belief.points()[0], theirs[-1].belief.points()[0])
 
@@ -134,16 +123,6 @@ BAD = [
     ({"disturbance": ((("kind", "kidnap"), ("stop", 3)),)}, ["did you mean 'step'?"]),
     ({"disturbance": ((("kind", "dropout"), ("probability", 2)),)}, ["probability", "2"]),
 ]
-
-
-@contextmanager
-def refused(*named):
-    """What is done in here is refused in one sentence with these words."""
-    with pytest.raises(InputError) as caught:
-        yield
-    assert str(caught.value).count(". ") == 0
-    for words in named:
-        assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(("changes", "named"), BAD)
@@ -257,6 +236,9 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
         scenario(str(path))
 
 
+agent = partial(make_agent, robot=None)
+
+
 @pytest.mark.parametrize(
     ("find", "name", "named"),
     [
@@ -264,13 +246,9 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
         (scenario, "gone.toml", ["gone.toml", "is not there"]),
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
         (scenario, "math:pi", ["the scenario 'math:pi' is of type float", "a Scenario"]),
-        (partial(make_agent, robot=None), "open-lop", ["'open-loop'?", "file.py:NAME"]),
-        (
-            partial(make_agent, robot=None),
-            "math:pi",
-            ["'math:pi'", "float", "plan_at_reset", "act"],
-        ),
-        (partial(make_agent, robot=None), "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
+        (agent, "open-lop", ["'open-loop'?", "file.py:NAME"]),
+        (agent, "math:pi", ["'math:pi'", "float", "plan_at_reset", "act"]),
+        (agent, "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
     ],
 )
 def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name, named):

@@ -6,20 +6,14 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError
 
-TRIAL = Trial(
-    scenario="paper",
-    localizer="deq-mcl",
-    params={"lag": 20, "particles": 1000},
-    lag=20,
-    seed=0,
-    trial=3,
-)
+PARAMS = {"lag": 20, "particles": 1000}
+TRIAL = Trial(scenario="paper", localizer="deq-mcl", params=PARAMS, lag=20, seed=0, trial=3)
 CHANGED = {
     "scenario": "matched",
     "world": {"lidar.beams": 9},
@@ -41,9 +35,11 @@ def stream(trial):
 
 
 @pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
-def test_every_field_is_part_of_the_name_of_a_result(field):
+def test_every_field_is_in_the_name_of_a_result_and_few_are_in_the_seeds(field):
     other = replace(TRIAL, **{field: CHANGED[field]})  # KeyError: a new field needs a case here
     assert other.key("p") != TRIAL.key("p")
+    assert (other.world_seed != TRIAL.world_seed) == (field in WORLD)
+    assert (stream(other) != stream(TRIAL)) == (field in FILTER)
 
 
 def test_a_name_is_of_the_trial_and_what_computes_it_whatever_the_order_of_parameters():
@@ -52,18 +48,6 @@ def test_a_name_is_of_the_trial_and_what_computes_it_whatever_the_order_of_param
     assert set(key) <= set("0123456789abcdef")
     backwards = {"particles": 1000, "lag": 20}
     assert replace(TRIAL, params=backwards).key("p") == key != TRIAL.key("q")
-
-
-@pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
-def test_the_world_depends_on_the_root_seed_and_the_trials_number_only(field):
-    other = replace(TRIAL, **{field: CHANGED[field]})
-    assert (other.world_seed != TRIAL.world_seed) == (field in WORLD)
-
-
-@pytest.mark.parametrize("field", [field.name for field in fields(Trial)])
-def test_the_localizers_stream_depends_on_the_world_and_the_filter_seed_only(field):
-    other = replace(TRIAL, **{field: CHANGED[field]})
-    assert (stream(other) != stream(TRIAL)) == (field in FILTER)
 
 
 def test_world_seeds_differ_and_are_whole_numbers_that_any_json_reader_holds_exactly():
@@ -76,15 +60,11 @@ def test_world_seeds_differ_and_are_whole_numbers_that_any_json_reader_holds_exa
 
 @pytest.mark.parametrize(("lag", "offsets"), [(0, {0}), (1, {0, -1, 1}), (20, {0, -20, 20})])
 def test_the_present_and_the_lag_to_both_sides_are_scored(lag, offsets):
-    trial = replace(TRIAL, lag=lag)
-    assert set(trial.offsets) == offsets
-    assert len(trial.offsets) == len(offsets)
+    assert sorted(replace(TRIAL, lag=lag).offsets) == sorted(offsets)
 
 
 def test_a_method_gets_only_the_parameters_it_has_a_use_for():
-    suite = paper_suite(
-        scenario="paper", localizers=PAPER_METHODS, trials=1, seed=0, lag=5, particles=10
-    )
+    suite = paper_suite(localizers=PAPER_METHODS, trials=1, lag=5, particles=10)
     given = {trial.localizer: dict(trial.params) for trial in suite}
     both = {"lag": 5, "particles": 10}
     assert given == {
@@ -125,7 +105,7 @@ def test_changes_told_by_tables_are_those_by_dotted_name_and_by_part_they_are_ne
     assert told == {"lidar.beams": 9, "floor_plan.office.seed": 3}
     nested = {"floor_plan": {"office": {"seed": 3}}, "lidar": {"beams": 9}}
     assert told.by_part(("lidar", "floor_plan"), "part") == nested
-    with pytest.raises(InputError, match=r"world names lidar\.beams twice"):
+    with refused("world names lidar.beams twice"):
         Changes.told("world", {"lidar.beams": 9, "lidar": {"beams": 9}})
 
 

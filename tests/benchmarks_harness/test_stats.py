@@ -30,10 +30,9 @@ def test_of_nothing_or_with_an_unknown_difference_every_statistic_is_unknown(unk
     assert all(map(math.isnan, stats.paired_bootstrap(differences)))
     assert math.isnan(stats.win_rate(differences))
     assert math.isnan(stats.wilcoxon(differences))
-
-
-def test_one_world_has_no_interval():
-    assert all(map(math.isnan, stats.paired_bootstrap(np.array([1.0]))))
+    assert all(map(math.isnan, stats.paired_bootstrap(np.array([1.0]))))  # one world
+    assert all(map(math.isnan, stats.wilson(0.0, 0)))
+    assert math.isnan(stats.sign_test(np.empty(0)))
 
 
 def test_the_interval_covers_the_true_mean_in_about_95_percent_of_experiments(monkeypatch):
@@ -95,10 +94,7 @@ def test_wilcoxon_is_scipys_approximation_of_many_with_ties(differences):
 def test_of_n_worlds_no_p_is_below_2_to_the_1_minus_n(n):
     for differences in (np.ones(n), np.arange(1.0, n + 1), np.append(np.ones(n), [0.0, 0.0])):
         assert stats.wilcoxon(differences) == 2.0 ** (1 - n)
-
-
-def test_wilcoxon_of_no_difference_at_all_is_1():
-    assert stats.wilcoxon(np.zeros(5)) == 1.0
+    assert stats.wilcoxon(np.zeros(n)) == 1.0  # no difference at all
 
 
 P_VALUES = st.lists(st.floats(0, 1) | st.sampled_from([0.01, 0.5, math.nan]), max_size=12)
@@ -127,3 +123,41 @@ def test_the_wilson_interval_is_scipys(k, n):
 
 def test_the_wilson_interval_of_nothing_is_unknown():
     assert all(map(math.isnan, stats.wilson(0.0, 0)))
+
+
+@pytest.mark.parametrize("tests", [1, 2, 5, 9])
+def test_the_least_p_is_that_of_the_exact_test_and_holm(tests):
+    for worlds in range(2, 12):
+        one_sided = stats.wilcoxon(np.arange(1.0, worlds + 1))
+        assert stats.least_p(worlds, tests) == min(stats.holm([one_sided, *[1.0] * (tests - 1)]))
+        assert (worlds >= stats.least_worlds(tests)) == (stats.least_p(worlds, tests) < 0.05)
+
+
+@pytest.mark.parametrize(("sd", "tests"), [(1.0, 1), (2.0, 1), (1.5, 5)])
+def test_so_many_worlds_find_the_difference_in_four_of_five_experiments(sd, tests):
+    worlds = stats.worlds_to_see(1.0, sd, tests)
+    rng = np.random.default_rng(0)
+    repeats = 1500  # SD of the share: 0.0103
+
+    def found(worlds):
+        drawn = (1.0 + sd * rng.standard_normal(worlds) for _ in range(repeats))
+        return np.mean([stats.wilcoxon(apart) < 0.05 / tests for apart in drawn])
+
+    assert found(worlds) == pytest.approx(0.8, abs=0.045)
+    assert found(worlds * 2 // 3) < 0.72
+
+
+def test_a_round_difference_is_near_a_twentieth_of_the_error():
+    seen = [stats.worth_seeing(error) for error in (20.0, 12.0, 0.8, 0.2)]
+    assert seen == pytest.approx([1, 0.5, 0.05, 0.01])
+    assert math.isnan(stats.worth_seeing(0.0))
+
+
+def test_a_relative_change_is_a_ratio_of_means_with_an_interval_that_covers():
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(200):
+        reference = 20 + 4 * rng.standard_normal(40)
+        low, high = stats.relative_change(-0.3 * reference + rng.standard_normal(40), reference)[1:]
+        inside += low <= -0.3 <= high
+    assert inside >= 178  # 190 expected; fewer than this in 1 of 10,000 runs

@@ -1,10 +1,12 @@
 """Trials: each depends on itself alone, fails alone, and comes to a record or a reason."""
 
 import math
+import sys
 from functools import partial
 
 import numpy as np
 import pytest
+from deqmcl_command import files
 
 import localizers
 from benchmarks.execution.engines import Where
@@ -33,28 +35,15 @@ def reasons(store, keys):
     return [store.failure(key, trial) for key, trial in keys.items()]
 
 
-def results(out):
-    """Contents of the files of finished trials, by name."""
-    return {path.name: path.read_bytes() for path in (out / "trials").iterdir()}
-
-
-@pytest.fixture
-def runs(monkeypatch):
-    """The trials that were run rather than found."""
-    ran, run = [], Stage.moments
-    monkeypatch.setattr(Stage, "moments", lambda stage: ran.append(stage.trial) or run(stage))
-    return ran
-
-
 def test_the_order_in_which_trials_run_changes_no_result(tmp_path):
     run(suite(), tmp_path / "a")
     run(suite()[::-1], tmp_path / "b")
-    assert results(tmp_path / "a") == results(tmp_path / "b")
+    assert files(tmp_path / "a" / "trials") == files(tmp_path / "b" / "trials")
 
 
-def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, runs):
+def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, ran):
     run(suite(trials=3), tmp_path)
-    assert [trial.trial for trial in runs] == [0, 0, 1, 1, 2, 2]
+    assert [trial.trial for trial in ran] == [0, 0, 1, 1, 2, 2]
 
 
 def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, monkeypatch):
@@ -92,8 +81,6 @@ def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
 class Broken:
     """A localizer that fails in one of its calls."""
 
-    CALLS = ("make", "reset", "update", "points")
-
     def __init__(self, where):
         self._where = where
         self._fail("make")
@@ -115,11 +102,15 @@ class Broken:
             raise ArithmeticError(f"broken in {where}")
 
 
+CALLS = ("make", "reset", "update", "points")
+
+
 @pytest.mark.parametrize(
     ("made", "reason"),
     [
-        *((partial(Broken, w), f"ArithmeticError: broken in {w}") for w in Broken.CALLS),
+        *((partial(Broken, call), f"ArithmeticError: broken in {call}") for call in CALLS),
         (partial(Broken, "none"), "AttributeError"),
+        (partial(sys.exit, 0), "SystemExit: 0"),
         (partial(Nowhere, 0, math.nan), "at offset 0 has poses that are not finite"),
         (partial(Nowhere, 2, 1e300), "at offset 2 has poses that are not finite or huge"),
     ],
@@ -131,4 +122,4 @@ def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_
         bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
     assert good is None
-    assert len(results(tmp_path)) == 1
+    assert len(files(tmp_path / "trials")) == 1

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import MOST
@@ -67,10 +68,8 @@ def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
     deq_mcl = [dict(t.params) for t in trials if t.localizer == "deq-mcl"]
     assert mcl == {Changes({"particles": 30})}  # it has no use for the others
     assert {p["pilots"] for p in deq_mcl} == {1, 2, 3}
-    assert {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl} == {
-        (math.inf, 5, 30),
-        (math.inf, 6, 30),
-    }
+    kept = {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl}
+    assert kept == {(math.inf, 5, 30), (math.inf, 6, 30)}
 
 
 def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(tmp_path):
@@ -91,9 +90,7 @@ def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
 
 def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     document = Path(__file__).parents[2] / "docs" / "sweeps.md"
-    text, changed = re.findall(
-        r"^```toml\n(.*?)^```", document.read_text(), re.DOTALL | re.MULTILINE
-    )
+    text, changed = re.findall(r"```toml\n(.*?)\n```", document.read_text(), re.DOTALL)
     sweep = read(tmp_path, text)
     assert sweep.combinations == 1440
     assert f"= {sweep.combinations} trials" in document.read_text()
@@ -152,25 +149,21 @@ def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole
 
 def test_a_base_that_leads_back_to_its_file_or_nowhere_is_refused(tmp_path):
     (tmp_path / "other.toml").write_text('base = "./my-sweep.toml"')
-    with pytest.raises(
-        InputError, match=r"other\.toml: base is './my-sweep\.toml', which is this file"
-    ):
+    with refused("other.toml: base is './my-sweep.toml', which is this file"):
         read(tmp_path, 'base = "other.toml"')
-    with pytest.raises(InputError, match=r"base 'lots': did you mean 'lost'\?.*\.toml"):
+    with refused("base 'lots': did you mean 'lost'?", ".toml"):
         read(tmp_path, 'base = "lots"')
 
 
 def test_an_action_with_a_third_number_is_repeated_so_many_times(tmp_path):
-    text = (
-        'localizers = ["mcl"]\ndisturbance = [{{ kind = "plan-change", step = 1, actions = {} }}]'
-    )
-    short, long = (
-        text.format(a)
-        for a in ("[[5.0, 0.0, 2], [0.0, 1.0]]", f"{[[5.0, 0.0]] * 2 + [[0.0, 1.0]]}")
-    )
-    assert read(tmp_path, short) == read(tmp_path, long)
-    with pytest.raises(InputError, match="steps of an action is 0"):
-        read(tmp_path, text.format("[[5.0, 0.0, 0]]"))
+    def change(actions):
+        plan = f'{{ kind = "plan-change", step = 1, actions = {actions} }}'
+        return read(tmp_path, f'localizers = ["mcl"]\ndisturbance = [{plan}]')
+
+    drive, turn = [5.0, 0.0], [0.0, 1.0]
+    assert change([[*drive, 2], turn]) == change([drive, drive, turn])
+    with refused("steps of an action is 0"):
+        change([[*drive, 0]])
 
 
 BAD = [  # a file, and what the sentence must name
@@ -195,10 +188,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[vary]\nlag = [1]', ["vary", "[[vary]]"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
     ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
-    (
-        'localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nscenario = ["paper"]',
-        ["lag: 2", "scenario: 1"],
-    ),
+    ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nworld.x = [3]', ["lag: 2", "x: 1"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
     ('localizers = ["mcl"]\n[[vary]]\nscenario = ["papr"]', ["did you mean 'paper'?"]),
@@ -208,17 +198,14 @@ BAD = [  # a file, and what the sentence must name
 
 @pytest.mark.parametrize(("text", "named"), BAD, ids=[text or "empty" for text, _ in BAD])
 def test_a_bad_file_is_refused_with_the_name_of_file_and_key(tmp_path, text, named):
-    with pytest.raises(InputError) as caught:
+    with refused("my-sweep.toml", *named):
         read(tmp_path, text)
-    assert "my-sweep.toml" in str(caught.value)
-    for words in named:
-        assert words in str(caught.value)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"gone\.toml is not there"):
+    with refused("gone.toml is not there"):
         read_sweep(tmp_path / "gone.toml")
-    with pytest.raises(InputError, match="is a folder"):
+    with refused("is a folder"):
         read_sweep(tmp_path)
 
 
@@ -241,7 +228,7 @@ def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
     if encoding not in REFUSED:
         assert read_sweep(path) == read(tmp_path, TEXT)
         return
-    with pytest.raises(InputError, match=re.escape(REFUSED[encoding])):
+    with refused(REFUSED[encoding]):
         read_sweep(path)
 
 
@@ -249,14 +236,14 @@ def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
     ("content", "words"),
     [
         (b"a = " + b"[" * 10**5, "nested too deeply"),
-        (b"a = " + b"1" * 5000, r"valid TOML: Exceeds the limit \(4300 digits\)"),
+        (b"a = " + b"1" * 5000, "valid TOML: Exceeds the limit (4300 digits)"),
         (b"a = 1\0", "zero bytes"),
     ],
 )
 def test_what_only_a_machine_would_write_is_refused(tmp_path, content, words):
     path = tmp_path / "own.toml"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=rf"own\.toml.* {words}"):
+    with refused("own.toml", words):
         read_sweep(path)
 
 
@@ -264,12 +251,12 @@ def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tm
     text = 'localizers = ["mcl"]\ntrials = 100000\nfilter_seeds = '
     assert read(tmp_path, f"{text}10").combinations == MOST
     axis = f"[[vary]]\nworld.noise.drive = {list(range(400))}\n"
-    with pytest.raises(InputError, match="has 4,000,000,000,000 trials, more than 1,000,000"):
+    with refused("has 4,000,000,000,000 trials, more than 1,000,000"):
         read(tmp_path, f"{text}100000\n{axis}")
 
 
 def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match=r"'quik': did you mean 'quick'\?.*\.toml"):
+    with refused("'quik': did you mean 'quick'?", ".toml"):
         sweeps_named("quik")
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
         sweeps_named("quick", ["dec-mcl"])

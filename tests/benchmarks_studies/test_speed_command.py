@@ -1,12 +1,11 @@
 """``deqmcl speed`` with the least effort: every figure is measured once, by a call or so."""
 
-import csv
 from dataclasses import replace
 
 import cv2
 import pytest
+from deqmcl_command import exit_code, files, lines
 
-from benchmarks.cli import main
 from benchmarks.studies.speed import command
 from benchmarks.studies.speed.figure import Effort, Job, Published, Side
 
@@ -20,8 +19,7 @@ CURVES = command.curves(largest=100)
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("speed") / "new" / "folder"
-    said = command.run_speed(out, extent=TINY, peers=False, command=["deqmcl", "speed"])
-    return out, said
+    return out, measured(out)
 
 
 @pytest.fixture
@@ -40,21 +38,20 @@ def few(monkeypatch):
     monkeypatch.setattr(command, "curves", lambda *, largest: CURVES[3:4])
 
 
-def rows_of(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+def measured(out):
+    return command.run_speed(out, extent=TINY, peers=False, command=["deqmcl", "speed"])
 
 
 def test_all_files_are_written_and_named_and_nothing_else(run):
     out, said = run
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {*files(out)} == FILES
     assert all(name in said for name in NAMED)
     height, width, _ = cv2.imread(str(out / "scaling.png")).shape
     assert min(height, width) > 300
 
 
 def test_each_row_is_a_figure_with_ours_over_the_others(run):
-    rows = rows_of(run[0] / "speed.csv")
+    rows = lines(run[0], "speed.csv")
     assert [row["figure"] for row in rows] == [figure.name for figure in command.FIGURES]
     for figure, row in zip(command.FIGURES, rows, strict=True):
         ours, other = float(row["ours"]), float(row["other"])
@@ -66,7 +63,7 @@ def test_each_row_is_a_figure_with_ours_over_the_others(run):
 
 
 def test_each_point_of_each_curve_is_a_row(run):
-    points = rows_of(run[0] / "scaling.csv")
+    points = lines(run[0], "scaling.csv")
     assert all(float(point["result"]) > 0 for point in points)
     seen = [(point["task"], point["who"], int(point["value"])) for point in points]
     assert seen == [(c.what, c.who, value) for c in CURVES for value in c.values]
@@ -76,20 +73,18 @@ def test_a_missed_target_is_marked_in_what_is_printed_and_in_the_page(monkeypatc
     (figure,) = command.FIGURES
     ends = [replace(figure, name=n, target=t) for n, t in (("far", 1e9), ("near", 1e-9))]
     monkeypatch.setattr(command, "FIGURES", ends)
-    said = command.run_speed(tmp_path, extent=TINY, peers=False, command=["deqmcl", "speed"])
+    said = measured(tmp_path)
     for text in (said, (tmp_path / "speed.md").read_text()):
-        far, near = (
-            next(line for line in text.splitlines() if line.strip("| ").startswith(name))
-            for name in ("far", "near")
-        )
-        assert far.strip("| ").endswith("missed")
-        assert near.strip("| ").endswith("yes")
+        rows = [line.strip("| ") for line in text.splitlines()]
+        far, near = (next(row for row in rows if row.startswith(n)) for n in ("far", "near"))
+        assert far.endswith("missed")
+        assert near.endswith("yes")
 
 
 def test_peers_have_a_reason_instead_of_a_row(few, tmp_path, capsys):
     for flags, reason in (([], "only with --peers"), (["--peers"], "No module named 'theirs'")):
-        assert main(["speed", "--quick", *flags, "--out", str(tmp_path)]) == 0
-        assert [row["figure"] for row in rows_of(tmp_path / "speed.csv")] == ["first"]
+        assert exit_code("speed", "--quick", *flags, "--out", tmp_path) == 0
+        assert [row["figure"] for row in lines(tmp_path, "speed.csv")] == ["first"]
         for text in (capsys.readouterr().out, (tmp_path / "speed.md").read_text()):
             (why,) = (line for line in text.splitlines() if line.startswith("No row: peer: "))
             assert reason in why
@@ -101,21 +96,18 @@ def test_a_stop_while_the_curves_are_measured_leaves_the_old_files_as_they_were(
     def stop(*_):
         raise KeyboardInterrupt
 
-    def run():
-        command.run_speed(tmp_path, extent=TINY, peers=False, command=["deqmcl", "speed"])
-
-    run()
-    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert set(old) == FILES
+    measured(tmp_path)
+    old = files(tmp_path)
+    assert {*old} == FILES
     monkeypatch.setattr(command, "scaled", stop)
     with pytest.raises(KeyboardInterrupt):
-        run()
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
+        measured(tmp_path)
+    assert files(tmp_path) == old
 
 
 def test_the_page_names_its_versions_and_a_command_that_a_shell_reads_back(few, tmp_path):
     out = tmp_path / "a b"
-    assert main(["speed", "--quick", "--out", str(out)]) == 0
+    assert exit_code("speed", "--quick", "--out", out) == 0
     page = (out / "speed.md").read_text()
     for words in (f"`deqmcl speed --quick --out '{out}'`", "rays/s", "numpy ", "numba "):
         assert words in page
@@ -123,7 +115,7 @@ def test_the_page_names_its_versions_and_a_command_that_a_shell_reads_back(few, 
 
 def test_without_matplotlib_there_is_no_picture_but_all_else(monkeypatch, few, tmp_path, capsys):
     monkeypatch.setattr(command, "find_spec", lambda name: None)
-    assert main(["speed", "--quick", "--out", str(tmp_path)]) == 0
-    assert {path.name for path in tmp_path.iterdir()} == FILES - {"scaling.png"}
+    assert exit_code("speed", "--quick", "--out", tmp_path) == 0
+    assert {*files(tmp_path)} == FILES - {"scaling.png"}
     assert "deqmcl-gym[plots]" in capsys.readouterr().out
     assert ".png" not in (tmp_path / "speed.md").read_text()

@@ -7,8 +7,6 @@ import pytest
 from deqmcl_command import DEQMCL, SMALL, exit_code, process
 from sweep_command import sweep, write_small
 
-from benchmarks.trials.stage import Stage
-
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory):
@@ -29,14 +27,6 @@ def one_worker(tmp_path_factory):
 def file(tmp_path_factory):
     """A small sweep file."""
     return write_small(tmp_path_factory.mktemp("file"))
-
-
-@pytest.fixture
-def ran(monkeypatch):
-    """Trials that were run rather than found."""
-    found, run = [], Stage.moments
-    monkeypatch.setattr(Stage, "moments", lambda stage: found.append(stage.trial) or run(stage))
-    return found
 
 
 @pytest.fixture(scope="session")

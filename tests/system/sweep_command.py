@@ -1,6 +1,6 @@
 """Small sweeps by ``deqmcl sweep``."""
 
-import csv
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from deqmcl_command import exit_code
@@ -53,11 +53,11 @@ def trial_files(out):
     return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
 
 
-def lines(out, name="trials.csv"):
-    with (out / name).open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def broken(robot, **params):
     """Make no localizer."""
     raise ArithmeticError("broken")
+
+
+def in_threads():
+    """Make an executor of this process."""
+    return ThreadPoolExecutor(1)

@@ -54,12 +54,9 @@ def cells_only(tmp_path):
     return f"{tmp_path}/cells.py:CellsOnly", f"{tmp_path}/hall.yaml"
 
 
-def test_a_localizer_for_maps_of_cells_alone_is_told_so_in_one_sentence(cells_only, capsys):
-    assert exit_code("check", cells_only[0]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert "does not run in the room of polygons" in printed.err
-    assert "give one, as in --map MAP.yaml" in printed.err
+def test_a_localizer_for_maps_of_cells_alone_is_told_so_in_one_sentence(cells_only, refusal):
+    said = refusal(["check", cells_only[0]], "does not run in the room of polygons")
+    assert "give one, as in --map MAP.yaml" in said
 
 
 def test_the_laws_can_be_tried_on_a_map_of_ones_own(cells_only, capsys):
@@ -69,21 +66,6 @@ def test_the_laws_can_be_tried_on_a_map_of_ones_own(cells_only, capsys):
     assert [line for line in verdicts if not line.startswith("ok ")] == [
         "skipped  one particle: it has no parameter particles"
     ]
-
-
-def test_what_cannot_be_resolved_is_bad_input(capsys):
-    assert exit_code("check", "dec-mcl") == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert "did you mean 'deq-mcl'?" in printed.err
-
-
-@pytest.mark.parametrize("arguments", [(), ("mcl", "--timeout", "0"), ("mcl", "--timeout", "x")])
-def test_a_bad_command_line_of_check_is_refused(capsys, arguments):
-    assert exit_code("check", *arguments) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
 
 
 @pytest.fixture
@@ -112,29 +94,10 @@ def test_the_commands_that_new_localizer_prints_work_as_they_are(new, capsys):
     assert "./my_localizer.py:MyLocalizer" in capsys.readouterr().out
 
 
-def test_an_existing_file_is_not_overwritten(new, capsys):
-    path, _ = new
-    path.write_text("precious")
-    assert exit_code("new-localizer", path.name) == 2
-    assert "already exists" in capsys.readouterr().err
-    assert path.read_text() == "precious"
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("my_localizer", "must end in .py"),
-        ("no/such/folder/mine.py", "the folder of the new file"),
-        ("folder.py", "already exists"),
-        ("link.py", "already exists"),
-    ],
-)
-def test_a_name_that_cannot_be_written_is_refused(tmp_path, monkeypatch, capsys, name, words):
-    monkeypatch.chdir(tmp_path)
-    Path("folder.py").mkdir()
-    Path("link.py").symlink_to("nowhere.py")
-    assert exit_code("new-localizer", name) == 2
-    printed = capsys.readouterr()
-    assert words in printed.err
-    assert printed.out == ""
-    assert files(tmp_path) == {}
+@pytest.mark.parametrize("name", ["mine.py", "folder.py", "link.py"])
+def test_what_exists_is_not_overwritten(tmp_path, refusal, name):
+    (tmp_path / "folder.py").mkdir()
+    (tmp_path / "link.py").symlink_to("nowhere.py")
+    (tmp_path / "mine.py").write_text("precious")
+    refusal(["new-localizer", tmp_path / name], "already exists")
+    assert files(tmp_path) == {"mine.py": b"precious"}

@@ -1,14 +1,17 @@
-"""What the ``deqmcl`` command promises beside its results: help, speed of help, exit codes."""
+"""What the ``deqmcl`` command promises beside its results: help, exit codes, streams."""
 
 import os
 import re
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from deqmcl_command import DEQMCL, exit_code, process, python
+from sweep_command import write_small
 
+import deqmcl_gym
 import localizers
-from benchmarks.cli import main
 from benchmarks.commands import COMMANDS, paper
 from benchmarks.setup.names import agent_names, scenario, scenario_names
 from benchmarks.sweeps.suites import SUITES
@@ -26,9 +29,9 @@ def test_help_is_no_error_and_loads_nothing_heavy():
         "print('loaded:', sorted(heavy & set(sys.modules)))\n"
     )
     for arguments in HELP:
-        done = python(code, *arguments)
-        assert done.stdout.startswith("usage: deqmcl")
-        assert (done.stdout.splitlines()[-1], done.stderr) == ("loaded: []", "")
+        said = python("-c", code, *arguments)
+        assert said.startswith("usage: deqmcl")
+        assert said.endswith("\nloaded: []\n")
 
 
 def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
@@ -37,8 +40,8 @@ def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
         "run.run = lambda *_: 'cos θ'; raise SystemExit(cli.main())"
     )
     arguments = ("run", "--localizer", "mcl", "--out", "out")
-    done = python(code, *arguments, env=os.environ | {"PYTHONIOENCODING": "ascii"})
-    assert (done.returncode, done.stdout) == (0, "cos ?\n"), done.stderr
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    assert python("-c", code, *arguments, env=ascii_only) == "cos ?\n"
 
 
 def test_deqmcl_and_python_m_benchmarks_refuse_as_the_main_function_does(tmp_path, capsys):
@@ -61,23 +64,19 @@ def test_deqmcl_and_python_m_benchmarks_refuse_as_the_main_function_does(tmp_pat
         (KeyboardInterrupt(), 130, "deqmcl: interrupted; finished trials are kept.\n"),
     ],
 )
-def test_a_run_that_fails_says_why_on_one_line(capsys, monkeypatch, tmp_path, error, code, said):
+def test_a_run_that_fails_says_why_on_one_line_and_with_debug_where(
+    capsys, monkeypatch, tmp_path, error, code, said
+):
     def fail(*_, **__):
         raise error
 
     monkeypatch.setattr(paper, "run", fail)
-    assert main(["paper", "--out", str(tmp_path)]) == code
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err) == ("", said)
-
-
-def test_debug_shows_where_a_run_failed(monkeypatch, tmp_path):
-    def fail(*_, **__):
-        raise RuntimeError("it went wrong")
-
-    monkeypatch.setattr(paper, "run", fail)
-    with pytest.raises(RuntimeError, match="it went wrong"):
-        main(["paper", "--debug", "--out", str(tmp_path)])
+    assert exit_code("paper", "--out", tmp_path) == code
+    assert capsys.readouterr() == ("", said)
+    if code == 3 and not isinstance(error, OSError):
+        with pytest.raises(type(error)) as caught:
+            exit_code("paper", "--debug", "--out", tmp_path)
+        assert caught.value is error
 
 
 def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_cannot_be_loaded(
@@ -93,3 +92,57 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
     assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
+
+
+ROOT = Path(__file__).parents[2]
+FULL = "/dev/full"
+LOST = "deqmcl: the output cannot be written to stdout (No space left on device).\n"
+
+linux = pytest.mark.skipif(not Path(FULL).exists(), reason="there is no full device")
+
+
+def shell(redirected, *arguments, **how):
+    """Run the command by a shell that redirects its streams."""
+    command = ("bash", "-c", f'"$0" -m benchmarks "$@" {redirected}', sys.executable)
+    return process(*command, *arguments, **how)
+
+
+@linux
+@pytest.mark.parametrize("arguments", [("list",), ("--help",), ("--version",), ("check", "grid")])
+def test_output_that_cannot_be_written_is_a_failure_in_one_sentence(arguments):
+    done = shell(f"> {FULL}", *arguments)
+    assert (done.returncode, done.stderr) == (3, LOST)
+
+
+def test_a_reader_that_leaves_ends_the_command_quietly():
+    done = shell("| head -n 1; exit ${PIPESTATUS[0]}", "check", "dead-reckoning")
+    assert (done.returncode, done.stdout, done.stderr) == (141, "ok       answers in time\n", "")
+
+
+@linux
+@pytest.mark.parametrize("streams", ["2> /dev/full", "<&- >&- 2>&-", ">&-"])
+def test_a_sweep_runs_the_same_whatever_its_streams_are(tmp_path, streams):
+    file = write_small(tmp_path, trials=1)
+    done = shell(streams, "sweep", file, "--out", tmp_path / "out", "--jobs", "2")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(list((tmp_path / "out" / "trials").iterdir())) == 2
+    for path in (tmp_path / "out").rglob("*.json"):
+        assert path.read_text().startswith("{")  # nothing that was printed got into a file
+    assert shell(streams, "lst").returncode == 2
+
+
+def test_the_version_has_one_home(capsys):
+    assert exit_code("--version") == 0
+    assert capsys.readouterr().out == f"deqmcl {deqmcl_gym.__version__}\n"
+    for name in ("pyproject.toml", "CITATION.cff"):
+        for version in re.findall(r"^version[:=\s]+\"?([\d.]+)", (ROOT / name).read_text(), re.M):
+            assert version == deqmcl_gym.__version__, name
+
+
+@pytest.mark.slow
+def test_the_first_compilation_is_told_and_nothing_of_it_is_output(tmp_path):
+    command = [sys.executable, "-m", "benchmarks", "check", "dead-reckoning"]
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
+    assert "deqmcl: loading dead-reckoning …\n" in done.stderr
+    assert "…" not in done.stdout

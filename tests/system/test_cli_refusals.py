@@ -1,12 +1,14 @@
-"""A bad command line: one sentence on stderr, exit code 2, nothing written."""
+"""A bad command line or sweep file: one sentence on stderr, exit code 2, nothing written."""
 
+import os
 import sys
 
 import pytest
-from deqmcl_command import exit_code
+from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 PHASE = ("phase", "--out", "out")
+MAP = ("new-map", "office", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -24,6 +26,11 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--lag", "-1"], ["--lag", "-1"]),
     (["paper", "--seed", "-1"], ["--seed", "-1"]),
     ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
+    ([*RUN, "--param", "deq-mcl.particles=9"], ["unknown localizer in --param 'deq-mcl'"]),
+    ([*RUN, "--param", "mcl.particle=9"], ["did you mean 'particles'"]),
+    ([*RUN, "--param", "mcl.particles=few"], ["particles is 'few'"]),
+    ([*RUN, "--param", "particles=9"], ["NAME.KEY=VALUE"]),
+    ([*RUN, "--log", "lap.txt.zip"], ["of a format that is not written"]),
     ([*PHASE, "--fields", "1"], ["--fields", "1"]),
     ([*PHASE, "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
@@ -31,52 +38,116 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
     (["run", "--localizer", "mcl"], ["--out"]),
     (["run", "--out", "out"], ["--localizer"]),
+    (["check"], ["NAME"]),
+    (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
+    (["check", "mcl", "--timeout", "0"], ["timeout", "0"]),
+    (["check", "mcl", "--timeout", "x"], ["--timeout", "x"]),
+    (["new-localizer", "my_localizer"], ["must end in .py"]),
+    (["new-localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
+    ([*MAP, "--door", "0.85"], ["door", "0.85"]),
+    ([*MAP, "--wings", "3", "--symmetric"], ["wings", "3"]),
+    (["export", "."], ["holds no manifest.json"]),
+    (["report", "."], ["holds no manifest.json"]),
+    (["report", ""], ["folder"]),
 ]
 
 
-def assert_one_sentence(err, named):
-    assert err.startswith("deqmcl")
-    assert err.endswith(".\n")
-    assert err.count("\n") == 1
-    for usage in ("Traceback", "usage:", "Error:"):
-        assert usage not in err
-    for words in named:
-        assert words in err
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # so is the default of --out
 
 
 @pytest.mark.parametrize(
     ("arguments", "named"), BAD, ids=[" ".join(map(str, case[0])) or "nothing" for case in BAD]
 )
 def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
-    tmp_path, monkeypatch, capsys, arguments, named
+    refusal, arguments, named
 ):
-    monkeypatch.chdir(tmp_path)  # so is the default of --out
-    assert exit_code(*arguments) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert_one_sentence(printed.err, named)
-    assert list(tmp_path.iterdir()) == []
+    refusal(arguments, *named)
+    assert os.listdir() == []
 
 
 @pytest.mark.parametrize(
     "command", ["paper", "run --localizer mcl", "phase", "sweep quick", "speed"]
 )
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
-def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(tmp_path, capsys, command, out):
+def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
+    tmp_path, refusal, command, out
+):
     (tmp_path / "file").write_text("precious")
-    assert exit_code(*command.split(), "--out", tmp_path / out) == 2
-    assert_one_sentence(capsys.readouterr().err, ["output folder", str(tmp_path / out), "file"])
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    refusal([*command.split(), "--out", tmp_path / out], "output folder", str(tmp_path / out))
+    assert os.listdir() == ["file"]
     assert (tmp_path / "file").read_text() == "precious"
 
 
 @pytest.mark.parametrize("command", [("run", "--localizer", "dead-reckoning"), ("phase",)])
-def test_what_draws_names_the_pip_command_without_matplotlib(
-    tmp_path, monkeypatch, capsys, command
-):
+def test_what_draws_names_the_pip_command_without_matplotlib(monkeypatch, refusal, command):
     loaded = [name for name in sys.modules if name.startswith("matplotlib.")]
     for name in ("matplotlib", *loaded):
         monkeypatch.setitem(sys.modules, name, None)
-    assert exit_code(*command, "--out", tmp_path / "out") == 2
-    assert_one_sentence(capsys.readouterr().err, ["pip install 'deqmcl-gym[plots]'"])
-    assert list(tmp_path.iterdir()) == []
+    refusal([*command, "--out", "out"], "pip install 'deqmcl-gym[plots]'")
+    assert os.listdir() == []
+
+
+def points(*counts):
+    """Axes with so many values each."""
+    return "".join(
+        f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
+        for name, count in zip(("drive", "turn", "drift"), counts, strict=False)
+    )
+
+
+BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
+    ("\ntrails = 3", (), ["small.toml", "'trails'"]),
+    ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
+    ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
+    ("", ("--with", "a\nb.py:L"), [r"'a\nb.py:L'", "rename its file"]),
+    ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
+    ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
+    ("\n[world]\nlidar.beans = 3", (), ["'beans'", "did you mean 'beams'?"]),
+    ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
+    ("\n[[vary]]\nparams.particles = [1000000000]", (), ["particles", "1,000,000,000", "GiB"]),
+    (points(125, 100, 200), ("--yes",), ["10,000,000", "more than 1,000,000"]),
+    (points(125, 1000), (), ["500,000", "--yes"]),
+    ("", ("--timeout", "nan"), ["--timeout", "nan"]),
+    ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
+    ("", ("--shard", "half"), ["--shard", "'half'"]),
+    ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
+    ("", ("--executor", "no_such:thing"), ["'no_such:thing'", "ModuleNotFoundError"]),
+    ("", ("--executor", "os:nothing"), ["'os:nothing'", "AttributeError"]),
+    ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
+    ("", ("--executor", "os:getcwd"), ["'os:getcwd'", "type str"]),
+    ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("more", "arguments", "named"),
+    BAD_SWEEPS,
+    ids=[(case[0][:50] or str(case[1])) for case in BAD_SWEEPS],
+)
+def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
+    tmp_path, refusal, more, arguments, named
+):
+    write_small(tmp_path, more=more)
+    refusal(["sweep", "small.toml", "--out", "out", *arguments], *named)
+    assert os.listdir() == ["small.toml"]
+
+
+def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    refusal(["sweep", file, "--executor", "dask"], "pip install 'deqmcl-gym[dask]'")
+
+
+@pytest.mark.parametrize("command", ["sweep", "run --localizer mcl", "paper", "list"])
+def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
+    file, tmp_path, monkeypatch, refusal, command
+):
+    gone, out = tmp_path / "gone", tmp_path / "out"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    given = [*command.split(), *([file] if command == "sweep" else [])]
+    given += ["--out", out] if command != "list" else []
+    refusal(given, "the current folder is gone: change to one that exists.")
+    assert not out.exists()

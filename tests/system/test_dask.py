@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from deqmcl_command import exit_code, process
+from deqmcl_command import process
 from sweep_command import tables, trial_files, write_small
 
 pytest.importorskip("distributed")
@@ -32,13 +32,11 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
     assert trial_files(tmp_path / "there") == trial_files(tmp_path / "here")
 
 
-def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, capsys, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, refusal, monkeypatch):
     from benchmarks.execution import dask
 
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 1)
-    file = write_small(tmp_path, trials=1)
-    given = ("--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
-    assert exit_code("sweep", file, "--out", tmp_path / "out", *given) == 2
-    err = capsys.readouterr().err
-    assert "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached" in err
+    given = ("--out", tmp_path / "out", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
+    said = "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached"
+    refusal(["sweep", write_small(tmp_path, trials=1), *given], said)
     assert not (tmp_path / "out").exists()

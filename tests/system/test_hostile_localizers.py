@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 
 import pytest
-from deqmcl_command import exit_code
-from sweep_command import lines, sweep, write_small
+from deqmcl_command import exit_code, lines
+from sweep_command import sweep, write_small
 
 from benchmarks.execution import processes
 from benchmarks.execution.apart import answered_within
@@ -35,22 +35,20 @@ def write_hostile(folder, what, when):
     (folder / "hostile.py").write_text(HOSTILE.replace(first, told))
 
 
-def small_sweep(folder, what, out):
+def small_sweep(folder, out):
     return sweep(write_small(folder, trials=1), out, "--with", NAME, "--timeout", "2")
 
 
 def gone(number):
-    return (
-        not Path(f"/proc/{number}/cmdline").exists()
-        or not Path(f"/proc/{number}/cmdline").read_bytes()
-    )
+    command = Path(f"/proc/{number}/cmdline")
+    return not command.exists() or not command.read_bytes()
 
 
 @pytest.mark.parametrize("what", FATAL)
 def test_a_plug_in_that_would_end_or_hang_the_command_fails_its_own_trials(folder, capfd, what):
     when = ("import", "make", "reset", "update", "points")[FATAL.index(what) % 5]
     write_hostile(folder, what, when)
-    assert small_sweep(folder, what, Path("out")) == 3
+    assert small_sweep(folder, Path("out")) == 3
     said = capfd.readouterr().err
     assert said.startswith("deqmcl: 1 of 3 trials failed, the rest is kept; first: ./hostile.py:")
     assert "Traceback" not in said
@@ -61,7 +59,7 @@ def test_a_plug_in_that_would_end_or_hang_the_command_fails_its_own_trials(folde
 def unspoilt(folder):
     """The trials table of the same localizer when it does nothing."""
     write_hostile(folder, "nothing", "never")
-    assert small_sweep(folder, "nothing", Path("unspoilt")) == 0
+    assert small_sweep(folder, Path("unspoilt")) == 0
     return (folder / "unspoilt" / "trials.csv").read_bytes()
 
 
@@ -70,7 +68,7 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
     folder, unspoilt, what
 ):
     write_hostile(folder, what, "make")
-    assert small_sweep(folder, what, Path("out")) == 0
+    assert small_sweep(folder, Path("out")) == 0
     assert (folder / "out" / "trials.csv").read_bytes() == unspoilt
     started = folder / "started"
     numbers = started.read_text().split() if started.exists() else []

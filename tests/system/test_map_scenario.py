@@ -1,13 +1,14 @@
-"""A scenario with a ROS map and a route: found beside its file, read anew when edited, driven."""
+"""A scenario with a map, found beside its file, and a route; the office of ``deqmcl new-map``."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code
+from deqmcl_command import exit_code, files
 
 from benchmarks.setup.names import scenario, scenario_digest
-from deqmcl_gym.maps import GridMap
+from deqmcl_gym import GridMap, Office
+from deqmcl_gym.maps import polygon_file
 
 ROUTE = """[env.lap]
 waypoints = [[1.0, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]
@@ -64,9 +65,32 @@ def test_run_drives_the_route(hall, method, capsys):
     assert (Path("lap") / "lap.webp").stat().st_size > 0
 
 
-def test_a_map_that_is_not_there_ends_with_2_and_one_sentence(hall, capsys):
+def test_a_map_that_is_not_there_is_refused(hall, refusal):
     (hall / "hall.toml").write_text("[env]\nfloor_plan = 'lost.yaml'\n" + ROUTE)
     run = ("run", "--scenario", "../hall.toml", "--localizer", "mcl", "--out", "lap")
-    assert exit_code(*run) == 2
-    assert "lost.yaml does not exist" in capsys.readouterr().err
+    refusal(run, "lost.yaml does not exist")
     assert not Path("lap").exists()
+
+
+def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
+    out = tmp_path / "new"
+    size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
+    given = ["new-map", "office", "--seed", "5", *size, "--symmetric", "--out", out]
+    assert exit_code(*given) == 0
+    assert "office.yaml" in capsys.readouterr().out
+    office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)
+    assert (GridMap.load(out / "office.yaml").solid == office.grid.solid).all()
+    assert polygon_file.read(out / "office.json") == office.polygons
+    written = files(out)
+    assert [*written] == ["office.json", "office.pgm", "office.yaml"]
+    refusal(given, "is not empty")
+    assert files(out) == written
+
+
+def test_a_scenario_file_names_an_office(tmp_path):
+    path = tmp_path / "building.toml"
+    path.write_text(
+        "[env.floor_plan.office]\nseed = 3\nwings = 1\n"
+        "[env.lap]\nwaypoints = [[1.2, 1.2], [1.2, 8.0], [1.3, 8.0]]\n"
+    )
+    assert scenario(str(path)).world.floor_plan is Office(seed=3, wings=1).grid

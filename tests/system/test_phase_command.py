@@ -1,8 +1,8 @@
 """``deqmcl phase``: place fields over the theta phase."""
 
 import pytest
-from deqmcl_command import DEQMCL, exit_code, files, process
-from sweep_command import broken, lines
+from deqmcl_command import DEQMCL, exit_code, files, lines, process
+from sweep_command import broken
 
 import localizers
 

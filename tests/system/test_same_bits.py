@@ -36,9 +36,7 @@ print(json.dumps(digests))
 
 
 def digests(**environment: str) -> dict[str, str]:
-    done = python(DIGEST, env=os.environ | environment)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, str] = json.loads(done.stdout)
+    found: dict[str, str] = json.loads(python("-c", DIGEST, env=os.environ | environment))
     return found
 
 

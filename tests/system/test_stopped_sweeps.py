@@ -11,8 +11,8 @@ import uuid
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, exit_code, files
-from sweep_command import lines, sweep, tables, trial_files, write_small
+from deqmcl_command import DEQMCL, files, lines
+from sweep_command import sweep, tables, trial_files, write_small
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -74,11 +74,6 @@ def until(condition, process=None):
         time.sleep(0.01)
 
 
-@pytest.fixture
-def sleepy(tmp_path):
-    return write_small(tmp_path, trials=1)
-
-
 def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_path):
     file, finished, out = write_small(tmp_path, trials=6), tmp_path / "finished", tmp_path / "out"
     assert sweep(file, finished) == 0
@@ -96,12 +91,12 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
     assert not [name for name in files(out) if name.endswith(".tmp")]
 
 
-@pytest.mark.parametrize("cases", [2, pytest.param(25, marks=pytest.mark.slow)])
-def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_been(tmp_path, cases):
+@pytest.mark.slow  # those at known moments are told from below and above
+def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_been(tmp_path):
     file, finished, out = write_small(tmp_path, trials=6), tmp_path / "finished", tmp_path / "out"
     assert sweep(file, finished) == 0
-    dice = random.Random(cases)
-    for case in range(cases):
+    dice = random.Random(25)
+    for case in range(25):
         how = dice.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
         running = Running(file, out)
         time.sleep(dice.uniform(0.0, 3.0))
@@ -118,15 +113,21 @@ def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_be
 
 
 @pytest.mark.parametrize(
-    ("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
+    ("how", "times", "send", "code"),
+    [
+        (signal.SIGINT, 1, os.killpg, 130),  # as a terminal does
+        (signal.SIGINT, 5, os.kill, 130),  # one after another is one
+        (signal.SIGTERM, 1, os.kill, 143),
+    ],
+    ids=["Ctrl-C", "Ctrl-C again and again", "SIGTERM"],
 )
-def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, code):
-    running = Running(sleepy, tmp_path / "out", "--with", "sleep", script=TROUBLED)
+def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(tmp_path, how, times, send, code):
+    file = write_small(tmp_path, trials=1)
+    running = Running(file, tmp_path / "out", "--with", "sleep", script=TROUBLED)
     running.wait_for_trials(2)  # what is left sleeps for a quarter of an hour
-    if how == signal.SIGINT:
-        os.killpg(running.process.pid, how)  # as a terminal does
-    else:
-        running.process.send_signal(how)
+    for _ in range(times):
+        send(running.process.pid, how)
+        time.sleep(0.02)
     ended, out, said = running.ended()
     assert (ended, out) == (code, "")
     assert said.endswith("deqmcl: interrupted; finished trials are kept.\n")
@@ -135,9 +136,9 @@ def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(sleepy, tmp_path, how, 
     assert not (running.out / ".deqmcl.lock").exists()
 
 
-def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(sleepy, tmp_path):
-    with_it = ("--with", "sleep,mcl-map", "--timeout", "2")
-    running = Running(sleepy, tmp_path / "out", *with_it, script=TROUBLED)
+def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(tmp_path):
+    file, with_it = write_small(tmp_path, trials=1), ("--with", "sleep,mcl-map", "--timeout", "2")
+    running = Running(file, tmp_path / "out", *with_it, script=TROUBLED)
     code, said, err = running.ended()
     assert code == 3
     assert said.startswith("small: 3 of 4 trials finished, 1 failed.")
@@ -157,32 +158,6 @@ def test_a_trial_whose_worker_dies_is_tried_again_and_fails_if_that_goes_on(tmp_
     assert "die, trial 0: lost 3 times by its worker; last: WorkerDiedError: its worker" in err
     assert "by signal 9" in err
     assert "die-once" in {line["method"] for line in lines(running.out)}
-
-
-def test_one_ctrl_c_after_another_is_one_ctrl_c(sleepy, tmp_path):
-    running = Running(sleepy, tmp_path / "out", "--with", "sleep", script=TROUBLED)
-    running.wait_for_trials(1)
-    for _ in range(5):
-        running.process.send_signal(signal.SIGINT)
-        time.sleep(0.02)
-    code, _, said = running.ended()
-    assert code == 130
-    assert said.endswith("deqmcl: interrupted; finished trials are kept.\n")
-    assert "Traceback" not in said
-
-
-@pytest.mark.parametrize("command", ["sweep", "run --localizer mcl", "paper", "list"])
-def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
-    tmp_path, monkeypatch, capsys, command
-):
-    gone, out = tmp_path / "gone", tmp_path / "out"
-    given = [*command.split(), *([write_small(tmp_path)] if command == "sweep" else [])]
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
-    assert exit_code(*given, *(["--out", out] if command != "list" else [])) == 2
-    assert "the current folder is gone: change to one that exists." in capsys.readouterr().err
-    assert not out.exists()
 
 
 DROPPED = """

@@ -1,15 +1,16 @@
-"""``deqmcl sweep``: what it writes and says, the same numbers however it is run."""
+"""``deqmcl sweep``: what it writes and says, the same numbers however it is run; dry runs."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
 import pytest
-from deqmcl_command import files
-from sweep_command import lines, sweep, tables, trial_files, write_small
+from deqmcl_command import files, lines
+from sweep_command import sweep, tables, trial_files, write_small
 
 from benchmarks.report import writing
-from benchmarks.sweeps import manifest
+from benchmarks.sweeps import dry_run, manifest
 from benchmarks.sweeps.suites import FAMILIES, SUITES
 from benchmarks.sweeps.sweepfile import sweep_of
 
@@ -39,7 +40,7 @@ def test_the_numbers_depend_neither_on_processes_nor_on_how_many(
 
 def test_jobs_timeout_and_executor_are_no_part_of_what_a_sweep_is(file, copy, ran):
     before = files(copy)
-    how = ("--jobs", "2", "--timeout", "600", "--executor", "in_threads:executor")
+    how = ("--jobs", "2", "--timeout", "600", "--executor", "sweep_command:in_threads")
     assert sweep(file, copy, *how) == 0
     assert ran == []
     after = files(copy)
@@ -102,3 +103,43 @@ def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_comma
     assert "pip install 'deqmcl-gym[report]'" in said
     assert not (tmp_path / "out" / "report.html").exists()
     assert tables(tmp_path / "out")
+
+
+def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    file = write_small(tmp_path, trials=50, more="\n[[vary]]\nscenario = ['paper', 'sharp']\n")
+    assert sweep(file, tmp_path / "out", "--dry-run") == 0
+    said = capsys.readouterr().out
+    assert "small: 200 trials in 4 cells" in said
+    assert re.search(r"sharp L=4 mcl particles=15 +50 +\d", said)
+    assert re.search(r"About \d+ (s|min) with 1 job: estimated from one measured trial", said)
+    assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
+
+
+def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dry_run, "BUDGET", 0.0)
+    more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
+    file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
+    assert sweep(file, tmp_path / "out", "--dry-run") == 0
+    said = capsys.readouterr().out
+    assert "small: 103 trials in 3 cells" in said
+    one = float(re.search(r"mcl particles=15 +50 +([\d.]+) s", said)[1])
+    many = float(re.search(r"mcl particles=1500000 +3 +≈ ([\d.]+) s", said)[1])
+    assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
+
+
+@pytest.mark.parametrize(
+    ("where", "time"),  # 100 trials of 6 s
+    [
+        (("--jobs", "1"), "10 min"),
+        (("--jobs", "2"), "5 min"),
+        (("--jobs", "1", "--shard", "2/5"), "2 min"),
+        (("--jobs", "2", "--shard", "2/5"), "60 s"),
+    ],
+)
+def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
+    tmp_path, monkeypatch, capsys, where, time
+):
+    monkeypatch.setattr(dry_run, "_times", lambda trials, *_: [(6.0, True)] * len(trials))
+    assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
+    assert f"About {time} with {where[1]} job" in capsys.readouterr().out

@@ -2,10 +2,9 @@
 
 import errno
 import os
-import sys
 
-from deqmcl_command import files
-from sweep_command import broken, lines, sweep, tables, trial_files, write_small
+from deqmcl_command import files, lines
+from sweep_command import broken, sweep, tables, trial_files, write_small
 
 import localizers
 
@@ -24,18 +23,6 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsy
         )
     assert [trial.localizer for trial in ran] == ["broken"] * 2  # the other runs in a worker
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
-
-
-@localizers.registered("leaving", lambda robot: sys.exit(0))
-def test_a_localizer_that_calls_exit_when_it_is_made_fails_its_trials_and_no_other(
-    tmp_path, capsys
-):
-    file = write_small(tmp_path, trials=1)
-    assert sweep(file, tmp_path / "out", "--with", "leaving") == 3
-    assert capsys.readouterr().err == (
-        "deqmcl: 1 of 3 trials failed, the rest is kept; first: leaving, trial 0: SystemExit: 0 "
-        "(--debug shows where)\n"
-    )
 
 
 @localizers.registered("broken", broken)

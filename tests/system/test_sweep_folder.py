@@ -4,27 +4,22 @@ import math
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from deqmcl_command import files
 from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
-from benchmarks.files.lock import locked
 from benchmarks.sweeps.results import results_in
 from benchmarks.trials import plugins
-from deqmcl_gym.validation import InputError
-
-
-def lost(path):
-    path.unlink()
 
 
 def edited(path):
     path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":205'))
 
 
-@pytest.mark.parametrize(("damage", "why"), [(lost, None), (edited, "checksum")])
+@pytest.mark.parametrize(("damage", "why"), [(Path.unlink, None), (edited, "checksum")])
 def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
     file, finished, copy, ran, capsys, damage, why
 ):
@@ -57,55 +52,39 @@ def test_stray_files_are_named_and_left_out_and_only_our_own_are_removed(
     assert tables(copy) == tables(finished)
 
 
-def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, capsys):
+def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, refusal):
     before = files(copy)
     another = write_small(tmp_path, trials=1, particles=16, more="\n[world]\nnoise.drive = 0.5")
-    assert sweep(another, copy) == 2
-    said = capsys.readouterr().err
-    for difference in (
-        "trials was 2 and is 1",
-        "particles was 15 and is 16",
-        "was not set and is 0.5",
-    ):
-        assert difference in said
-    assert "--out" in said
+    differences = "trials was 2 and is 1", "particles was 15 and is 16", "was not set and is 0.5"
+    refusal(["sweep", another, "--out", copy], *differences, "--out")
     assert files(copy) == before
 
 
-def test_changed_code_is_refused_and_named(file, copy, capsys, monkeypatch):
+def test_changed_code_is_refused_and_named(file, copy, refusal, monkeypatch):
     monkeypatch.setattr(plugins, "code_digest", lambda: "other")
     monkeypatch.setattr(plugins, "versions", lambda: {"numpy": "0.1"})
-    assert sweep(file, copy) == 2
-    said = capsys.readouterr().err
-    assert "code was" in said
-    assert "libraries.numpy was" in said
-    assert "libraries.numba was" in said
+    changed = "code was", "libraries.numpy was", "libraries.numba was"
+    refusal(["sweep", file, "--out", copy], *changed)
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("", "manifest.json is truncated, or not JSON"),
-        ("[]", "manifest.json is not a JSON object"),
-        ('{"command": ["deqmcl", "speed"]}', "it is not of a sweep"),
-        (None, "holds no manifest.json of a sweep"),
-    ],
-)
-def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, capsys, content, words):
-    (copy / "manifest.json").unlink()
-    if content is not None:
-        (copy / "manifest.json").write_text(content)
-    before = files(copy)
-    assert sweep(file, copy) == 2
-    assert words in capsys.readouterr().err
-    assert files(copy) == before
+def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, refusal):
+    path = copy / "manifest.json"
+    for spoil, words in (
+        (lambda: path.write_text(""), "manifest.json is truncated, or not JSON"),
+        (lambda: path.write_text('{"command": ["deqmcl", "speed"]}'), "it is not of a sweep"),
+        (path.unlink, "holds no manifest.json of a sweep"),
+    ):
+        spoil()
+        before = files(copy)
+        refusal(["sweep", file, "--out", copy], words)
+        assert files(copy) == before
 
 
 def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
     found = results_in(finished)
     assert (found.planned, found.missing, found.failures) == (4, 0, [])
     assert [(r.trial.localizer, r.trial.trial) for r in found.records] == [
-        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1)),
+        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1))
     ]
     assert found.title == "small"
     assert found.command[:2] == ["deqmcl", "sweep"]
@@ -153,17 +132,14 @@ def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
 def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_none(
-    file, tmp_path, capsys
+    file, tmp_path, refusal
 ):
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLDER, tmp_path], stdout=subprocess.PIPE, text=True
     )
     assert holder.stdout.readline() == "locked\n"
-    assert sweep(file, tmp_path) == 2
-    said = capsys.readouterr().err
-    assert f"another sweep (process {holder.pid}) is writing to {tmp_path}" in said
-    with pytest.raises(InputError, match="another sweep"), locked(tmp_path, "1/2"):
-        pass
+    words = f"another sweep (process {holder.pid}) is writing to {tmp_path}"
+    refusal(["sweep", file, "--out", tmp_path], words)
     assert [path.name for path in tmp_path.iterdir()] == [".deqmcl.lock"]
     holder.kill()
     holder.communicate()
@@ -180,14 +156,3 @@ with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)
 """
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
-def test_different_shards_share_a_folder_and_the_same_one_does_not(tmp_path):
-    with locked(tmp_path, "1/2"):
-        with locked(tmp_path, "2/2"):
-            assert (tmp_path / ".deqmcl.lock").exists()
-        for shard in ("1/2", None):
-            with pytest.raises(InputError, match="another sweep"), locked(tmp_path, shard):
-                pass
-    assert list(tmp_path.iterdir()) == []

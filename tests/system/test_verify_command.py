@@ -78,11 +78,9 @@ def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mi
     plug_in, file, out = mine
     before = files(out)
     edit(plug_in, 1.0)
-    for command in (
-        lambda: verify(out),
-        lambda: sweep(file, out, "--adopt", "--with", f"{plug_in}:Mine"),
-    ):
-        assert command() == 1
+    adopt = ("sweep", file, "--out", out, "--jobs", "1", "--adopt", "--with", f"{plug_in}:Mine")
+    for command in (("verify", out, "--jobs", "1"), adopt):
+        assert exit_code(*command) == 1
         said = capsys.readouterr().err
         assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
         assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
@@ -128,17 +126,15 @@ def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, 
     assert files(copy) == before
 
 
-def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, capsys):
+def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, refusal):
     path = copy / "manifest.json"
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"verified": [{"code": 1}]}))
-    assert verify(copy) == 2
-    assert "manifest.json has int instead of str at verified[0].code" in capsys.readouterr().err
+    refusal(["verify", copy], "manifest.json", "verified")
     path.write_text(json.dumps(content))
     for trial in (copy / "trials").iterdir():
         trial.unlink()
-    assert verify(copy) == 2
-    assert "has no finished trial" in capsys.readouterr().err
+    refusal(["verify", copy], "has no finished trial")
 
 
 def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():

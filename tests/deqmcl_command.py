@@ -1,5 +1,6 @@
-"""Run the ``deqmcl`` command, as a process or in this one."""
+"""Run the ``deqmcl`` command, as a process or in this one; what it has written."""
 
+import csv
 import re
 import subprocess
 import sys
@@ -10,27 +11,23 @@ from benchmarks.cli import main
 
 DEQMCL = Path(sysconfig.get_path("scripts")) / "deqmcl"
 SMALL = ("paper", "--trials", "2", "--particles", "100")
-METHODS = (
-    "mcl",
-    "mcl-smoother",
-    "mcl-map",
-    "mcl-map-smoother",
-    "deq-mcl",
-    "dead-reckoning",
-)
+METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
 
 
-def process(*command, **how):
+def process(*command, timeout=600, **how):
     """Run a command to its end; its output as text, without what it says of long waits."""
     words = [str(word) for word in command]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, **how)
+    how |= {"capture_output": True, "text": True, "timeout": timeout}
+    done = subprocess.run(words, check=False, **how)
     done.stderr = re.sub(r"^deqmcl: .* …\n", "", done.stderr, flags=re.MULTILINE)
     return done
 
 
-def python(code, *arguments, **how):
-    """Run code in a fresh interpreter."""
-    return process(sys.executable, "-c", code, *arguments, **how)
+def python(*arguments, **how):
+    """Run a script, or code after ``-c``, in a fresh interpreter that must succeed; its output."""
+    done = process(sys.executable, *arguments, **how)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def exit_code(*arguments):
@@ -48,3 +45,9 @@ def files(folder):
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def lines(out, name="trials.csv"):
+    """Lines of a CSV file, each by column."""
+    with (out / name).open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))

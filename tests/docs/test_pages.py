@@ -1,0 +1,99 @@
+"""The pages that a user works through: their commands run, their code is what they say it is."""
+
+import math
+import os
+import re
+import shlex
+import sysconfig
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from deqmcl_command import exit_code, lines, process, python
+from test_links import ROOT
+
+from benchmarks.sweeps.sweepfile import sweep_of
+from deqmcl_gym import logs
+from localizers import template
+from localizers.checks import LAWS, check_localizer
+
+NAMED = "./my_localizer.py:MyLocalizer"
+LOCALIZER, LOG = ((ROOT / "docs" / f"{name}.md").read_text() for name in
+                  ("write-a-localizer", "your-map-your-log"))  # fmt: skip
+
+
+def blocks(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+
+
+RECORD, REPLAY, _ = blocks(LOG, "python notest")
+STARTS, BUILDINGS = blocks(LOG, "toml")
+
+
+def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_path):
+    (commands,) = blocks(LOCALIZER, "sh")
+    path = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
+    for command in commands.splitlines():
+        assert command.startswith("deqmcl ")
+        done = process(*command.split(), cwd=tmp_path, env=os.environ | {"PATH": path})
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+    results = tmp_path / "results" / "mine"
+    rows = {row["offset"]: row for row in lines(results, "results.csv") if row["method"] == NAMED}
+    assert math.isfinite(float(rows["0"]["error"]))
+    assert NAMED in (results / "report.html").read_text()
+
+
+def test_the_code_shown_is_the_file_that_new_localizer_writes():
+    assert Path(template.__file__).read_text() in blocks(LOCALIZER, "python")
+
+
+def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(tmp_path):
+    assert exit_code("new-localizer", tmp_path / "my_localizer.py") == 0
+    (shown,) = blocks(LOCALIZER, "python notest")
+    (tmp_path / "test_mine.py").write_text(shown)
+    said = python("-m", "pytest", "-q", "-p", "no:cacheprovider", ".", cwd=tmp_path)
+    assert f"{len(LAWS)} passed" in said
+
+
+def test_the_table_names_all_laws_in_their_order():
+    section = LOCALIZER.partition("## The laws")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| ([a-z ]+) \| .+ \|$", section, re.MULTILINE)
+    assert rows == ["law", *(law.name for law in LAWS)]
+
+
+def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
+    (code,) = (block for block in blocks(LOCALIZER, "python") if "class PlanFollower" in block)
+    (tmp_path / "follower.py").write_text(code)
+    report = check_localizer(f"{tmp_path / 'follower.py'}:PlanFollower")
+    assert report.passed, str(report)
+
+
+def test_the_page_on_ones_own_log_works_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(RECORD, "record", "exec"), {})
+    (commands,) = blocks(LOG, "sh")
+    for command in commands.splitlines():
+        words = shlex.split(command)
+        assert words[0] == "deqmcl"
+        assert exit_code(*words[1:], "--jobs", "1") == 0, capsys.readouterr().err
+    found = {row["localizer"]: row for row in lines(Path("results/lap"), "results.csv")}
+    columns = set(re.findall(r"`([a-z_0-9]+)`", LOG.partition("| column |")[2].split("\n## ")[0]))
+    assert columns - {"_low", "_high", "inf"} <= set(found["mcl"])
+    assert float(found["mcl"]["position_median"]) < 0.1
+    assert float(found["mcl"]["success_1m"]) == float(found["amcl"]["success_1m"]) == 1
+    Path("starts.toml").write_text(STARTS)
+    assert exit_code("sweep", "starts.toml", "--dry-run") == 0, capsys.readouterr().err
+    capsys.readouterr()
+    exec(compile(REPLAY, "replay", "exec"), {})
+    estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)
+    true = logs.read_tum("lap.tum").poses[-1]
+    assert np.hypot(*(estimate - true)[:2]) < 0.2
+
+
+def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():
+    given = tomllib.loads(STARTS)
+    for key, value in tomllib.loads(BUILDINGS).items():
+        given[key] = given[key] | value if isinstance(value, dict) else value
+    sweep = sweep_of(given, title="starts")
+    assert len(sweep.distinct()) == len(given["localizers"]) * 60 == 120
+    assert dict(sweep.world)["segment"] == 50.0
