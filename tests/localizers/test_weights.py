@@ -23,7 +23,12 @@ from localizers.inference.resampling import (
     stratified,
     systematic,
 )
-from localizers.inference.weights import effective_sample_size, largest, log_sum_exp, normalized
+from localizers.inference.weights import (
+    effective_sample_size,
+    largest,
+    log_sum_exp,
+    normalized_with_log_sum,
+)
 from localizers.models.scan import Scan
 
 INF = math.inf
@@ -59,13 +64,13 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     if not expected:
         assert log_sum_exp(np.array(logs)) == -INF
         return
-    seen = normalized(np.array(logs))
+    seen, log_sum = normalized_with_log_sum(np.array(logs))
     assert seen == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert (seen >= 0).all()
     assert seen.sum() == pytest.approx(1.0, abs=1e-12)
     assert effective_sample_size(seen) == pytest.approx(1 / math.fsum(w * w for w in expected))
     total = max(logs) + math.log(math.fsum(math.exp(log - max(logs)) for log in logs))
-    assert log_sum_exp(np.array(logs)) == pytest.approx(total)
+    assert log_sum_exp(np.array(logs)) == log_sum == pytest.approx(total)
 
 
 @given(pairs(), st.booleans())
@@ -225,7 +230,7 @@ def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weigh
     ):
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
-            strategy.ancestors(normalized(np.log(weights)), rng)
+            strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
         states.append(rng.bit_generator.state)
     assert all(state == states[0] for state in states)
     assert states[0] != np.random.default_rng(7).bit_generator.state
@@ -236,8 +241,8 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     rng, seen = np.random.default_rng(9), set()
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
-        chosen = WhenDegenerate(threshold).ancestors(normalized(log_weights), rng)
-        weights = np.exp(log_weights)
+        weights, _ = normalized_with_log_sum(log_weights)
+        chosen = WhenDegenerate(threshold).ancestors(weights, rng)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate
         seen.add(degenerate)
