@@ -13,6 +13,7 @@ from deqmcl_command import exit_code, lines, process, python
 from test_links import ROOT
 
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
 from localizers.checks import LAWS, check_localizer
@@ -97,3 +98,9 @@ def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():
     sweep = sweep_of(given, title="starts")
     assert len(sweep.distinct()) == len(given["localizers"]) * 60 == 120
     assert dict(sweep.world)["segment"] == 50.0
+
+
+def test_the_table_of_disturbances_has_all_and_no_others():
+    _, table = (ROOT / "docs" / "sweeps.md").read_text().split("| disturbance | keys |\n")
+    rows = table.split("\n\n")[0].splitlines()[1:]
+    assert [re.match(r"\| `([\w-]+)` \|", row)[1] for row in rows] == list(DISTURBANCES)
