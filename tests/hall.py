@@ -13,20 +13,16 @@ from deqmcl_gym.maps import GridMap
 
 def recorded_in_a_hall(steps: int) -> tuple[GridMap, Log]:
     """Return the hall, and the log of so many steps along a lap, with the true poses."""
-    cells = np.zeros((68, 88), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
     cells[28:40, 28:60] = cells[1:12, 40:44] = cells[50:, 10:14] = 100
     hall = GridMap(occupancy=cells, resolution=0.05)
-    env = RecordLog(
-        gym.make(
-            "deqmcl_gym/Room-v0",
-            floor_plan=hall,
-            lap={"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
-            lidar={"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
-            noise={"drive": 0.1, "turn": 0.1, "drift": 0.1},
-            driver={},
-        )
-    )
+    world = {
+        "lap": {"waypoints": [[1.2, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]},
+        "lidar": {"beams": 61, "field_of_view": math.pi, "max_range": 6.0, "sigma": 0.02},
+        "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
+        "driver": {},
+    }
+    env = RecordLog(gym.make("deqmcl_gym/Room-v0", floor_plan=hall, **world))
     _, info = env.reset(seed=0)
     for _ in range(steps):
         *_, info = env.step(info["planned_actions"][0])

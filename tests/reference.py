@@ -31,14 +31,8 @@ def clearance(walls: ArrayLike, starts: ArrayLike, ends: ArrayLike) -> Floats:
     walls = np.asarray(walls, dtype=np.float64)
     a, b = np.asarray(starts, float)[:, None, :2], np.asarray(ends, float)[:, None, :2]  # (n, 1, 2)
     c, d = walls[None, :, :2], walls[None, :, 2:]  # (1, S, 2)
-    near = np.minimum.reduce(
-        [
-            _point_to_segment(a, c, d),
-            _point_to_segment(b, c, d),
-            _point_to_segment(c, a, b),
-            _point_to_segment(d, a, b),
-        ]
-    )
+    ends_and_others = (a, c, d), (b, c, d), (c, a, b), (d, a, b)
+    near = np.minimum.reduce([_point_to_segment(*three) for three in ends_and_others])
     crossing = (_side(c, d, a) * _side(c, d, b) < 0) & (_side(a, b, c) * _side(a, b, d) < 0)
     least: Floats = np.where(crossing, 0.0, near).min(axis=1)
     return least

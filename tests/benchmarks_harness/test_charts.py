@@ -208,8 +208,7 @@ def test_every_name_of_a_legend_is_inside_the_picture_and_below_the_axes(names, 
         figure.draw_without_rendering()
         (legend,) = figure.legends
         shown, below = legend.get_window_extent(), axes.xaxis.get_tightbbox()
-    assert [text.get_text().replace("\n", " ") for text in legend.get_texts()] == [
-        label.strip() for label in labels
-    ]
+    named = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+    assert named == [label.strip() for label in labels]
     assert 0 <= shown.x0 < shown.x1 <= figure.bbox.width
     assert 0 <= shown.y0 < shown.y1 <= below.y0

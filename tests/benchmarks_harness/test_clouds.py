@@ -182,9 +182,8 @@ POSES, WEIGHTS = cloud(4, 0)
     ],
 )
 def test_points_that_are_not_numbers_of_that_shape_are_refused(points):
-    with pytest.raises(
-        InputError, match=r"^its belief of state 7 at offset -2 .*, but .*must be .*\.$"
-    ):
+    said = r"^its belief of state 7 at offset -2 .*, but .*must be .*\.$"
+    with pytest.raises(InputError, match=said):
         cloud_of(7, -2, points)
 
 

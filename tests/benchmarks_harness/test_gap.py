@@ -32,9 +32,8 @@ def gaps(records, *limits):
 
 def test_each_method_is_held_against_the_limit_of_its_own_target():
     unnamed = LimitRuns((), [limit_run(w, 10.0) for w in range(3)])
-    own = LimitRuns(
-        ("mcl-plan", "mcl"), [finished("mcl-plan", w, 4.0, params=MANY) for w in (0, 1)]
-    )
+    runs = [finished("mcl-plan", w, 4.0, params=MANY) for w in (0, 1)]
+    own = LimitRuns(("mcl-plan", "mcl"), runs)
     records = [r for name in ("mcl", "mcl-h", "mcl-plan") for r in trials(name, [12.0] * 3)]
     for order in ((unnamed, own), (own, unnamed)):
         found = {r.method: (r.limit.name, r.gap.mean, r.worlds) for r in gaps(records, *order)}

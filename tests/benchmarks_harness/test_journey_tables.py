@@ -175,11 +175,8 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     )
     assert runner_up(panel).startswith("Next is AMCL, 50 % of runs: 42 points behind (95 %: ")
     assert float(following[f"{score}_p_holm"]) > 0.05
-    assert [line[0] for line in verdict_table(panel).lines] == [
-        "mcl-plan",
-        "amcl",
-        "mcl (baseline)",
-    ]
+    methods = [line[0] for line in verdict_table(panel).lines]
+    assert methods == ["mcl-plan", "amcl", "mcl (baseline)"]
     better, doubtful, _ = findings(panel)
     often = f"{done.capitalize()} more often than MCL"
     assert better == f"{often}: map-based MCL with the plan as a sensor."

@@ -218,11 +218,8 @@ def test_a_trial_has_the_scores_that_its_parts_are_about_and_no_others(parts, ab
 def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
-    kept = record(
-        trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups)),
-        0,
-        scenario("sharp").thresholds,
-    ).journey
+    trace = trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
+    kept = record(trace, 0, scenario("sharp").thresholds).journey
     nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
     assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
     assert [len(curve) for curve in kept.curves.values()] == [205] * 3
@@ -249,10 +246,8 @@ def test_where_two_places_fit_a_filter_that_does_not_see_the_plan_stays_split_be
     room = setup.room()
     robot, shares = setup.robot_model(room), []
     for seed in range(seeds):
-        localizer, agent = (
-            make("mcl-map", robot, particles=particles),
-            make_agent("open-loop", robot),
-        )
+        localizer = make("mcl-map", robot, particles=particles)
+        agent = make_agent("open-loop", robot)
         log = JourneyLog(Stage.of(trial()).task, groups_named(["lost", "ambiguity"]))
         rng = np.random.default_rng(seed)
         episode = moments(room, agent, localizer, lambda: TwoPlaces(room), rng, seed=1)

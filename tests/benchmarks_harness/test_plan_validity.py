@@ -61,10 +61,8 @@ def test_steps_of_scenarios_are_taken_together_by_world():
     records += [finished("mcl-map", 0, 1.0, scenario="guided")]
     (row,) = validities(panels(records))
     found = row.signals["feasible"]
-    assert (row.label, found.auroc.mean, found.far_steps, found.far_worlds) == (
-        *("mcl-plan", 0.5),
-        *(1 / 3, 2),
-    )
+    told = (row.label, found.auroc.mean, found.far_steps, found.far_worlds)
+    assert told == ("mcl-plan", 0.5, 1 / 3, 2)
     assert [panel.setting.scenario for panel in row.panels] == ["guided", "guided-stale"]
     table = validity_table(panels(records))
     assert table.lines[0][:2] == ["guided, guided-stale", "mcl-plan"]

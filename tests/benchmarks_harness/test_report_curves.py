@@ -27,9 +27,8 @@ def house_style():
 
 def curves(records, quantity=ERROR):
     found = panels(records)
-    return swept_charts(
-        found, looks(name for one in found for name in one.labels.values()), quantity
-    )
+    look = looks(name for one in found for name in one.labels.values())
+    return swept_charts(found, look, quantity)
 
 
 def words_of(chart):

@@ -50,6 +50,15 @@ def contacts(room, pose, actions):
     return int(room.floor_plan.collides(points[:-1], points[1:], RADIUS - NEAR).sum())
 
 
+def driving(number=0, agent=ToGoal):
+    """A room with a goal, what it tells at reset, and an agent that has been told."""
+    room, info = begun("driving", number)
+    driver = agent(scenario("driving").robot_model(room))
+    at_reset = driver.plan_at_reset(info)
+    assert at_reset is None or len(at_reset) == 0  # no plan of one's own before there is a belief
+    return room, info, driver
+
+
 def shown(info):
     return info["planned_actions"][: info["planned_count"]]
 
@@ -121,11 +130,6 @@ def test_after_the_kidnap_the_same_robot_drives_on_with_a_plan_about_it_or_with_
     assert not any(moment.collided for moment in runs[1])
 
 
-def test_the_old_route_is_that_of_a_world_with_routes():
-    with refused("give a world with a route"):
-        OldRoute(None).plan_at_reset({})
-
-
 @pytest.mark.parametrize("number", [35, 251])  # of 1,000: they start beside a corner of a wall
 def test_one_who_sees_the_pose_cuts_no_corner_however_much_of_the_plan_is_shown(number):
     one = trial("driving-perfect", number)
@@ -146,11 +150,7 @@ def test_one_who_sees_the_pose_cuts_no_corner_however_much_of_the_plan_is_shown(
 @pytest.mark.parametrize("agent", [ToGoal, OnRoute])
 @pytest.mark.parametrize("number", range(2))
 def test_an_agent_that_is_told_the_truth_arrives_without_contact_by_free_space(agent, number):
-    setup = scenario("driving")
-    room, info = begun("driving", number)
-    driver = agent(setup.robot_model(room))
-    at_reset = driver.plan_at_reset(info)
-    assert at_reset is None or len(at_reset) == 0  # no plan of one's own before there is a belief
+    room, info, driver = driving(number, agent)
     touched, ended = 0, False
     while not ended:
         action, plan = driver.act(Sure(info["truth"]), info)
@@ -163,10 +163,7 @@ def test_an_agent_that_is_told_the_truth_arrives_without_contact_by_free_space(a
 
 
 def test_an_agent_that_believes_anything_acts_and_plans_through_free_space():
-    setup = scenario("driving")
-    room, info = begun("driving")
-    driver = ToGoal(setup.robot_model(room))
-    driver.plan_at_reset(info)
+    room, info, driver = driving()
     rng = np.random.default_rng(0)
     low, high = room.floor_plan.bounds[:2], room.floor_plan.bounds[2:]
     believed = [(*rng.uniform(low, high), rng.uniform(-np.pi, np.pi)) for _ in range(40)]
@@ -179,22 +176,19 @@ def test_an_agent_that_believes_anything_acts_and_plans_through_free_space():
 
 
 def test_after_a_contact_it_turns_away_and_at_the_goal_it_looks_round():
-    setup = scenario("driving")
-    room, info = begun("driving")
-    driver = ToGoal(setup.robot_model(room))
-    driver.plan_at_reset(info)
+    _, info, driver = driving()
     action, plan = driver.act(Sure(info["truth"]), {**info, "collided": True})
     assert np.vstack([action, plan])[:, 1].sum() == pytest.approx(np.radians(120), rel=1e-6)
     assert np.vstack([action, plan])[:, 0].sum() == pytest.approx(0.4)
-    driver = ToGoal(setup.robot_model(room))
-    driver.plan_at_reset(info)
+    _, info, driver = driving()
     action, plan = driver.act(Sure((*info["goal"], 0.0)), info)
     assert action[0] == 0 < action[1]
     assert len(plan) == 0
 
 
-def test_an_agent_with_a_goal_needs_a_world_with_a_route():
+@pytest.mark.parametrize("agent", [ToGoal, OldRoute])
+def test_an_agent_with_a_goal_and_the_old_route_need_a_world_with_a_route(agent):
     paper = scenario("paper")
     room = paper.room()
     with refused("give a world with a route"):
-        ToGoal(paper.robot_model(room)).plan_at_reset(room.reset(seed=0)[1])
+        agent(paper.robot_model(room)).plan_at_reset(room.reset(seed=0)[1])

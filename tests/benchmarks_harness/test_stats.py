@@ -121,10 +121,6 @@ def test_the_wilson_interval_is_scipys(k, n):
     assert stats.wilson(k / n, n) == pytest.approx(tuple(expected), rel=1e-9, abs=1e-15)
 
 
-def test_the_wilson_interval_of_nothing_is_unknown():
-    assert all(map(math.isnan, stats.wilson(0.0, 0)))
-
-
 @pytest.mark.parametrize("tests", [1, 2, 5, 9])
 def test_the_least_p_is_that_of_the_exact_test_and_holm(tests):
     for worlds in range(2, 12):

@@ -13,10 +13,7 @@ PAPER = {
     "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
     "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
 }
-TRIANGLE = {
-    "outer": [[0, 0], [350, 0], [350, 300], [0, 300]],
-    "obstacles": [[[120, 90], [240, 110], [170, 210]]],
-}
+TRIANGLE = PAPER | {"obstacles": [[[120, 90], [240, 110], [170, 210]]]}
 # Of both orientations, one of them not convex.
 SEVERAL = {
     "outer": [[0, 0], [500, 0], [500, 400], [0, 400]],
@@ -29,7 +26,7 @@ SEVERAL = {
 # The outer wall points into the room.
 SPIKE = {
     "outer": [[0, 0], [400, 0], [400, 140], [310, 150], [400, 160], [400, 300], [0, 300]],
-    "obstacles": [[[100, 100], [250, 100], [250, 200], [100, 200]]],
+    "obstacles": PAPER["obstacles"],
 }
 EMPTY = {"outer": [[0, 0], [0, 300], [350, 300], [350, 0]]}  # clockwise
 FLOOR_PLANS = {"paper": PAPER, "triangle": TRIANGLE, "several": SEVERAL, "empty": EMPTY}

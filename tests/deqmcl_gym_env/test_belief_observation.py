@@ -10,7 +10,7 @@ from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
 from deqmcl_gym.envs.belief import BeliefObservation, LocalizationReward
-from deqmcl_gym.envs.wrappers import Kidnap
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, RecordLog
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, PointsBelief, RobotModel, make
 
@@ -151,8 +151,6 @@ def test_wrong_places_are_refused():
         BeliefObservation(sharp(), "mcl", PRIOR)
     with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
         LocalizationReward(sharp())
-    from deqmcl_gym.envs.wrappers import BeamDropout, RecordLog
-
     for wrap in (RecordLog, partial(BeamDropout, probability=0.1)):
         with pytest.raises(InputError, match='of observation="scan"'):
             wrap(sharp(observation="dict"))

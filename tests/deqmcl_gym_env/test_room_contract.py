@@ -181,9 +181,8 @@ def test_every_step_has_a_scan_of_its_space_and_plain_python_floats_and_bools():
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_rooms_in_processes_of_their_own_say_what_rooms_in_this_one_say(context):
     kwargs = {"num_envs": 2, "horizon": 20}
-    away = gym.make_vec(
-        ROOM_ID, vectorization_mode="async", vector_kwargs={"context": context}, **kwargs
-    )
+    own = {"vectorization_mode": "async", "vector_kwargs": {"context": context}}
+    away = gym.make_vec(ROOM_ID, **own, **kwargs)
     here = gym.make_vec(ROOM_ID, vectorization_mode="sync", **kwargs)
     actions = np.float32([(5.0, 0.0), (2.0, 0.3)])
     try:

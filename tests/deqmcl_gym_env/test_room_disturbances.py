@@ -50,9 +50,7 @@ def test_noise_and_everything_told_but_the_truth_stay_those_of_the_unkidnapped_r
     # From there on both turn and drive with the same errors, each in its own direction;
     # float64 numbers below 400 are exact to 6e-14.
     turns = [wrapped(np.diff(poses[10:, 2])) for poses in (truths, elsewhere)]
-    ways = [
-        np.linalg.norm(np.diff(poses[10:, :2], axis=0), axis=1) for poses in (truths, elsewhere)
-    ]
+    ways = [np.hypot(*np.diff(poses[10:, :2], axis=0).T) for poses in (truths, elsewhere)]
     np.testing.assert_allclose(*turns, rtol=0, atol=1e-12)
     np.testing.assert_allclose(*ways, rtol=0, atol=1e-12)
 
@@ -130,9 +128,8 @@ def test_beams_are_lost_with_the_probability_independently_of_neighbours_and_the
 
 def test_beams_that_are_not_lost_and_all_else_are_those_of_the_bare_env():
     bare, bare_rest = episode(RoomEnv(preset="matched", ends_at_goal=False, **BEAMS))
-    thinned, rest = episode(
-        BeamDropout(RoomEnv(preset="matched", ends_at_goal=False, **BEAMS), 0.3)
-    )
+    env = RoomEnv(preset="matched", ends_at_goal=False, **BEAMS)
+    thinned, rest = episode(BeamDropout(env, 0.3))
     kept = np.isfinite(thinned)
     np.testing.assert_array_equal(thinned[kept], bare[kept])
     np.testing.assert_equal(rest, bare_rest)

@@ -21,8 +21,7 @@ WAYPOINTS = ((1.0, 1.0), (3.4, 1.0), (3.4, 2.4), (1.0, 2.4))
 
 def hall(unknown_corner=True, scale=1) -> np.ndarray:
     """Cells of 5 cm: a hall of 4.4 by 3.4 m with a pillar, around which the lap goes."""
-    cells = np.zeros((68, 88), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
     cells[28:40, 28:60] = 100
     if unknown_corner:
         cells[55:, 75:] = -1

@@ -98,8 +98,7 @@ def test_what_is_done_to_returned_arrays_matters_to_nobody():
 PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
 PARTS = {
     "lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap,
-    "driver": Driver,
-    "route": Route,
+    "driver": Driver, "route": Route,
 }  # fmt: skip
 
 
@@ -123,9 +122,10 @@ def documented_default(argument: str) -> str:
 def test_every_key_of_a_part_is_documented_with_its_default(argument, default):
     text = documented_default(argument)
     fraction = re.fullmatch(r"π/(\d+)", text)
-    assert (math.pi / int(fraction[1]) if fraction else text) == (
-        default if fraction else repr(default)
-    )
+    if fraction:
+        assert math.pi / int(fraction[1]) == default
+    else:
+        assert text == repr(default)
 
 
 def test_every_argument_is_documented_with_its_default():

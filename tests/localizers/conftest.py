@@ -9,14 +9,12 @@ from following import robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.world.config import WORLDS
 
 
 @pytest.fixture(scope="session")
 def room() -> PolygonMap:
-    return PolygonMap(
-        outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-        obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
-    )
+    return WORLDS["paper"].floor_plan
 
 
 @pytest.fixture(scope="session")

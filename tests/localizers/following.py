@@ -14,6 +14,14 @@ Drive = tuple[np.ndarray, np.ndarray]
 STILL = localizers.OdometryMotion(drive=0.0, turn=0.0, drift=0.0)
 
 
+def wrapped(angle: Any) -> Any:
+    return np.angle(np.exp(1j * np.asarray(angle)))
+
+
+def sample_size(weights: np.ndarray) -> float:
+    return weights.sum() ** 2 / np.square(weights).sum()
+
+
 def robot_of(
     floor_plan: Map, lidar: Lidar, noise: tuple[float, float, float], sigma: float
 ) -> localizers.RobotModel:

@@ -156,9 +156,7 @@ def gamma(
     ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5). With ``switching``, V_s is summed over,
     too: plans are of x_s or of any state, and switch between both.
     """
-    moved = np.zeros((STATES, STATES))  # of no command: p(x + k | x)
-    for (noise, share), x in product(NOISE.items(), range(STATES)):
-        moved[x, (x + noise) % STATES] += share
+    moved = transition(0, beta=0.0)  # p(x + k | x)
     g = np.exp(-beta * COLLIDES)
     total = np.zeros((len(commands) + 1, STATES))
     for path in product(range(STATES), repeat=len(commands) + 1):

@@ -225,11 +225,8 @@ def test_beams_are_skipped_while_the_cloud_is_small_by_the_product_model_if_aske
 @pytest.mark.parametrize("kind", ["likelihood_field", "likelihood_field_prob", "beam"])
 def test_navs_models_assume_nothing_that_the_robot_model_does(kind):
     robot = hall()
-    other = replace(
-        robot,
-        motion=localizers.OdometryMotion(drive=3.0),
-        scan=localizers.GaussianUniform(sigma=0.01, power=0.1),
-    )
+    sharp = localizers.GaussianUniform(sigma=0.01, power=0.1)
+    other = replace(robot, motion=localizers.OdometryMotion(drive=3.0), scan=sharp)
     prior = localizers.GaussianPrior(mean=(1.5, 2.0, 0.0), sd_position=0.2)
     beliefs = [
         updated("amcl", one, prior, np.full(20, 1.5), (0.3, 0.1), laser_model_type=kind).points()
@@ -260,10 +257,8 @@ def lost_and_found(name: str, alpha_slow: float, alpha_fast: float) -> tuple[np.
     """Position errors of a robot that stands, is carried off at step 10, and turns about there."""
     lidar = Lidar(beams=15, field_of_view=5.0, max_range=400.0)
     robot = robot_of(LOPSIDED, lidar, (0.1, 0.1, 0.002), sigma=10.0)
-    truth = np.array(
-        [[40.0, 30.0, 0.1 * t] for t in range(11)]
-        + [[230.0, 150.0, 1.0 + 0.1 * t] for t in range(60)]
-    )
+    before = [[40.0, 30.0, 0.1 * t] for t in range(11)]
+    truth = np.array(before + [[230.0, 150.0, 1.0 + 0.1 * t] for t in range(60)])
     rng = np.random.default_rng(3)
     scans = LOPSIDED.ranges(truth, lidar.bearings) + rng.normal(0, 10, (len(truth), 15))
     # Nav2's averages start anew after a draw of random poses: it must hit at once and needs many,

@@ -27,6 +27,7 @@ from localizers.template import MyLocalizer
 BROKEN = Path(__file__).parent / "broken.py"
 NAV2 = scaled(DifferentialMotion(), 50.0)  # in px
 IN_A_PROCESS = ("answers in time", "runs in a worker")
+BY_NAME = {law.name: law for law in LAWS}
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +78,7 @@ def test_the_template_keeps(law):
     law()
 
 
-@pytest.mark.parametrize("law", [law.name for law in LAWS if law.name not in IN_A_PROCESS])
+@pytest.mark.parametrize("law", [name for name in BY_NAME if name not in IN_A_PROCESS])
 def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
     assert broken_here(subject_of(example(law))) == [law]
 
@@ -115,9 +116,8 @@ def test_a_plug_in_that_knows_increments_of_two_numbers_only_gets_a_remark():
         localizer.update = with_two
         return localizer
 
-    law = next(law for law in LAWS if law.name == "increments of three")
     for own, why in ((TakesTheSecondForTheTurn, "gives another belief"), (unpacks, "ValueError")):
-        verdict = Here(subject_of(own)).verdict(law)
+        verdict = Here(subject_of(own)).verdict(BY_NAME["increments of three"])
         assert verdict.status == "ok"
         assert verdict.note.startswith("not for logs, whose increments have three numbers: ")
         assert why in verdict.note
@@ -212,7 +212,7 @@ def test_a_registered_factory_is_sent_as_it_is():
 
 
 def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
-    (law,) = (law for law in LAWS if law.name == "global rng untouched")
+    law = BY_NAME["global rng untouched"]
     before = np.random.get_state(legacy=False)["state"], random.getstate()  # noqa: NPY002
     with pytest.raises(LawBrokenError):
         law(subject_of(example(law.name)))
@@ -223,11 +223,10 @@ def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
 
 @pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
 def test_a_changed_state_of_the_process_is_named_and_put_back(change):
-    (law,) = (law for law in LAWS if law.name == "process state untouched")
     before = state_of_process()
     for _ in range(2):  # also if it was changed before
         with pytest.raises(LawBrokenError, match=f"it changes {change} for its whole process"):
-            law(subject_of(ProcessStateUntouched, change=change))
+            BY_NAME["process state untouched"](subject_of(ProcessStateUntouched, change=change))
     assert state_of_process() == before
 
 
@@ -240,9 +239,8 @@ def test_a_localizer_from_a_file_changes_nothing_here_while_it_is_checked():
 
 
 def test_a_process_that_is_left_running_is_named():
-    (law,) = (law for law in LAWS if law.name == "nothing left running")
     with pytest.raises(LawBrokenError, match=r"it leaves the process \d+.* running"):
-        law(subject_of(LeavesAProcess))
+        BY_NAME["nothing left running"](subject_of(LeavesAProcess))
 
 
 def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from following import follow, robot_of, same, varied
+from following import follow, robot_of, same, sample_size, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -72,10 +72,6 @@ def test_dead_reckoning_has_no_use_for_it_and_says_so_in_a_sentence(office):
         localizers.make("dead-reckoning", office).reset(anywhere, [], RNG(0))
 
 
-def sample_size(weights: np.ndarray) -> float:
-    return weights.sum() ** 2 / np.square(weights).sum()
-
-
 @settings(max_examples=200)
 @given(
     logs=arrays(np.float64, st.shared(st.integers(2, 40), key="n"), elements=st.floats(-200, 50)),
@@ -105,11 +101,9 @@ def test_a_scan_that_nobody_or_one_too_well_explains_is_left_to_the_weights(odd)
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)
 def test_the_belief_says_at_which_power_its_scan_was_taken(name, robot, prior, drive):
-    kept = follow(
-        localizers.make(name, robot, particles=60, scan_keep=0.9, plan_beta=0.0, beta=0.0),
-        prior,
-        drive,
-    )
+    free = {"plan_beta": 0.0, "beta": 0.0}
+    made = localizers.make(name, robot, particles=60, scan_keep=0.9, **free)
+    kept = follow(made, prior, drive)
     assert min(belief.effective_sample_size for belief in kept) > 0.9 * 60 - 1e-6
     assert min(belief.scan_power for belief in kept) < 1
     plain = follow(localizers.make(name, robot, particles=60), prior, drive)
@@ -205,11 +199,8 @@ def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(name, ro
     plans = [actions[t:] for t in range(6)] + [route[t:] for t in range(7)]
     made = localizers.make(name, robot, particles=400, start_draws=20, plan_beta=10.0)
     start = made.filter.start
-    injection = Injection(
-        recovery=Doubt(always=0.5),
-        poses=localizers.UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius),
-        start=start,
-    )
+    anywhere = localizers.UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius)
+    injection = Injection(recovery=Doubt(always=0.5), poses=anywhere, start=start)
     seen: list[tuple[int, float]] = []
 
     class Watched(Injection):

@@ -8,8 +8,6 @@ import localizers
 from localizers.models.scan import LidarScan, Scan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
-
-
 LAG, WITHOUT_G_AND_FUTURE = {"lag": 5}, {"future": 0, "feasibility": None}
 
 

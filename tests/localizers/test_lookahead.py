@@ -100,9 +100,8 @@ def test_a_move_is_always_accepted_where_nothing_is_charged(robot, queued):
 
 def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued):
     feasibility = FreeSpace(floor_plan=room, radius=8.0, beta=2.0)
-    moved = RenewedFuture(Rollout(robot.motion, feasibility))(
-        queued, None, np.random.default_rng(0)
-    )
+    move = RenewedFuture(Rollout(robot.motion, feasibility))
+    moved = move(queued, None, np.random.default_rng(0))
     assert moved.log_weights is queued.log_weights
     assert moved.log_evidence == queued.log_evidence
     assert np.array_equal(moved.drawn, queued.drawn)

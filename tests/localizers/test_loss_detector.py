@@ -105,9 +105,8 @@ def test_the_short_cut_of_equal_weights_changes_no_bit():
     likelihoods[-1] = -math.inf
     # a last particle of less weight turns it off; it adds exp(-800) = 0 to either sum
     unlike = np.append(np.zeros(100), -800.0)
-    assert log_evidence(np.zeros(100), likelihoods[:-1], 256) == log_evidence(
-        unlike, likelihoods, 256
-    )
+    found = log_evidence(unlike, likelihoods, 256)
+    assert log_evidence(np.zeros(100), likelihoods[:-1], 256) == found
 
 
 def test_even_poses_cover_free_space_and_turns_evenly(room):
@@ -137,8 +136,7 @@ def kidnapped(name: str) -> list[float]:
     scans = np.clip(plan.ranges(truth, robot.lidar.bearings) + noise, 0, 400)[1:]
     actions = np.array([[5.0, 0.0]] * 14 + [[0.0, 0.3]] * 10)
     prior = localizers.GaussianPrior(mean=(40, 30, 0.0), sd_position=5.0, sd_heading=0.05)
-    params = small(name, 300) | OWN.get(name, {})
-    localizer = localizers.make(name, robot, **params)
+    localizer = localizers.make(name, robot, **small(name, 300) | OWN.get(name, {}))
     return [belief.quality for belief in follow(localizer, prior, (actions, scans))]
 
 

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 import pytest
-from following import STILL
+from following import STILL, wrapped
 
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
@@ -42,10 +42,6 @@ def drawn(motion: OdometryMotion, action: tuple, seed: int = 1, n: int = N) -> n
     assert after.shape == (3, n)
     assert after.dtype == np.float32
     return after.astype(np.float64)
-
-
-def wrapped(angle):
-    return np.angle(np.exp(1j * np.asarray(angle)))
 
 
 def z(samples: np.ndarray, expected: float) -> float:

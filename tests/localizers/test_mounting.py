@@ -22,16 +22,9 @@ METHODS = {
     "ekf": {}, "grid": {"cell": 0.3, "headings": 36},
 }  # fmt: skip
 STARTS = np.array([3.0, 2.0, 0.3])
-
-
-def hall() -> GridMap:
-    cells = np.zeros((60, 90), np.int8)  # 9 m x 6 m
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
-    cells[25:35, 60:70] = cells[0:8, 10:16] = cells[50:, 35:42] = 100
-    return GridMap(occupancy=cells, resolution=0.1)
-
-
-HALL = hall()
+CELLS = np.pad(np.zeros((58, 88), np.int8), 1, constant_values=100)  # 9 m x 6 m
+CELLS[25:35, 60:70] = CELLS[0:8, 10:16] = CELLS[50:, 35:42] = 100
+HALL = GridMap(occupancy=CELLS, resolution=0.1)
 
 
 def drive() -> np.ndarray:

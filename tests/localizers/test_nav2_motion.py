@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+from following import wrapped
 
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
@@ -36,10 +37,6 @@ def draws(motion, increment, heading=0.0) -> np.ndarray:
     states = np.zeros((3, N), np.float32)
     states[2] = heading
     return motion.sample(states, np.array(increment), np.random.default_rng(7)).astype(float)
-
-
-def wrapped(angle):
-    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 def assert_normal(seen, mean, variance):

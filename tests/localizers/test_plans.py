@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from following import STILL, follow, same, varied
+from following import STILL, follow, same, sample_size, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -83,10 +83,6 @@ def test_each_step_that_collides_costs_beta_and_none_costs_nothing(beta):
     assert not sensor.log_likelihood(poses, plan[:0]).any()
 
 
-def sample_size(weights: np.ndarray) -> float:
-    return weights.sum() ** 2 / np.square(weights).sum()
-
-
 @settings(max_examples=300)
 @given(
     logs=arrays(np.float64, st.shared(st.integers(1, 40), key="n"), elements=st.floats(-30, 0)),
@@ -127,7 +123,6 @@ WEST, EAST = (60.0, 25.0, 0.0), (340.0, 25.0, math.pi)
 DRIVE, LEFT, RIGHT = (10.0, 0.0), (0.0, math.pi / 2), (0.0, -math.pi / 2)
 INTO_THE_BRANCH = np.array([DRIVE] * 4 + [LEFT] + [DRIVE] * 8)
 MIRRORED = np.array([DRIVE] * 24 + [RIGHT] + [DRIVE] * 8)  # fits whoever comes from the east
-STAND = np.zeros(2)
 
 
 class TwoPoses:
@@ -148,9 +143,8 @@ def mass_at_west(belief) -> float:
 
 
 def followed(localizer, plans) -> list:
-    beliefs = [localizer.reset(TwoPoses(), plans[0], RNG(0))]
-    beliefs += [localizer.update([340.0], STAND, plan) for plan in plans[1:]]
-    return beliefs
+    stands = np.zeros((len(plans) - 1, 2)), np.full((len(plans) - 1, 1), 340.0)
+    return follow(localizer, TwoPoses(), stands, plans=plans)
 
 
 def test_a_plan_that_fits_one_of_two_poses_moves_the_mass_there_in_one_step():
@@ -168,12 +162,8 @@ def test_the_mass_comes_back_when_another_plan_is_as_strong_the_other_way():
     # nobody is resampled, so nobody is lost; the charges of both plans are the same in number
     localizer = in_the_corridor(keep=0.0, ess_threshold=0.0, plan_beta=0.5)
     plans = [INTO_THE_BRANCH, MIRRORED]
-    collisions = [
-        PlanSensor(floor_plan=CORRIDOR, radius=8.0).collisions(
-            np.float32([WEST, EAST]).T.copy(), plan
-        )
-        for plan in plans
-    ]
+    sensor, poses = PlanSensor(floor_plan=CORRIDOR, radius=8.0), np.float32([WEST, EAST]).T.copy()
+    collisions = [sensor.collisions(poses, plan) for plan in plans]
     assert collisions[0][0] == 0 < collisions[0][1]
     assert collisions[1][1] == 0 < collisions[1][0]
     beliefs = followed(localizer, plans)
@@ -201,17 +191,12 @@ def test_tempered_the_mass_moves_step_by_step_and_the_belief_says_by_how_much():
 @pytest.mark.parametrize("keep", [0.0, 0.8])
 def test_a_plan_that_nobody_can_follow_is_counted(beta, keep):
     through_walls = np.array([LEFT] + [DRIVE] * 30)
-    beliefs = followed(
-        in_the_corridor(keep=keep, plan_beta=beta), [INTO_THE_BRANCH, through_walls, through_walls]
-    )
+    plans = [INTO_THE_BRANCH, through_walls, through_walls]
+    beliefs = followed(in_the_corridor(keep=keep, plan_beta=beta), plans)
     assert [belief.events.infeasible_plans for belief in beliefs] == [0, 1, 2]
     for belief in beliefs:
         assert np.isfinite(belief.points()[1]).all()
     assert beliefs[1].plan_reading.feasible == 0.0
-
-
-INF = math.inf
-RNG = np.random.default_rng
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.8, 1.0])
@@ -267,9 +252,8 @@ def test_a_plan_that_only_goes_on_is_charged_once_a_step(
 
 
 def test_who_reads_the_first_plan_only_reports_none_of_the_later_steps(robot, prior, drive):
-    first, *later = follow(
-        localizers.make("mcl-map", robot, particles=9, start_draws=2), prior, drive
-    )
+    made = localizers.make("mcl-map", robot, particles=9, start_draws=2)
+    first, *later = follow(made, prior, drive)
     assert first.plan_reading.shown.tolist() == increments(drive[0]).tolist()
     assert [belief.plan_reading for belief in later] == [None] * len(later)
 

@@ -92,9 +92,7 @@ def test_the_log_likelihood_of_a_scan_is_the_textbooks(robot, room):
     ours_at = LidarScan(floor_plan=room, lidar=lidar, beam=robot.scan)
     other = textbook_robot(robot, bearings=lidar.bearings.tolist())
     rng = np.random.default_rng(1)
-    poses = np.column_stack(
-        [rng.uniform(-30, 380, 3_000), rng.uniform(-30, 330, 3_000), rng.uniform(-3, 3, 3_000)]
-    ).astype(np.float32)
+    poses = rng.uniform((-30, -30, -3), (380, 330, 3), (3_000, 3)).astype(np.float32)
     scan = np.array([20.0, 310.0, math.nan, 100.0, 399.0, -1.0, 60.0])
     expected = np.array([book.log_likelihood(other, pose, scan) for pose in poses.tolist()])
     seen = ours_at.log_likelihood(np.ascontiguousarray(poses.T), Scan.of(scan, 400.0))
@@ -113,9 +111,8 @@ def test_motion_without_noise_is_the_textbooks():
     poses = rng.uniform((0, 0, -np.pi), (350, 300, np.pi), (500, 3)).astype(np.float32)
     for distance, turn in rng.uniform((-30, -np.pi), (30, np.pi), (20, 2)).tolist():
         seen = STILL.sample(poses.T, np.array([distance, turn]), np.random.default_rng(0))
-        exact = np.array(
-            [book.moved(robot, p, distance, turn, random.Random(0)) for p in poses.tolist()]
-        )
+        moved = (book.moved(robot, p, distance, turn, random.Random(0)) for p in poses.tolist())
+        exact = np.array(list(moved))
         # float32: positions up to 400 are resolved to 3e-5; headings up to 2π to 5e-7, times a
         # distance of 30 another 1.5e-5.
         assert np.abs(seen[:2].T - exact[:, :2]).max() < 1e-4

@@ -70,11 +70,8 @@ def test_with_infinite_beta_a_step_that_collides_is_rejected_outright(robot, pri
 
 
 def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
-    robot = localizers.RobotModel(
-        floor_plan=room,
-        lidar=Lidar(),
-        scan=localizers.GaussianUniform(sigma=0.5, uniform=0.0),
-    )
+    scan = localizers.GaussianUniform(sigma=0.5, uniform=0.0)
+    robot = localizers.RobotModel(floor_plan=room, lidar=Lidar(), scan=scan)
     localizer = started("mcl", robot, start, particles=50)
     belief = localizer.update([10.0], [0.0, 0.0], [])  # 300 px seen: z = 580, density 0
     assert belief.events.weight_collapses == 1
@@ -90,10 +87,8 @@ def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
     steady, start, planned, beta, pilots, ess_threshold
 ):
     # The queued future collides for all particles or many; then another plan is driven.
-    params = {"particles": 50, "lag": 3, "beta": beta}
-    localizer = localizers.make(
-        "deq-mcl", steady, pilots=pilots, ess_threshold=ess_threshold, **params
-    )
+    params = {"particles": 50, "lag": 3, "beta": beta, "ess_threshold": ess_threshold}
+    localizer = localizers.make("deq-mcl", steady, pilots=pilots, **params)
     plans = [planned, *(AHEAD[t:] for t in range(1, 7))]
     beliefs = follow(localizer, start, (AHEAD, SCANS), plans=plans)
     for belief in beliefs:

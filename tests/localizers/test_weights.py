@@ -223,11 +223,8 @@ def test_equal_weights_under_systematic_and_stratified_keep_every_particle():
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize("weights", [[1, 1, 1, 1.0], [1, 2, 3, 4.0], [1, 1e-9, 0, 0.0]])
 def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weights):
-    states = []
-    for strategy in (
-        Always(SCHEMES[name]),
-        *(WhenDegenerate(t, SCHEMES[name]) for t in (0, 0.5, 1)),
-    ):
+    states, scheme = [], SCHEMES[name]
+    for strategy in (Always(scheme), *(WhenDegenerate(t, scheme) for t in (0, 0.5, 1))):
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
             strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
@@ -275,12 +272,8 @@ def by_the_rule(poses: np.ndarray, weights: np.ndarray, metre: float):
         total[cell] += weight
     # of equal ones the first; sectors are counted from -π
     best = min(total, key=lambda cell: (-total[cell], cell[:2], (cell[2] + 6) % 12))
-    return np.array(
-        [
-            abs(c[0] - best[0]) <= 1 and abs(c[1] - best[1]) <= 1 and (c[2] - best[2] + 1) % 12 <= 2
-            for c in cells
-        ]
-    )
+    apart = np.abs(np.array(cells) - best)
+    return (apart[:, :2] <= 1).all(axis=1) & np.isin(apart[:, 2], (0, 1, 11))
 
 
 @settings(max_examples=150)

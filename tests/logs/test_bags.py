@@ -32,11 +32,8 @@ def quaternion(roll=0.0, yaw=0.0):
 
 
 def transform(parent, child, x, y, roll=0.0, yaw=0.0, time=0.0):
-    moved = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", x, y, 0.3),
-        quaternion(roll, yaw),
-    )
+    offset = make("geometry_msgs/msg/Vector3", x, y, 0.3)
+    moved = make("geometry_msgs/msg/Transform", offset, quaternion(roll, yaw))
     one = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
     return make(TF, [one])
 
@@ -54,14 +51,9 @@ def odometry(time, x, heading=0.0):
     pose = make("geometry_msgs/msg/Pose", at, quaternion(yaw=heading))
     still = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
     twist = make("geometry_msgs/msg/Twist", still, still)
-    nothing = np.zeros(36)
-    return make(
-        ODOMETRY,
-        header(time, "odom"),
-        "base_footprint",
-        make("geometry_msgs/msg/PoseWithCovariance", pose, nothing),
-        make("geometry_msgs/msg/TwistWithCovariance", twist, nothing),
-    )
+    posed = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
+    driven = make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
+    return make(ODOMETRY, header(time, "odom"), "base_footprint", posed, driven)
 
 
 def bag(path, *messages, plugin=StoragePlugin.SQLITE3):

@@ -96,10 +96,6 @@ def cells(occupancy, **more):
     return GridMap(occupancy=occupancy, resolution=0.05, **more)
 
 
-def changed(floor_plan):
-    return WORLDS["paper"].changed(floor_plan=floor_plan)
-
-
 OPEN = np.zeros((2, 2), int)
 CASES = [
     (Office, {"seed": -1}, "office.seed is -1"),
@@ -125,18 +121,18 @@ CASES = [
         for bad in (-0.1, NAN, float("inf"), "fine")
     ),
     (PolygonMap.from_grid, {"grid": cells(OPEN, unknown="transparent")}, 'unknown = "transparent"'),
-    (changed, {"floor_plan": {"office": {"sed": 3}}}, "did you mean 'seed'"),
-    (changed, {"floor_plan": {"office": 3}}, "floor_plan.office is 3"),
-    (changed, {"floor_plan": {"office": {}, "frm": 1}}, "did you mean 'form'"),
-    (changed, {"floor_plan": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
-    (changed, {"floor_plan": {"offic": {}}}, "did you mean 'office'"),
-    (changed, {"floor_plan": {"file": "a.json", "unknown": "free"}}, "floor_plan 'unknown'"),
-    (changed, {"floor_plan": {"unknown": "free"}}, "unknown key in floor_plan 'unknown'"),
-    (changed, {"floor_plan": {"file": "m.yaml", "outer": []}}, "key in floor_plan 'outer'"),
-    (changed, {"floor_plan": {"file": "nowhere.yaml"}}, "does not exist"),
-    (changed, {"floor_plan": "nowhere.yaml"}, "does not exist"),
-    (changed, {"floor_plan": "nowhere.json"}, "does not exist"),
-    (changed, {"floor_plan": 3}, "floor_plan is 3, but must be a map, the path"),
+    (floor_plan, {"given": {"office": {"sed": 3}}}, "did you mean 'seed'"),
+    (floor_plan, {"given": {"office": 3}}, "floor_plan.office is 3"),
+    (floor_plan, {"given": {"office": {}, "frm": 1}}, "did you mean 'form'"),
+    (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
+    (floor_plan, {"given": {"offic": {}}}, "did you mean 'office'"),
+    (floor_plan, {"given": {"file": "a.json", "unknown": "free"}}, "floor_plan 'unknown'"),
+    (floor_plan, {"given": {"unknown": "free"}}, "unknown key in floor_plan 'unknown'"),
+    (floor_plan, {"given": {"file": "m.yaml", "outer": []}}, "key in floor_plan 'outer'"),
+    (floor_plan, {"given": {"file": "nowhere.yaml"}}, "does not exist"),
+    (floor_plan, {"given": "nowhere.yaml"}, "does not exist"),
+    (floor_plan, {"given": "nowhere.json"}, "does not exist"),
+    (floor_plan, {"given": 3}, "floor_plan is 3, but must be a map, the path"),
 ]
 
 

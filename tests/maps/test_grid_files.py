@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,11 +90,7 @@ def test_transparent_cells_are_unknown_in_mode_scale(tmp_path):
 @given(grids(), st.sampled_from([(0.196, 0.65), (0.25, 0.65), (0.4, 0.9)]))
 def test_a_saved_map_is_read_back_as_it_was(tmp_path_factory, grid, thresholds):
     path = tmp_path_factory.mktemp("map") / "office.yaml"
-    given_map = GridMap(
-        occupancy=grid.occupancy, resolution=grid.resolution, origin=grid.origin,
-        free_thresh=thresholds[0], occupied_thresh=thresholds[1],
-        unknown=grid.unknown,
-    )  # fmt: skip
+    given_map = replace(grid, free_thresh=thresholds[0], occupied_thresh=thresholds[1])
     for mode in ("trinary", "scale", "raw"):
         given_map.save(path, mode)
         assert GridMap.load(path, given_map.unknown).digest == given_map.digest
@@ -198,10 +195,8 @@ def test_an_image_of_any_bytes_is_read_or_refused(tmp_path_factory, junk, cut):
 )
 def test_a_yaml_of_any_values_is_read_or_refused(tmp_path_factory, junk, key):
     path = written(tmp_path_factory.mktemp("map"))
-    before = YAML.format(
-        image="map.pgm", resolution=1, origin=[0, 0, 0], negate=0, occupied=1, free=0
-    )
-    lines = [f"{key}: {junk}" if line.startswith(key) else line for line in before.splitlines()]
+    before = path.read_text().splitlines()
+    lines = [f"{key}: {junk}" if line.startswith(key) else line for line in before]
     path.write_text("\n".join(lines), encoding="utf-8")
     with contextlib.suppress(InputError):
         GridMap.load(path)

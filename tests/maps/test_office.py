@@ -38,12 +38,8 @@ def test_a_robot_comes_through_the_doors_to_all_that_is_free(office):
     places = grid.placed([(c + 0.5, r + 0.5) for r in range(rows) for c in range(columns)])
     fits = grid.free(places, RADIUS)
     numbers = np.arange(fits.size).reshape(rows, columns)
-    pairs = np.hstack(
-        [
-            [numbers[:-1].ravel(), numbers[1:].ravel()],
-            [numbers[:, :-1].ravel(), numbers[:, 1:].ravel()],
-        ]
-    )
+    above = [numbers[:-1].ravel(), numbers[1:].ravel()]
+    pairs = np.hstack([above, [numbers[:, :-1].ravel(), numbers[:, 1:].ravel()]])
     pairs = pairs[:, fits[pairs].all(axis=0)]
     pairs = pairs[:, ~grid.collides(places[pairs[0]], places[pairs[1]], RADIUS)]
     graph = coo_array((np.ones(pairs.shape[1]), pairs), shape=(fits.size, fits.size))

@@ -153,12 +153,8 @@ def test_a_step_collides_iff_pymunk_touches_or_it_ends_outside_free_space(name, 
     clearance = reference.clearance(plan.walls, starts, ends)
     clear_cut = np.abs(clearance - radius) > BAND
     assert clear_cut.mean() > 0.99  # the band excuses next to nothing
-    touches = np.array(
-        [
-            pymunk_touches(space, tuple(a), tuple(b), radius)
-            for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
-        ]
-    )
+    steps = zip(starts.tolist(), ends.tolist(), strict=True)
+    touches = np.array([pymunk_touches(space, tuple(a), tuple(b), radius) for a, b in steps])
     expected = touches | (reference.winding(plan.walls, ends) != 1)
     seen = plan.collides(starts, ends, radius)
     assert 0.05 < expected.mean() < 0.999  # both answers occur

@@ -27,8 +27,7 @@ WAYS = {
 
 @pytest.fixture
 def hall(tmp_path, monkeypatch):
-    cells = np.zeros((68, 88), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
     cells[28:40, 28:60] = 100
     cells[60:, 80:] = -1
     (tmp_path / "maps").mkdir()
