@@ -153,9 +153,8 @@ def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan)
     np.testing.assert_allclose(info["planned_actions"][: min(count, 3)], shown, rtol=0, atol=1e-6)
     moments = list(Stage.of(trial).moments())
     assert len(moments) > 5
-    np.testing.assert_allclose(
-        [moment.action for moment in moments[1:4]], own.increments, rtol=0, atol=1e-6
-    )
+    driven = [moment.action for moment in moments[1:4]]
+    np.testing.assert_allclose(driven, own.increments, rtol=0, atol=1e-6)
 
 
 def test_a_result_is_named_by_what_is_in_the_files_of_its_world(folder):

@@ -206,9 +206,8 @@ def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
     writing.write_report(tmp_path, replace(results([]), command=words))
     expected = r"""deqmcl $'d\xe9' 'a b' $'new\x0aline' 'it'"'"'s' '```'"""
     assert f"````\n{expected}\n````\n" in (tmp_path / "results.md").read_text(encoding="utf-8")
-    shown = subprocess.run(
-        ["bash", "-c", f"printf '%s\\0' {expected}"], capture_output=True, check=False
-    )
+    printing = ["bash", "-c", f"printf '%s\\0' {expected}"]
+    shown = subprocess.run(printing, capture_output=True, check=False)
     assert shown.stdout.split(b"\0")[:-1] == list(map(os.fsencode, words))
 
 

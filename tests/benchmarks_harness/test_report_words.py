@@ -159,9 +159,8 @@ def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
         f"{float(best['win_rate']) * int(best['paired_worlds']):g} of 30 worlds; costs "
         f"{spent['mcl-map'] / spent['mcl']:.2g} × the time."
     )
-    assert float(best["relative"]) == pytest.approx(
-        float(best["diff"]) / float(rows["mcl"]["error"])
-    )
+    share = float(best["diff"]) / float(rows["mcl"]["error"])
+    assert float(best["relative"]) == pytest.approx(share)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert re.search('<p class="verdict">(.*?)</p>', page)[1] == expected
     assert expected in (tmp_path / "results.md").read_text(encoding="utf-8").replace("\\", "")
@@ -222,8 +221,5 @@ def test_the_next_method_is_named_with_what_it_is_behind():
 
 def test_the_hint_names_a_number_of_worlds_for_every_method_that_differs():
     records = paired({"mcl": (20.0, ONE), "a": (19.9, ONE)}) + trials("b", [20.0] * 12)
-    assert re.fullmatch(
-        r"Worlds needed to detect a difference of 1 px to MCL with 80 % power: about [\d,]+ for a, "
-        r"[\d,]+ for b\.",
-        power_hint(panel_of(records)),
-    )
+    needed = "Worlds needed to detect a difference of 1 px to MCL with 80 % power: about "
+    assert re.fullmatch(rf"{needed}[\d,]+ for a, [\d,]+ for b\.", power_hint(panel_of(records)))

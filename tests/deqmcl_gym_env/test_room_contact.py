@@ -19,7 +19,6 @@ BAND = 1e-3
 # A robot with long arms: steps up to 60 px meet walls often, and reach past obstacle corners.
 LONG = {"max_distance": 60.0, "max_turn": math.pi}
 
-
 # Past the corner (100, 100) at 7 px from it, towards the lower right, from 30 px before to 30 px
 # behind: both ends are clear, but √(8² - 7²) px before the nearest point the disc touches the
 # corner (left of and below it there, so no wall's side comes first).
@@ -79,9 +78,8 @@ def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     )  # fmt: skip
     _, info = env.reset(seed=4)
     agent = np.random.default_rng(5)
-    commands = np.float32(
-        np.column_stack([agent.uniform(0, 60, n), agent.uniform(-math.pi, math.pi, n)])
-    ).clip(env.action_space.low, env.action_space.high)
+    drawn = np.column_stack([agent.uniform(0, 60, n), agent.uniform(-math.pi, math.pi, n)])
+    commands = np.float32(drawn).clip(env.action_space.low, env.action_space.high)
     infos = [info] + [env.step(command)[4] for command in commands]
     poses = np.array([info["truth"] for info in infos])
     return poses, commands, np.array([info["collided"] for info in infos[1:]])
@@ -102,15 +100,13 @@ def test_collided_says_what_the_reference_and_the_floor_plan_say(plan, radius):
     clear_cut = np.abs(clearance - radius) > BAND
     # Excused are robots at a wall (within the skin) that drive off, and next to nothing else.
     assert clear_cut.mean() > 0.5
-    np.testing.assert_array_equal(
-        walls.collides(starts, ends, radius)[clear_cut], collided[clear_cut]
-    )
+    found = walls.collides(starts, ends, radius)
+    np.testing.assert_array_equal(found[clear_cut], collided[clear_cut])
     assert np.abs(wrapped(poses[1:, 2] - headings)).max() < EXACT
     # Free steps end where they were to; stopped ones on the way there, less than the way.
     way = np.linalg.norm(poses[1:, :2] - starts, axis=1)
-    np.testing.assert_allclose(
-        poses[1:, :2], starts + way[:, None] * directions, rtol=0, atol=EXACT
-    )
+    straight = starts + way[:, None] * directions
+    np.testing.assert_allclose(poses[1:, :2], straight, rtol=0, atol=EXACT)
     np.testing.assert_allclose(way[~collided], commands[~collided, 0], rtol=0, atol=EXACT)
     assert (way[collided] < commands[collided, 0]).all()
     # A stopped robot stands at the contact: nearer than SKIN or, if it started there, not moved.

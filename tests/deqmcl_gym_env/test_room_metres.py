@@ -167,9 +167,8 @@ def test_rays_start_at_the_mounting_and_nothing_else_changes(place):
 @pytest.mark.parametrize("ending", [".log", ".csv", ".npz", ".mcap"])
 def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path, ending):
     place = PLACES[1]
-    room = RecordLog(
-        gym.make(ROOM_ID, floor_plan=PAPER, noise=STILL, lidar={**FAN, "mounting": place})
-    )
+    lidar = FAN | {"mounting": place}
+    room = RecordLog(gym.make(ROOM_ID, floor_plan=PAPER, noise=STILL, lidar=lidar))
     scans, poses, _ = driven(room, 30)
     logs.write(room.log, tmp_path / f"x{ending}")
     back = gym.make("deqmcl_gym/Log-v0", log=tmp_path / f"x{ending}", map=PAPER)

@@ -9,12 +9,12 @@ from following import robot_of
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.config import PAPER_ROOM
 
 
 @pytest.fixture(scope="session")
 def room() -> PolygonMap:
-    return WORLDS["paper"].floor_plan
+    return PAPER_ROOM
 
 
 @pytest.fixture(scope="session")

@@ -48,11 +48,9 @@ def by_hand(building, lidar, poses, scan, *, step, farthest=2.0, sigma=0.2, hit=
         y = poses[:, 1] + range_ * np.sin(poses[:, 2] + bearing) - y0
         column = np.floor((x * math.cos(yaw) + y * math.sin(yaw)) / building.resolution)
         row = np.floor((y * math.cos(yaw) - x * math.sin(yaw)) / building.resolution)
-        d = np.minimum(
-            tree.query(np.column_stack([column, row]))[0] * building.resolution, farthest
-        )
+        d = tree.query(np.column_stack([column, row]))[0] * building.resolution
         on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        d = np.where(on, d, farthest)
+        d = np.where(on, np.minimum(d, farthest), farthest)
         values.append(hit * np.exp(-(d**2) / (2 * sigma**2)) + rand / lidar.max_range)
     return np.array(values)
 
@@ -157,10 +155,8 @@ def test_rays_stop_at_unknown_cells_whatever_the_map_says_of_them(unknown):
 
 @pytest.mark.parametrize("unknown", ["free", "obstacle"])
 def test_an_unknown_cell_is_no_wall_of_the_field(building, unknown):
-    plans = (
-        replace(building, unknown=unknown),
-        replace(building, occupancy=building.occupancy.clip(0)),
-    )
+    known = building.occupancy.clip(0)
+    plans = replace(building, unknown=unknown), replace(building, occupancy=known)
     assert np.array_equal(*(DistanceTable.of(plan, 2.0, 0.02).distances for plan in plans))
 
 
@@ -191,13 +187,9 @@ def test_weights_in_a_room_of_pixels_are_those_of_the_same_room_in_metres():
         scan = np.linspace(40.3, 170.7, 9) * length
         common = {"floor_plan": room, "lidar": lidar, "sigma": 10 * length}
         field = {"farthest": 100 * length, "cell": 1.0 * length, **common}
-        found += [
-            [
-                log_w(LikelihoodField(**field), pose, scan)[0],
-                log_w(LikelihoodFieldProb(**field), pose, scan)[0],
-                log_w(BeamCubes(decay=0.1 * 0.02 / length, **common), pose, scan)[0],
-            ]
-        ]
+        cubes = BeamCubes(decay=0.1 * 0.02 / length, **common)
+        models = LikelihoodField(**field), LikelihoodFieldProb(**field), cubes
+        found.append([log_w(model, pose, scan)[0] for model in models])
     np.testing.assert_allclose(found[0], found[1], rtol=1e-4)
 
 

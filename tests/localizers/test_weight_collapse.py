@@ -100,12 +100,9 @@ def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
 @pytest.mark.parametrize(
     ("name", "params"),
     [
-        ("deq-mcl", {"pilots": 1}),
-        ("deq-mcl", {"pilots": 16}),
-        ("deq-mcl-rejuvenated", {}),
-        ("mcl-h", {}),
+        *(("deq-mcl", {"pilots": pilots}) for pilots in (1, 16)),
+        *((name, {}) for name in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")),
         ("mcl-h", {"form": "twisted"}),
-        ("mcl-pilots", {}),
     ],
     ids=str,
 )

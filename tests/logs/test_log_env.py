@@ -133,9 +133,8 @@ def test_what_is_planned_is_the_odometry_the_reference_or_nothing():
     by_odometry, by_reference, nothing = (
         LogEnv(log=log, plan=plan, horizon=7) for plan in ("odometry", "reference", "none")
     )
-    np.testing.assert_array_equal(
-        by_odometry.reset()[1]["planned_actions"], log.increments[:7].astype(np.float32)
-    )
+    shown = by_odometry.reset()[1]["planned_actions"]
+    np.testing.assert_array_equal(shown, log.increments[:7].astype(np.float32))
     meant = increments_of(log.reference)[:7].astype(np.float32)
     np.testing.assert_array_equal(by_reference.reset()[1]["planned_actions"], meant)
     assert (meant != log.increments[:7]).any()

@@ -33,12 +33,9 @@ def test_increments_lead_from_each_pose_to_the_next(steps):
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(-1, 1))
 def test_what_is_sideways_is_nothing_on_an_arc_and_all_of_a_strafe(length, turn, aside):
     chord = length * (math.sin(turn / 2) / (turn / 2) if turn else 1.0)
-    arc = composed(
-        np.zeros((1, 3)), np.array([chord * math.cos(turn / 2), chord * math.sin(turn / 2), turn])
-    )
-    increments = increments_of(
-        np.vstack([np.zeros(3), arc, composed(arc, np.array([0, aside, 0]))])
-    )
+    arc = np.array([[chord * math.cos(turn / 2), chord * math.sin(turn / 2), turn]])
+    strafed = composed(arc, np.array([0, aside, 0]))
+    increments = increments_of(np.vstack([np.zeros(3), arc, strafed]))
     np.testing.assert_allclose(sideways_of(increments), [0.0, aside], atol=1e-12)
 
 

@@ -4,11 +4,8 @@ import numpy as np
 import pymunk
 
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.world.config import PAPER_ROOM
 
-ROOM = PolygonMap(
-    outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-    obstacles=[[(100, 100), (250, 100), (250, 200), (100, 200)]],
-)
 # A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.
 HALL = PolygonMap(
     outer=[(0, 0), (400, 0), (400, 300), (250, 300), (230, 190), (150, 200), (150, 300), (0, 300)],
@@ -31,7 +28,7 @@ def _forest() -> PolygonMap:
     return PolygonMap([(0, 0), (720, 0), (720, 540), (0, 540)], [s.tolist() for s in squares])
 
 
-PLANS = {"room": ROOM, "hall": HALL, "forest": _forest()}
+PLANS = {"room": PAPER_ROOM, "hall": HALL, "forest": _forest()}
 
 
 def corners(plan: PolygonMap) -> np.ndarray:

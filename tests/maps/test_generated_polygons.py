@@ -1,6 +1,7 @@
 """Whatever polygons are given: exact geometry, or a refusal in one sentence."""
 
 import re
+import tracemalloc
 from fractions import Fraction
 
 import numpy as np
@@ -111,8 +112,6 @@ def test_the_narrowest_corridor_is_free_space(parts, at, turn):
 
 
 def test_a_contour_of_six_thousand_corners_takes_memory_for_them_alone():
-    import tracemalloc
-
     turn = np.linspace(0, 2 * np.pi, 6_000, endpoint=False)
     radius = 60 + 10 * np.sin(37 * turn)
     contour = np.column_stack([175 + radius * np.cos(turn), 150 + radius * np.sin(turn)])

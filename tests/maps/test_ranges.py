@@ -146,12 +146,12 @@ def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on
         assert set(blind) == {True, False}
 
 
+def squares(side: int, xs: range, ys: range) -> list:
+    return [[(x, y), (x + side, y), (x + side, y + side), (x, y + side)] for x in xs for y in ys]
+
+
 def test_a_rectangle_counts_as_one_however_many_walls_it_has():
-    boxes = [
-        [(x, y), (x + 5, y), (x + 5, y + 5), (x, y + 5)]
-        for x in range(10, 90, 10)
-        for y in range(10, 80, 10)
-    ]
+    boxes = squares(5, range(10, 90, 10), range(10, 80, 10))
     room = [(0, 0), (100, 0), (100, 100), (0, 100)]
     assert 4 * len(boxes) > MANY_WALLS > len(boxes) + 1
     assert isinstance(caster_of(room, boxes, 1.0), AllAtOnce)
@@ -210,22 +210,15 @@ def test_each_point_of_a_wall_lies_in_a_cell_that_lists_the_wall(name):
     share = np.random.default_rng(8).random((200, 1, 1))
     points = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])  # (200, S, 2)
     column, row = np.floor((points - cells.corner) / cells.side).astype(int).transpose(2, 0, 1)
-    for cell, wall in zip(
-        (row * columns + column).ravel().tolist(),
-        np.tile(np.arange(len(walls)), len(points)).tolist(),
-        strict=True,
-    ):
+    of_points = np.tile(np.arange(len(walls)), len(points)).tolist()
+    for cell, wall in zip((row * columns + column).ravel().tolist(), of_points, strict=True):
         assert wall in table.listed[table.first[cell] : table.first[cell + 1]]
         assert table.reach.flat[cell] == 0
 
 
 def test_a_wall_along_the_border_of_cells_is_not_missed():
     """A grid of squares whose edges fall on multiples of the cell's side."""
-    boxes = [
-        [(x, y), (x + 10, y), (x + 10, y + 10), (x, y + 10)]
-        for x in range(20, 380, 20)
-        for y in range(20, 380, 20)
-    ]
+    boxes = squares(10, range(20, 380, 20), range(20, 380, 20))
     plan = PolygonMap([(0, 0), (400, 0), (400, 400), (0, 400)], boxes)
     between = np.arange(15.0, 390.0, 20.0)  # lanes without obstacles
     east = np.column_stack([np.full(between.size, 5.0), between, np.zeros(between.size)])
