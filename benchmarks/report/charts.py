@@ -191,7 +191,8 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
     longest = max(len(line) for label in lines for line in label)
     figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * longest)
     worlds = sorted(set().union(*(row.errors for row in rows)))
-    height = {world: _spread(i, len(worlds)) for i, world in enumerate(worlds)}
+    spread = 0.3 if len(worlds) > _ROW else 0.0  # by golden steps, so that neighbours differ
+    height = {world: ((i * 0.618034) % 1 - 0.5) * spread for i, world in enumerate(worlds)}
     axes.plot(
         [[row.errors.get(world, math.nan) for world in worlds] for row in rows],
         [[place + height[world] for world in worlds] for place in range(len(rows))],
@@ -336,8 +337,3 @@ def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
         "over worlds; marks are spread horizontally.",
         alt=f"Observed against nominal coverage, {panel.title}: {'; '.join(covered)}",
     )
-
-
-def _spread(index: int, count: int) -> float:
-    """A height within a row for each of many worlds: golden steps, so that neighbours differ."""
-    return ((index * 0.618034) % 1 - 0.5) * 0.3 if count > _ROW else 0.0

@@ -25,7 +25,6 @@ from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import GROUPS, Group
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
 
@@ -82,11 +81,7 @@ def _of_journeys(group: Group) -> Part:
 
 TRACKS: Sequence[Part] = (
     Part(tables=tracks.track_tables),
-    Part(
-        heading="On the map",
-        note=lambda panel: tracks.ON_THE_MAP,
-        pictures=tracks.track_charts,
-    ),
+    Part(heading="On the map", note=lambda panel: tracks.ON_THE_MAP, pictures=tracks.track_charts),
     Part(
         heading="Over the distance driven",
         note=lambda panel: tracks.OVER_THE_WAY,
@@ -196,8 +191,8 @@ class Story:
     @property
     def pictures(self) -> list[Picture]:
         """All its charts."""
-        shown = (block.pictures for section in self.sections for block in section.blocks)
-        return [*self.curves, *(picture for pictures in shown for picture in pictures)]
+        shown = [block for section in self.sections for block in section.blocks]
+        return [*self.curves, *(picture for block in shown for picture in block.pictures)]
 
 
 def story_of(
@@ -205,7 +200,7 @@ def story_of(
 ) -> Story:
     """Draw everything, but for the animations if they are kept."""
     panels = results.panels
-    look = looks(label for panel in panels for label in panel.labels.values())
+    look = looks(tables.all_labels(panels))
     animated = panels[:ANIMATED]
     with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
@@ -245,11 +240,13 @@ def story_of(
 
 
 def _failed(results: Results) -> Table:
-    return Table(
-        "Trials that raised an error; no mean includes them.",
-        ["trial", "reason"],
-        [[_described(failure.trial), failure.reason] for failure in results.failures],
-    )
+    lines = []
+    for failure in results.failures:
+        trial = failure.trial
+        where = f"{trial.localizer} on {trial.scenario}, world {trial.trial}"
+        lines.append([f"{where}, filter seed {trial.filter_seed}", failure.reason])
+    caption = "Trials that raised an error; no mean includes them."
+    return Table(caption, ["trial", "reason"], lines)
 
 
 def _left_out(results: Results) -> Table:
@@ -260,19 +257,11 @@ def _left_out(results: Results) -> Table:
     return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
 
 
-def _described(trial: Trial) -> str:
-    return (
-        f"{trial.localizer} on {trial.scenario}, world {trial.trial}, "
-        f"filter seed {trial.filter_seed}"
-    )
-
-
 def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:
     try:
         return {"animations": [promise() for promise in promises]}
     except InputError as error:
         return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        return {
-            "no_animation": f"its trials could not be run again ({type(error).__name__}: {error})"
-        }
+        why = f"{type(error).__name__}: {error}"
+        return {"no_animation": f"its trials could not be run again ({why})"}

@@ -1,8 +1,10 @@
 """Tables of words: what the beliefs are worth."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
+
+from tabulate import tabulate
 
 from benchmarks.report.words import estimated
 from benchmarks.tables.auroc import Auroc
@@ -29,6 +31,31 @@ class Table(NamedTuple):
     lines: list[list[str]]
     strong: Collection[tuple[int, int]] = ()
     own: Collection[int] = ()
+
+    def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
+        """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
+        return tabulate(
+            self.marked_up(words, strong),
+            self.header,
+            tablefmt=style,
+            disable_numparse=True,
+            colalign=("left", *["right"] * (len(self.header) - 1)),
+        )
+
+    def marked_up(self, words: Callable[[str], str], strong: str) -> list[list[str]]:
+        """Return the lines in a markup language.
+
+        Args:
+            words: gives a cell's words in it.
+            strong: a pattern of bold words, as "**{}**".
+        """
+        return [
+            [
+                strong.format(words(cell)) if (row, column) in self.strong else words(cell)
+                for column, cell in enumerate(line)
+            ]
+            for row, line in enumerate(self.lines)
+        ]
 
 
 def calibration_table(panel: Panel) -> Table:
@@ -115,14 +142,14 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     lines = []
     for row in rows:
         first, *_ = row.panels
-        found = next(filter(_tells, row.signals.values()))
+        told = {name: own for name, own in row.signals.items() if _tells(own)}
         scenarios = ", ".join(panel.setting.scenario for panel in row.panels)
         lines.append(
             [
                 ", ".join([scenarios, *first.title.split(", ")[1:]]),
                 row.label,
-                *(_signal(row.signals.get(name)) for name in names),
-                percent(found.far_steps, 1),
+                *(_auroc(told[name]) if name in told else "–" for name in names),
+                percent(next(iter(told.values())).far_steps, 1),
             ]
         )
     caption = (
@@ -135,10 +162,6 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     )
     header = ["scenarios", "method", *names, "steps in conflict"]
     return Table(caption, header, lines)
-
-
-def _signal(found: Auroc | None) -> str:
-    return "–" if found is None or not _tells(found) else _auroc(found)
 
 
 def _tells(found: Auroc) -> bool:

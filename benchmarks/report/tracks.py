@@ -21,7 +21,6 @@ from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.metrics import LEVELS
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Indices
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View
 
@@ -100,10 +99,8 @@ def evo_tables(panel: Panel) -> list[Table]:
     """APE and RPE of each localizer's median run, as evo computes them."""
     lines = []
     for row in shown(panel)[0]:
-        for name, errors in (
-            ("APE", (run := row.middle).track.errors),
-            ("RPE", run.track.relative),
-        ):
+        run = row.middle
+        for name, errors in {"APE": run.track.errors, "RPE": run.track.relative}.items():
             if (moved := errors.translation).size:
                 numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
                 turned = f"{math.degrees(errors.rotation.mean()):.2f}°"
@@ -186,11 +183,9 @@ def _needed(panel: Panel, row: Comparison, score: Score) -> str:
 def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Table:
     lines = []
     for row in rows:
-        runs = {"lost": len(row.runs)}  # of a failed run it is not known
-        cells = [
-            _word(name, row.scores.get(name, math.nan), runs.get(name, row.seeds))
-            for name in columns
-        ]
+        runs = dict.fromkeys(columns, row.seeds)
+        runs["lost"] = len(row.runs)  # of a failed run it is not known
+        cells = [_word(name, row.scores.get(name, math.nan), runs[name]) for name in columns]
         lines.append([row.label, str(row.seeds), *cells])
     return Table(caption, ["localizer", "runs", *columns.values()], lines)
 
@@ -284,7 +279,8 @@ def _trajectory(
 def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
     first = row.runs[0].track
     way = first.way[first.known]
-    at = _chosen(len(way))
+    n = len(way)
+    at = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
     errors = np.array([run.track.errors.translation[at] for run in row.runs])
     figure, axes = canvas(3.2, 2.3, top=0.28)
     low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
@@ -302,10 +298,6 @@ def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
         caption="",
         alt=f"Position error of {row.label} over the distance driven",
     )
-
-
-def _chosen(n: int) -> Indices:
-    return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
 
 
 def _draw(floor_plan: Map, axes: Axes) -> None:

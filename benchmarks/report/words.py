@@ -187,7 +187,8 @@ def _sentence(panel: Panel, found: Verdict) -> str:
             more = _brief(panel, found.first)
             aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
         apart = _against(row, f" {named(panel.baseline_of(row), panel)}")
-        return f"{name} is best: {reached}, {apart}{_price(row)}{aside}."
+        price = "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
+        return f"{name} is best: {reached}, {apart}{price}{aside}."
     if row.is_baseline:
         if panel.tests == 0:
             return f"{name}: {reached}; nothing to compare it with."
@@ -238,10 +239,6 @@ def _against(row: Comparison, base: str = "") -> str:
     ends = interval(below, form)
     share = f"{below.mean:{form}}".replace("-", "−")
     return f"{share} % below{base} (95 %: {ends}), {worlds}"
-
-
-def _price(row: Comparison) -> str:
-    return "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
 
 
 def _doubt(worlds: int, p_holm: float, tests: int) -> str:

@@ -208,7 +208,11 @@ def _journey(
 
 def _corrected(rows: list[Comparison]) -> list[Comparison]:
     """Correct all tests of the panel at one offset together, by Holm's method; set its aim."""
-    corrected, aim = list(rows), _aim(rows)
+    # who was carried off is to be found again; who was lost, to be localized
+    held = {name for row in rows for name in row.journey}
+    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
+    aim = next((score for score in reversed(shares) if score.name in held), None)
+    corrected = list(rows)
     for offset in {row.offset for row in rows}:
         places = [i for i, row in enumerate(rows) if row.offset == offset]
         tests = {(i, ""): rows[i].p for i in places}
@@ -221,13 +225,6 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
             }
             corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey, aim=aim)
     return corrected
-
-
-def _aim(rows: Sequence[Comparison]) -> Score | None:
-    """Who was carried off is to be found again; who was lost, to be localized."""
-    held = {name for row in rows for name in row.journey}
-    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
-    return next((score for score in reversed(shares) if score.name in held), None)
 
 
 def _six_digits(p: float) -> float:
