@@ -136,7 +136,6 @@ def _together(one: str, other: str, places: Sequence[Place]) -> bool:
 
 
 def _curves(chart: _Chart, quantity: Quantity) -> Curves:
-    """What is known of each method, by label and value."""
     curves: Curves = {}
     out = _left_out(chart, quantity)
     for value, panel in sorted(chart.panels.items()):

@@ -43,6 +43,21 @@ _SPECIAL = str.maketrans(
     }
 )
 
+_DOCUMENT = r"""\documentclass{article}
+\usepackage[margin=10mm,landscape]{geometry}
+\usepackage{booktabs,graphicx}
+\title{TITLE}
+\author{}
+\begin{document}
+\maketitle
+Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by
+Taniguchi et al.~\cite{taniguchi2024deqmcl}.
+\input{tables}
+\bibliographystyle{plain}
+\bibliography{references}
+\end{document}
+"""
+
 
 def escaped(text: str) -> str:
     """Return a text as LaTeX in ASCII; a letter that it has no name for as its code, [U+4E2D]."""
@@ -58,7 +73,7 @@ def latex_files(results: Results) -> dict[str, bytes]:
     return {
         "tables.tex": utf8(f"{source}% Needs \\usepackage{{booktabs}}.\n\n{tables}"),
         "references.bib": utf8(cited.replace("VERSION", __version__)),
-        "document.tex": utf8(_document(results)),
+        "document.tex": utf8(_DOCUMENT.replace("TITLE", escaped(results.title))),
     }
 
 
@@ -107,24 +122,3 @@ def _stacked(name: str) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return " & ".join(cells) + r" \\"
-
-
-def _document(results: Results) -> str:
-    return "\n".join(
-        (
-            r"\documentclass{article}",
-            r"\usepackage[margin=10mm,landscape]{geometry}",
-            r"\usepackage{booktabs,graphicx}",
-            rf"\title{{{escaped(results.title)}}}",
-            r"\author{}",
-            r"\begin{document}",
-            r"\maketitle",
-            r"Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by Taniguchi et"
-            r" al.~\cite{taniguchi2024deqmcl}.",
-            r"\input{tables}",
-            r"\bibliographystyle{plain}",
-            r"\bibliography{references}",
-            r"\end{document}",
-            "",
-        )
-    )

@@ -261,11 +261,7 @@ def findings(panel: Panel) -> list[str]:
         if not row.is_baseline:
             outcomes.setdefault(_outcome(row), []).append(named(row, panel))
     sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
-    if warning := _few(panel.present):
-        sentences.append(warning)
-    if said := reading(panel.rows):
-        sentences.append(said)
-    return sentences
+    return [*sentences, *filter(None, (_few(panel.present), reading(panel.rows)))]
 
 
 def _outcome(row: Comparison) -> str:

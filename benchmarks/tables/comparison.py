@@ -4,10 +4,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 
 from benchmarks.tables.auroc import Auroc, auroc_of
-from benchmarks.tables.journeys import JourneyScore, Outcomes, longest_ways
+from benchmarks.tables.journeys import JourneyScore, Outcomes
 from benchmarks.tables.pairing import (
     Runs,
     agree,
@@ -31,7 +30,7 @@ from benchmarks.tables.stats import (
 )
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
-from benchmarks.trials.spec import Method, Run
+from benchmarks.trials.spec import Method
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
@@ -127,7 +126,7 @@ def compared(
     Args:
         methods: their finished trials.
         baseline: localizer that the others are compared with.
-        whole: their whole runs, see ``outcomes_of``.
+        whole: their whole runs, with those that failed.
     """
     times = {method: milliseconds_per_step(records) for method, records in methods.items()}
     rows = []
@@ -184,17 +183,6 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
         win_rate=win_rate(apart),
         p=_six_digits(wilcoxon(apart)),
     )
-
-
-def outcomes_of(
-    methods: Mapping[Method, Sequence[Finished]], failed: Mapping[Method, Sequence[Run]]
-) -> dict[Method, Outcomes]:
-    """Return the whole runs of each method of a panel, with those that failed."""
-    longest = longest_ways(chain.from_iterable(methods.values()))
-    return {
-        method: Outcomes(records=records, failed=failed.get(method, ()), longest=longest)
-        for method, records in methods.items()
-    }
 
 
 def _journey(
