@@ -185,7 +185,6 @@ def _rows(setting: Setting, sweep: Sweep, results: Results) -> list[Row]:
 def _contents(
     setting: Setting, rows: Sequence[Row], results: Results, warnings: Sequence[str]
 ) -> dict[str, bytes]:
-    """Return the files of the folder by name."""
     contents = {
         "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
         "trials.csv": utf8(trials_csv(rows)),

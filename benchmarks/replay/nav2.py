@@ -148,6 +148,8 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     one_of("laser_model_type", said["laser_model_type"], _LASERS)
     robot = one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
     said["robot_model_type"] = _ROBOTS[robot]
+    model = OmniMotion if _ROBOTS[robot] == OMNI else DifferentialMotion
+    alphas = [own.name for own in fields(model) if own.name.startswith("alpha")]
     unused = {name: _ROS for name in sorted(_OF_ROS) if name in given}
     known = {*_DEFAULTS, *_OF_ROS, *_START}
     strange = [name for name in given if name.split(".")[0] not in known]
@@ -158,7 +160,7 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
         source=source,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if value > 0},
-        motion=_motion(said),
+        motion=model(**{name: said[name] for name in alphas}),
         sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
         max_beams=said["max_beams"],
@@ -167,13 +169,6 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     )
     _check(found)
     return found
-
-
-def _motion(said: Mapping[str, Any]) -> MotionModel:
-    """Return Nav2's motion model with its alphas, for the other localizers."""
-    model = OmniMotion if said["robot_model_type"] == OMNI else DifferentialMotion
-    names = [own.name for own in fields(model) if own.name.startswith("alpha")]
-    return model(**{name: said[name] for name in names})
 
 
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:

@@ -71,7 +71,7 @@ def calibration_table(panel: Panel) -> Table:
                 state_name(row.offset),
                 fixed(scores["energy_score"].mean),
                 *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
-                _nees(scores["nees"]),
+                nees_words(scores["nees"]),
                 fixed(scores["entropy"].mean),
                 percent(scores["wall_share"].mean, 1),
             ]
@@ -82,8 +82,8 @@ def calibration_table(panel: Panel) -> Table:
     return Table(caption, header, lines)
 
 
-def _nees(found: Estimate) -> str:
-    """With one decimal; a large one, which is far from 3 anyhow, with three digits."""
+def nees_words(found: Estimate) -> str:
+    """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
     if not found.mean >= 100:
         return estimated(found, ".1f")
     return estimated(Estimate(*(float(f"{value:.3g}") for value in found)), ",.0f")

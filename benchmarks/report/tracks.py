@@ -7,14 +7,14 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
-from benchmarks.report.tables import Table
+from benchmarks.report.tables import Table, nees_words
 from benchmarks.report.words import estimated, p_value, rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import sample_sd, worlds_to_see
+from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, Run, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
@@ -195,8 +195,7 @@ def _word(name: str, value: float, runs: int) -> str:
         return "n/a" if math.isnan(value) else "never"
     kind = name.partition("_")[0]
     if kind == "nees":
-        value = value if value < 100 else float(f"{value:.3g}")
-        return f"{value:,.{1 if value < 100 else 0}f}"
+        return nees_words(Estimate(value))
     if kind in ("agreement", "within", "coverage"):
         return percent(value)
     if kind in ("success", "lost"):

@@ -151,7 +151,7 @@ def compared(
                 milliseconds=times[method],
                 baseline=reference,
                 cost=times[method] / times[reference] if times[reference] > 0 else math.nan,
-                journey={} if offset else _journey(whole, method, reference),
+                journey={} if offset else whole[method].beside(whole[reference]),
             )
             rows.append(row if row.is_baseline else _against(row, errors, present))
     return _corrected(rows)
@@ -183,15 +183,6 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
         win_rate=win_rate(apart),
         p=_six_digits(wilcoxon(apart)),
     )
-
-
-def _journey(
-    journeys: Mapping[Method, Outcomes], method: Method, reference: Method
-) -> dict[str, JourneyScore]:
-    own, theirs = journeys[method], journeys[reference]
-    if own is theirs:
-        return {score.name: own.summary(score) for score in own.scores}
-    return {score.name: own.against(theirs, score) for score in own.scores}
 
 
 def _corrected(rows: list[Comparison]) -> list[Comparison]:

@@ -79,11 +79,6 @@ class Outcomes:
     failed: Sequence[Run]
     longest: Mapping[int, float]
 
-    @property
-    def scores(self) -> list[Score]:
-        """What was scored, in the order of ``JOURNEY_SCORES``."""
-        return scores_in(self.records)
-
     def runs(self, score: Score) -> Runs:
         """Return a score by run, left out where it is unknown; infinite if censored."""
         found = {record.trial.run: value_in(record, score) for record in self.records}
@@ -113,6 +108,13 @@ class Outcomes:
             return JourneyScore(value=estimate(values))
         share = float(values.mean())
         return JourneyScore(value=Estimate(share, *wilson(share, values.size)))
+
+    def beside(self, baseline: "Outcomes") -> dict[str, JourneyScore]:
+        """Return all scores by name beside the baseline's, which may be its own."""
+        scores = scores_in(self.records)
+        if baseline is self:
+            return {score.name: self.summary(score) for score in scores}
+        return {score.name: self.against(baseline, score) for score in scores}
 
     def against(self, baseline: "Outcomes", score: Score) -> JourneyScore:
         """Return a score beside the baseline's."""
