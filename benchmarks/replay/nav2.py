@@ -30,10 +30,8 @@ _RANGES: Mapping[str, Mapping[str, Any]] = {
     "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
 }
 _LASERS = ("likelihood_field", "likelihood_field_prob", "beam")
-_ROBOTS = {
-    **{DIFFERENTIAL: DIFFERENTIAL, OMNI: OMNI},
-    **{"differential": DIFFERENTIAL, "omnidirectional": OMNI},  # before Humble
-}
+_ROBOTS = {DIFFERENTIAL: DIFFERENTIAL, OMNI: OMNI}
+_ROBOTS |= {"differential": DIFFERENTIAL, "omnidirectional": OMNI}  # before Humble
 _FINER = 4  # records to the least movement between two updates
 _START = ("set_initial_pose", "initial_pose")
 _POSE = "initial_pose."

@@ -186,6 +186,7 @@ def _with(panel: Panel) -> str:
     methods, shared = list(panel.records), []
     for name in sorted({name for method in methods for name in method.params}):
         takers = {method.name for method in methods if name in method.params}
+        # ... differs from every value: one that was not given it has the default
         held = [method.params.get(name, ...) for method in methods if method.name in takers]
         if len(held) > 1 and len(set(held)) == 1 and name not in panel.swept:
             shared.append(f"{name} {held[0]}")

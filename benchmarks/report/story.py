@@ -80,11 +80,19 @@ def _of_journeys(group: Group) -> Part:
 
 
 TRACKS: Sequence[Part] = (
-    Part(tables=tracks.track_tables),
-    Part(heading="On the map", note=lambda panel: tracks.ON_THE_MAP, pictures=tracks.track_charts),
+    Part(tables=lambda panel: tracks.tables_of(tracks.shown(panel)[0])),
+    Part(
+        heading="On the map",
+        note=lambda panel: (
+            "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and "
+            "its neighbours, the one place that it favours. The cross is where the robot was when "
+            "it was last lost: from there on the estimate is never again within 1 m and 30°."
+        ),
+        pictures=tracks.track_charts,
+    ),
     Part(
         heading="Over the distance driven",
-        note=lambda panel: tracks.OVER_THE_WAY,
+        note=lambda panel: "Line: median over runs; band: least to largest; dotted: 1 m.",
         pictures=tracks.error_charts,
         small=True,
     ),
@@ -115,7 +123,10 @@ PARTS: Sequence[Part] = (
     Part(heading="Against the paper's methods", tables=error_tables.rival_tables, folded=True),
     Part(heading="Optimality gap", tables=lambda panel: [error_tables.gap_table(panel)]),
     Part(heading="Calibration", tables=lambda panel: [tables.calibration_table(panel)]),
-    Part(heading=tables.DETECTION, tables=lambda panel: [tables.detection_table(panel)]),
+    Part(
+        heading="Does the quality detect large errors?",
+        tables=lambda panel: [tables.detection_table(panel)],
+    ),
     Part(
         heading="Errors at every offset",
         tables=lambda panel: [error_tables.offsets_table(panel)],

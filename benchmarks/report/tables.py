@@ -14,8 +14,6 @@ from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent, state_name
 from benchmarks.trials.metrics import LEVELS
 
-DETECTION = "Does the quality detect large errors?"
-
 
 class Table(NamedTuple):
     """Cells with what they are of; the first one of a line names it.

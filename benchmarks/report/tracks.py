@@ -65,11 +65,6 @@ def shown(panel: Panel) -> tuple[list[Row], Map | None]:
     return (rows, floor_plan) if same else ([], None)
 
 
-def track_tables(panel: Panel) -> list[Table]:
-    """The scores by records, and what the beliefs are worth."""
-    return tables_of(shown(panel)[0])
-
-
 def tables_of(rows: Sequence[Row]) -> list[Table]:
     """Return the scores as readable tables; without a reference only the agreement."""
     tracks = [run.track for row in rows for run in row.runs]
@@ -203,13 +198,6 @@ def _word(name: str, value: float, runs: int) -> str:
     forms = {"heading": f"{math.degrees(value):.2f}°", "metres": f"{value:.1f} m"}
     return forms.get(kind, f"{value:.2f}" if kind == "ms" else f"{value:.3f} m")
 
-
-ON_THE_MAP = (
-    "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
-    "neighbours, the one place that it favours. The cross is where the robot was when it was last "
-    "lost: from there on the estimate is never again within 1 m and 30°."
-)
-OVER_THE_WAY = "Line: median over runs; band: least to largest; dotted: 1 m."
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
 _GREY = 140  # of walls, in the light and in the dark
