@@ -100,6 +100,5 @@ def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
     assert isinstance(kept, TrackLog)
     for moment in islice(stage.moments(), count):
         kept.see(moment)
-    return kept.scores()[f"coverage_{LEVEL}"], float(
-        np.quantile(kept.track.errors.translation, 0.95)
-    )
+    off = float(np.quantile(kept.track.errors.translation, 0.95))
+    return kept.scores()[f"coverage_{LEVEL}"], off

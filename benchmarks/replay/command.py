@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tabulate import tabulate
 
 from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
@@ -15,7 +14,6 @@ from benchmarks.files import write_part
 from benchmarks.replay.options import EVERY, NAME, Setting
 from benchmarks.report import load, no_report
 from benchmarks.report.animations import Kept
-from benchmarks.report.tables import Table
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
 from benchmarks.setup.changes import Changes
@@ -125,8 +123,10 @@ def run_replay(
         said += warn([_misfit(setting, rows)])
         with doing(f"writing the report in {out}"):
             files = write_part(out, "replay", _contents(setting, rows, results, said))
+    apart = [table for panel in results.panels if (table := differences_table(panel))]
+    first, *others = tables_of(rows)
     texts = [conclusion(results), *accuracy(rows), setting.overview]
-    texts += [*map(_plain, _tables(rows, results)), *setting.facts]
+    texts += [*(one.text("simple") for one in (first, *apart, *others)), *setting.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
@@ -182,24 +182,9 @@ def _rows(setting: Setting, sweep: Sweep, results: Results) -> list[Row]:
     return rows_of(records, {name: failed.count(name) for name in names}, setting.log)
 
 
-def _tables(rows: Sequence[Row], results: Results) -> list[Table]:
-    apart = [differences_table(panel) for panel in results.panels]
-    first, *others = tables_of(rows)
-    return [first, *(table for table in apart if table is not None), *others]
-
-
-def _plain(table: Table) -> str:
-    """Return a table as text for a terminal."""
-    align = ("left", *["right"] * (len(table.header) - 1))
-    return tabulate(
-        table.lines, table.header, tablefmt="simple", disable_numparse=True, colalign=align
-    )
-
-
 def _contents(
     setting: Setting, rows: Sequence[Row], results: Results, warnings: Sequence[str]
 ) -> dict[str, bytes]:
-    """Return the files of the folder by name."""
     contents = {
         "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
         "trials.csv": utf8(trials_csv(rows)),

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -23,30 +22,16 @@ from localizers.models.nav2_motion import MotionModel, kind_of
 
 _OURS = ("robot", "selective_resampling", "field_cell")  # of ``amcl``; all others are Nav2's
 _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no parameters of ``amcl``
-_DEFAULTS: Mapping[str, Any] = MappingProxyType(
-    {
-        name: own.default
-        for name, own in sorted(signature(amcl).parameters.items())
-        if name not in _OURS
-    }
-    | _OF_LOGS
-)
-_RANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
-        "sigma_hit": {"low": 0, "above": True},
-        "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
-    }
-)
+_TAKEN = sorted(signature(amcl).parameters.items())
+_DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
+_RANGES: Mapping[str, Mapping[str, Any]] = {
+    **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
+    "sigma_hit": {"low": 0, "above": True},
+    "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
+}
 _LASERS = ("likelihood_field", "likelihood_field_prob", "beam")
-_ROBOTS = MappingProxyType(
-    {
-        DIFFERENTIAL: DIFFERENTIAL,
-        OMNI: OMNI,
-        "differential": DIFFERENTIAL,  # before Humble
-        "omnidirectional": OMNI,
-    }
-)
+_ROBOTS = {DIFFERENTIAL: DIFFERENTIAL, OMNI: OMNI}
+_ROBOTS |= {"differential": DIFFERENTIAL, "omnidirectional": OMNI}  # before Humble
 _FINER = 4  # records to the least movement between two updates
 _START = ("set_initial_pose", "initial_pose")
 _POSE = "initial_pose."
@@ -159,21 +144,21 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
 def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
     one_of("laser_model_type", said["laser_model_type"], _LASERS)
-    said["robot_model_type"] = _ROBOTS[
-        one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
-    ]
+    robot = one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
+    said["robot_model_type"] = _ROBOTS[robot]
+    model = OmniMotion if _ROBOTS[robot] == OMNI else DifferentialMotion
+    alphas = [own.name for own in fields(model) if own.name.startswith("alpha")]
     unused = {name: _ROS for name in sorted(_OF_ROS) if name in given}
     known = {*_DEFAULTS, *_OF_ROS, *_START}
-    unused |= {
-        name: "no parameter of Nav2's AMCL" for name in given if name.split(".")[0] not in known
-    }
+    strange = [name for name in given if name.split(".")[0] not in known]
+    unused |= dict.fromkeys(strange, "no parameter of Nav2's AMCL")
     # not above 0: what the sensor says, as in Nav2
     bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
     found = Amcl(
         source=source,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if value > 0},
-        motion=_motion(said),
+        motion=model(**{name: said[name] for name in alphas}),
         sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
         max_beams=said["max_beams"],
@@ -182,13 +167,6 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     )
     _check(found)
     return found
-
-
-def _motion(said: Mapping[str, Any]) -> MotionModel:
-    """Return Nav2's motion model with its alphas, for the other localizers."""
-    model = OmniMotion if said["robot_model_type"] == OMNI else DifferentialMotion
-    names = [own.name for own in fields(model) if own.name.startswith("alpha")]
-    return model(**{name: said[name] for name in names})
 
 
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:

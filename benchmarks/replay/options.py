@@ -83,6 +83,8 @@ class Setting:
         """What the localizers assume."""
         setup, log = self.scenario, self.log
         motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
+        x, y = log.scanner.mounting
+        mounted = f" The scanner is mounted at ({x:g}, {y:g}) {log.unit} on it, ahead and left."
         told = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
@@ -90,7 +92,7 @@ class Setting:
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             self._start,
             "Poses are of the robot's base (ROS: base_link): the start, the reference and "
-            f"tracks/*.tum.{_mounted(log)}",
+            f"tracks/*.tum.{mounted if x or y else ''}",
             self.reference or NO_ERROR,
         ]
         return [fact for fact in told if fact]
@@ -228,13 +230,6 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
     found = scenario(NAME).changed(world, assumed)
     assert isinstance(found, ReplayScenario)
     return found
-
-
-def _mounted(log: Log) -> str:
-    x, y = log.scanner.mounting
-    if (x, y) == (0, 0):
-        return ""
-    return f" The scanner is mounted at ({x:g}, {y:g}) {log.unit} on it, ahead and left."
 
 
 def _pose_of(start: str) -> tuple[float, float, float]:

@@ -1,7 +1,6 @@
 """The charts of a panel, its rows drawn: errors, and runs of robots lost, kidnapped or driving."""
 
 import math
-from collections.abc import Mapping
 from textwrap import wrap
 
 import numpy as np
@@ -11,7 +10,7 @@ from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, pictur
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import JourneyScore, ShareCurve
+from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
@@ -55,7 +54,7 @@ _TESTS = (
     "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
     "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
 )
-_CURVES = {
+_CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
         "Localized against metres driven",
         "localized for good, % of runs",
@@ -87,56 +86,34 @@ def journey_table(panel: Panel, group: Group) -> Table | None:
 
 
 def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
-    """Return a curve over the metres driven for each score that is censored."""
+    """Draw shares of runs against the metres driven, with bands, for each score with censoring."""
     held = {name for row in panel.present for name in row.journey}
     end = max((way for own in panel.whole.values() for way in own.longest.values()), default=0.0)
-    return [
-        share_chart(
-            {panel.labels[method]: own.curve(score) for method, own in panel.whole.items()},
-            looks,
-            end=end,
-            name=f"{name.replace('_', '-')}-{panel.number}",
-            words=_CURVES[name],
+    charts = []
+    for name, score in JOURNEY_SCORES.items():
+        if not score.censored or name not in held:
+            continue
+        title, axis, caption = _CURVES[name]
+        curves = {panel.labels[method]: own.curve(score) for method, own in panel.whole.items()}
+        figure, axes = canvas(4.8, 2.9, legend_of=curves)
+        for label, curve in curves.items():
+            low, high = ([*100 * part, 100 * part[-1]] for part in (curve.low, curve.high))
+            metres, share = [*curve.metres, end], [*100 * curve.share, 100 * curve.share[-1]]
+            color = looks[label].color
+            axes.fill_between(metres, low, high, step="post", color=color, alpha=0.15, lw=0)
+            axes.step(metres, share, where="post", color=color, label=label)
+        axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
+        ends = (f"{label} {curve.share[-1]:.0%}" for label, curve in curves.items())
+        charts.append(
+            picture(
+                figure,
+                name=f"{name.replace('_', '-')}-{panel.number}",
+                title=title,
+                caption=f"{caption} Bands: Wilson's 95 % interval at each distance.",
+                alt=f"{caption} At the end: {', '.join(ends)}.",
+            )
         )
-        for name, score in JOURNEY_SCORES.items()
-        if score.censored and name in held
-    ]
-
-
-def share_chart(
-    curves: Mapping[str, ShareCurve],
-    looks: Looks,
-    *,
-    end: float,
-    name: str,
-    words: tuple[str, str, str],
-) -> Picture:
-    """Draw shares of runs against metres driven, each with its band.
-
-    Args:
-        curves: by label.
-        looks: of the labels.
-        end: of the axis, m.
-        name: of the picture.
-        words: its title, what the axis of shares says, and the caption.
-    """
-    title, axis, caption = words
-    figure, axes = canvas(4.8, 2.9, legend_of=list(curves))
-    for label, curve in curves.items():
-        low, high = ([*100 * part, 100 * part[-1]] for part in (curve.low, curve.high))
-        metres, share = [*curve.metres, end], [*100 * curve.share, 100 * curve.share[-1]]
-        color = looks[label].color
-        axes.fill_between(metres, low, high, step="post", color=color, alpha=0.15, lw=0)
-        axes.step(metres, share, where="post", color=color, label=label)
-    axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
-    ends = (f"{label} {curve.share[-1]:.0%}" for label, curve in curves.items())
-    return picture(
-        figure,
-        name=name,
-        title=title,
-        caption=f"{caption} Bands: Wilson's 95 % interval at each distance.",
-        alt=f"{caption} At the end: {', '.join(ends)}.",
-    )
+    return charts
 
 
 def score_header(score: Score) -> list[str]:
@@ -191,7 +168,8 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
     longest = max(len(line) for label in lines for line in label)
     figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * longest)
     worlds = sorted(set().union(*(row.errors for row in rows)))
-    height = {world: _spread(i, len(worlds)) for i, world in enumerate(worlds)}
+    spread = 0.3 if len(worlds) > _ROW else 0.0  # by golden steps, so that neighbours differ
+    height = {world: ((i * 0.618034) % 1 - 0.5) * spread for i, world in enumerate(worlds)}
     axes.plot(
         [[row.errors.get(world, math.nan) for world in worlds] for row in rows],
         [[place + height[world] for world in worlds] for place in range(len(rows))],
@@ -336,8 +314,3 @@ def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
         "over worlds; marks are spread horizontally.",
         alt=f"Observed against nominal coverage, {panel.title}: {'; '.join(covered)}",
     )
-
-
-def _spread(index: int, count: int) -> float:
-    """A height within a row for each of many worlds: golden steps, so that neighbours differ."""
-    return ((index * 0.618034) % 1 - 0.5) * 0.3 if count > _ROW else 0.0

@@ -75,7 +75,8 @@ def swept_charts(
     found = [(chart, curves) for chart in _charts(panels) if (curves := _curves(chart, quantity))]
     tops: dict[str, list[float]] = {}  # charts over one coordinate are on one scale
     for chart, curves in found:
-        tops.setdefault(chart.key, []).extend(_ends(curves))
+        shown = (value for values in curves.values() for one in values.values() for value in one)
+        tops.setdefault(chart.key, [0.0]).extend(filter(math.isfinite, shown))
     return [
         _drawn(f"{quantity.name}-{number}", chart, curves, looks, quantity, tops[chart.key])
         for number, (chart, curves) in enumerate(found, 1)
@@ -105,11 +106,8 @@ def place_of(panel: Panel) -> Place:
     disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
     place: Place = {"scenario": setting.scenario, "disturbance": disturbed}
     place |= {"lag": setting.lag, "seed": setting.seed}
-    for part, values in (
-        ("world", setting.world),
-        ("assumed", setting.assumed),
-        ("params", panel.swept),
-    ):
+    parts = {"world": setting.world, "assumed": setting.assumed, "params": panel.swept}
+    for part, values in parts.items():
         place |= {f"{part}.{name}": value for name, value in values.items()}
     return place
 
@@ -138,7 +136,6 @@ def _together(one: str, other: str, places: Sequence[Place]) -> bool:
 
 
 def _curves(chart: _Chart, quantity: Quantity) -> Curves:
-    """What is known of each method, by label and value."""
     curves: Curves = {}
     out = _left_out(chart, quantity)
     for value, panel in sorted(chart.panels.items()):
@@ -152,18 +149,9 @@ def _curves(chart: _Chart, quantity: Quantity) -> Curves:
 def _left_out(chart: _Chart, quantity: Quantity) -> list[str]:
     """Labels of the methods that are too far off to be drawn beside the others."""
     rows = ((p.labels[row.method], row) for p in chart.panels.values() for row in p.present)
-    far = (
-        label
-        for label, row in rows
-        if row.error.mean > quantity.far * (row.error.mean - row.diff.mean)
-    )
+    most = quantity.far
+    far = [name for name, row in rows if row.error.mean > most * (row.error.mean - row.diff.mean)]
     return list(dict.fromkeys(far))
-
-
-def _ends(curves: Curves) -> list[float]:
-    """All that a chart has to hold: 0, means and ends of intervals."""
-    shown = (value for values in curves.values() for one in values.values() for value in one)
-    return [0.0, *filter(math.isfinite, shown)]
 
 
 def _drawn(
@@ -193,13 +181,10 @@ def _drawn(
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     caption = quantity.caption
     if out := _left_out(chart, quantity):
-        caption += (
-            f" Left out, above {quantity.far:g} times the baseline's error: {', '.join(out)}."
-        )
-    if chart.followers:
-        caption += (
-            f" Together with {words} change: {', '.join(map(coordinate_words, chart.followers))}."
-        )
+        caption += f" Left out, above {quantity.far:g} times the baseline's error: "
+        caption += f"{', '.join(out)}."
+    if others := ", ".join(map(coordinate_words, chart.followers)):
+        caption += f" Together with {words} change: {others}."
     return picture(figure, name=name, title=title, caption=caption, alt=title)
 
 

@@ -183,24 +183,14 @@ def offsets_table(panel: Panel) -> Table:
 
 def _with(panel: Panel) -> str:
     """The parameters that all methods which take them have in common, where no title names them."""
-    swept, methods = panel.swept, list(panel.records)
-    values: dict[str, list[object]] = {}
-    for method in methods:
-        for name, value in method.params.items():
-            values.setdefault(name, []).append(value)
-    shared = [
-        f"{name} {held[0]}"
-        for name, held in sorted(values.items())
-        if len(held) > 1 and len(set(held)) == 1 and len(held) == _takers(name, methods)
-        if name not in swept
-    ]
+    methods, shared = list(panel.records), []
+    for name in sorted({name for method in methods for name in method.params}):
+        takers = {method.name for method in methods if name in method.params}
+        # ... differs from every value: one that was not given it has the default
+        held = [method.params.get(name, ...) for method in methods if method.name in takers]
+        if len(held) > 1 and len(set(held)) == 1 and name not in panel.swept:
+            shared.append(f"{name} {held[0]}")
     return f" Parameters of all methods that take them: {', '.join(shared)}." if shared else ""
-
-
-def _takers(name: str, methods: Sequence[Method]) -> int:
-    """How many methods are of a localizer that was given this parameter."""
-    takers = {method.name for method in methods if name in method.params}
-    return sum(method.name in takers for method in methods)
 
 
 def _marked(row: Comparison) -> str:
@@ -215,6 +205,5 @@ def _marked(row: Comparison) -> str:
     return f"{fixed(own.value.mean) if row.aim is None else percent(own.value.mean)}{mark}"
 
 
-def _told(method: Method) -> str:
-    words = [f"{name}={value}" for name, value in method.params.items()]
-    return " ".join([short_name(method.name), *words])
+def _told(limit: Method) -> str:
+    return " ".join([short_name(limit.name), *(f"{k}={v}" for k, v in limit.params.items())])

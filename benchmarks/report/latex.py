@@ -7,9 +7,9 @@ import matplotlib as mpl
 
 from benchmarks.report.error_tables import verdict_table
 from benchmarks.report.story import blocks
-from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
+from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.report.swept import charts_over
-from benchmarks.report.tables import Table
+from benchmarks.report.tables import all_labels
 from benchmarks.report.words import spoken
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
@@ -43,6 +43,21 @@ _SPECIAL = str.maketrans(
     }
 )
 
+_DOCUMENT = r"""\documentclass{article}
+\usepackage[margin=10mm,landscape]{geometry}
+\usepackage{booktabs,graphicx}
+\title{TITLE}
+\author{}
+\begin{document}
+\maketitle
+Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by
+Taniguchi et al.~\cite{taniguchi2024deqmcl}.
+\input{tables}
+\bibliographystyle{plain}
+\bibliography{references}
+\end{document}
+"""
+
 
 def escaped(text: str) -> str:
     """Return a text as LaTeX in ASCII; a letter that it has no name for as its code, [U+4E2D]."""
@@ -53,26 +68,24 @@ def escaped(text: str) -> str:
 def latex_files(results: Results) -> dict[str, bytes]:
     """Return tables.tex, references.bib and a document.tex that shows both, by name."""
     tables = "\n".join(map(_table, results.panels))
+    cited = (files("benchmarks.report") / "references.bib").read_text(encoding="utf-8")
     source = f"% Made by: {escaped(command_line(results.command))}\n"
     return {
         "tables.tex": utf8(f"{source}% Needs \\usepackage{{booktabs}}.\n\n{tables}"),
-        "references.bib": utf8(_bibliography()),
-        "document.tex": utf8(_document(results)),
+        "references.bib": utf8(cited.replace("VERSION", __version__)),
+        "document.tex": utf8(_DOCUMENT.replace("TITLE", escaped(results.title))),
     }
 
 
 def pdf_files(results: Results) -> dict[str, bytes]:
     """Return every chart of the report as figures/NAME.pdf."""
-    return {f"figures/{one.name}.pdf": one.pdf for one in _pictures(results)}
-
-
-def _pictures(results: Results) -> list[Picture]:
     panels = results.panels
-    look = looks(label for panel in panels for label in panel.labels.values())
+    look = looks(all_labels(panels))
     with mpl.rc_context(HOUSE_STYLE):
-        curves = charts_over(panels, look)
-        parts = [block for panel in panels for block in blocks(panel, look, pictured=True)]
-    return [*curves, *(picture for block in parts for picture in block.pictures)]
+        pictures = charts_over(panels, look)
+        for panel in panels:
+            pictures += [p for part in blocks(panel, look, pictured=True) for p in part.pictures]
+    return {f"figures/{one.name}.pdf": one.pdf for one in pictures}
 
 
 def _table(panel: Panel) -> str:
@@ -88,23 +101,13 @@ def _table(panel: Panel) -> str:
             r"    \toprule",
             f"    {_line([_stacked(name) for name in table.header])}",
             r"    \midrule",
-            *(f"    {_line(cells)}" for cells in _cells(table)),
+            *(f"    {_line(cells)}" for cells in table.marked_up(escaped, r"\textbf{{{}}}")),
             r"    \bottomrule",
             r"  \end{tabular}",
             r"\end{table*}",
             "",
         )
     )
-
-
-def _cells(table: Table) -> list[list[str]]:
-    return [
-        [
-            rf"\textbf{{{escaped(cell)}}}" if (row, column) in table.strong else escaped(cell)
-            for column, cell in enumerate(line)
-        ]
-        for row, line in enumerate(table.lines)
-    ]
 
 
 def _stacked(name: str) -> str:
@@ -119,30 +122,3 @@ def _stacked(name: str) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return " & ".join(cells) + r" \\"
-
-
-def _bibliography() -> str:
-    """BibTeX of the paper and of this version of the software."""
-    text = (files("benchmarks.report") / "references.bib").read_text(encoding="utf-8")
-    return text.replace("VERSION", __version__)
-
-
-def _document(results: Results) -> str:
-    return "\n".join(
-        (
-            r"\documentclass{article}",
-            r"\usepackage[margin=10mm,landscape]{geometry}",
-            r"\usepackage{booktabs,graphicx}",
-            rf"\title{{{escaped(results.title)}}}",
-            r"\author{}",
-            r"\begin{document}",
-            r"\maketitle",
-            r"Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by Taniguchi et"
-            r" al.~\cite{taniguchi2024deqmcl}.",
-            r"\input{tables}",
-            r"\bibliographystyle{plain}",
-            r"\bibliography{references}",
-            r"\end{document}",
-            "",
-        )
-    )

@@ -112,19 +112,16 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
 def _board(title: str, methods: list[list[Entry]]) -> Table:
     """Rank methods, each given as its rows in all runs that have it."""
     panel = methods[0][0].panel
-    aim = panel.aim
     methods.sort(key=lambda same: same[0].of.worse)
     rows = [same[0] for same in methods]
     values = [row.of.worse for row in rows]
-    ranked_by = f"error e, {panel.unit} (SD)" if aim is None else f"{done(aim)}, %"
+    ranked_by = f"{done(panel.aim)}, %" if panel.aim else f"error e, {panel.unit} (SD)"
     header = ["method", ranked_by, "difference to the baseline, 95 % interval"]
-    header += [*(["wins"] if aim is None else []), "cost (baseline = 1)", "worlds", "code", "run"]
+    header += [*([] if panel.aim else ["wins"]), "cost (baseline = 1)", "worlds", "code", "run"]
     lines = [
         [
             f"{1 + values.index(value)}. {marked_label(row.panel, row.of)}",
-            _value(row.of),
-            "baseline" if row.of.is_baseline else _difference(row.of),
-            *([_wins(row.of)] if aim is None else []),
+            *_compared(row.of),
             f"{significant(row.of.cost, 2)} ×",
             str(row.of.worlds),
             row.digest,
@@ -136,28 +133,23 @@ def _board(title: str, methods: list[list[Entry]]) -> Table:
     return Table(f"{capital(title)}.", header, lines, strong=strong)
 
 
-def _wins(row: Comparison) -> str:
-    return "–" if row.is_baseline else percent(row.win_rate)
-
-
-def _value(row: Comparison) -> str:
-    if row.aim is None:
-        return f"{fixed(row.error.mean)} ({fixed(row.error_sd)})"
-    return estimated(row.standing.value.percent, ".0f")
-
-
-def _difference(row: Comparison) -> str:
-    diff = row.standing.diff
-    return estimated(diff, "+.2f") if row.aim is None else estimated(diff.percent, "+.0f")
+def _compared(row: Comparison) -> list[str]:
+    """The error, its difference to the baseline's and the wins; else the share, its difference."""
+    if row.aim is not None:
+        diff = "baseline" if row.is_baseline else estimated(row.standing.diff.percent, "+.0f")
+        return [estimated(row.standing.value.percent, ".0f"), diff]
+    value = f"{fixed(row.error.mean)} ({fixed(row.error_sd)})"
+    if row.is_baseline:
+        return [value, "baseline", "–"]
+    return [value, estimated(row.diff, "+.2f"), percent(row.win_rate)]
 
 
 def _runs(read: Sequence[Source]) -> Table:
     lines = []
     for source in read:
         made = source.made
-        versions = {"deqmcl-gym": made.environment.get("deqmcl-gym", "")} | dict(
-            made.made.libraries
-        )
+        ours = {"deqmcl-gym": made.environment.get("deqmcl-gym", "")}
+        versions = ours | dict(made.made.libraries)
         lines.append(
             [
                 str(source.number),

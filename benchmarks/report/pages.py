@@ -8,7 +8,6 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from tabulate import tabulate
 
 from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
@@ -53,21 +52,18 @@ def page(template: str, **values: Any) -> str:
     engine.filters["base64"] = lambda content: b64encode(content).decode()
     engine.filters["whole"] = whole
     engine.filters["capital"] = capital
+    light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
+    dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
+    of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
-    return engine.get_template(template).render(style=Markup(_variables() + css), **values)
+    style = Markup(f":root {{ {light}}}\n{of_dark}\n{css}")
+    return engine.get_template(template).render(style=style, **values)
 
 
 def whole(cell: str) -> str:
     """Return a table's cell so that lines break nowhere but before an interval or an SD."""
     inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
     return re.sub(r"(?<=\d) (?=[%×▲▼○])", "\u00a0", inside)
-
-
-def _variables() -> str:
-    light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
-    dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
-    of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
-    return f":root {{ {light}}}\n{of_dark}\n"
 
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
@@ -137,29 +133,15 @@ def _image(picture: Picture, folder: str) -> str:
 
 def table_text(heading: str, table: Table) -> str:
     """The table, below its heading and caption."""
-    cells = tabulate(
-        [
-            [
-                f"**{plain(cell)}**" if (row, column) in table.strong else plain(cell)
-                for column, cell in enumerate(line)
-            ]
-            for row, line in enumerate(table.lines)
-        ],
-        table.header,
-        tablefmt="github",
-        disable_numparse=True,
-        colalign=("left", *["right"] * (len(table.header) - 1)),
-    )
     said = f"**{heading}.** {plain(table.caption)}" if heading else plain(table.caption)
-    return f"{said}\n\n{cells}"
+    return f"{said}\n\n{table.text('github', plain, '**{}**')}"
 
 
 def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
-    return drawn | animation_files(
-        [one for section in story.sections for one in section.animations]
-    )
+    animations = [one for section in story.sections for one in section.animations]
+    return drawn | animation_files(animations)
 
 
 def _fenced(text: str, kind: str = "") -> str:

@@ -178,7 +178,8 @@ def canvas(
         left, top: margins, inches.
         legend_of: labels of what is to be drawn, for which ``picture`` makes a legend.
     """
-    names = 0.225 * max(map(_lines, _columns(legend_of, width)), default=0)
+    columns = map("\n".join, _columns(legend_of, width))
+    names = 0.225 * max((1 + column.count("\n") for column in columns), default=0)
     bottom, height = 0.5 + names, height + names
     figure = Figure(figsize=(width, height))
     box = (left / width, bottom / height, 1 - (left + 0.15) / width, 1 - (bottom + top) / height)
@@ -211,27 +212,21 @@ def estimates(
 
 def picture(figure: Figure, *, name: str, title: str, caption: str, alt: str) -> Picture:
     """Return a figure, with the names of what it shows below its axes, as a picture."""
-    _legend(figure)
-    return Picture(name=name, title=title, caption=caption, alt=alt, figure=figure)
-
-
-def _legend(figure: Figure) -> None:
-    """Put the names of what is drawn below the axes, if there are any."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    if not labels:
-        return
-    columns = _columns(labels, figure.get_figwidth())
-    figure.legend(
-        handles,
-        [label for column in columns for label in column],
-        loc="lower center",
-        ncols=len(columns),
-        handlelength=1.6,
-        frameon=False,
-        columnspacing=0.9,
-        labelspacing=0.4,
-        borderpad=0.1,
-    )
+    if labels:
+        columns = _columns(labels, figure.get_figwidth())
+        figure.legend(
+            handles,
+            [label for column in columns for label in column],
+            loc="lower center",
+            ncols=len(columns),
+            handlelength=1.6,
+            frameon=False,
+            columnspacing=0.9,
+            labelspacing=0.4,
+            borderpad=0.1,
+        )
+    return Picture(name=name, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _columns(labels: Collection[str], width: float) -> list[list[str]]:
@@ -243,7 +238,3 @@ def _columns(labels: Collection[str], width: float) -> list[list[str]]:
             return columns
     fitting = int((width - _MARK) / _LETTER)
     return [["\n".join(wrap(label, fitting)) for label in listed]]
-
-
-def _lines(column: Sequence[str]) -> int:
-    return sum(1 + label.count("\n") for label in column)

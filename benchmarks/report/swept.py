@@ -96,10 +96,9 @@ def _drawn(
     better = sum(_clear(row, score, ahead=True) for row, _ in cells.values())
     worse = sum(_clear(row, score, ahead=False) for row, _ in cells.values())
     title = f"Where {label} is ahead: {score.words.removesuffix(', median')}"
-    return picture(figure, name=name, title=title, caption=_caption(score), alt=(
-        f"{title}. Clearly ahead of the baseline in {better} of {len(cells)} settings, clearly "
-        f"behind in {worse}."
-    ))  # fmt: skip
+    alt = f"{title}. Clearly ahead of the baseline in {better} of {len(cells)} settings, "
+    alt += f"clearly behind in {worse}."
+    return picture(figure, name=name, title=title, caption=_caption(score), alt=alt)
 
 
 def _square_words(keys: Sequence[str], place: Mapping[str, Any]) -> str:
@@ -129,13 +128,8 @@ def _fill(
     ink: dict[str, Any] = {"ha": "center", "va": "center", "color": "#1f2328"}
     axes.text(x, y + 0.24, mean, fontsize=11, fontweight=weight, **ink)
     axes.text(x, y - 0.06, ends, fontsize=8, **ink)
-    axes.text(
-        x,
-        y - 0.3,
-        f"{' → '.join(values)} {'%' if score.unit == 'share' else 'm'}",
-        fontsize=8,
-        **ink,
-    )
+    unit = "%" if score.unit == "share" else "m"
+    axes.text(x, y - 0.3, f"{' → '.join(values)} {unit}", fontsize=8, **ink)
 
 
 def _level(own: JourneyScore | None, score: Score) -> str:

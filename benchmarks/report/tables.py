@@ -1,8 +1,10 @@
 """Tables of words: what the beliefs are worth."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
+
+from tabulate import tabulate
 
 from benchmarks.report.words import estimated
 from benchmarks.tables.auroc import Auroc
@@ -11,8 +13,6 @@ from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent, state_name
 from benchmarks.trials.metrics import LEVELS
-
-DETECTION = "Does the quality detect large errors?"
 
 
 class Table(NamedTuple):
@@ -30,6 +30,31 @@ class Table(NamedTuple):
     strong: Collection[tuple[int, int]] = ()
     own: Collection[int] = ()
 
+    def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
+        """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
+        return tabulate(
+            self.marked_up(words, strong),
+            self.header,
+            tablefmt=style,
+            disable_numparse=True,
+            colalign=("left", *["right"] * (len(self.header) - 1)),
+        )
+
+    def marked_up(self, words: Callable[[str], str], strong: str) -> list[list[str]]:
+        """Return the lines in a markup language.
+
+        Args:
+            words: gives a cell's words in it.
+            strong: a pattern of bold words, as "**{}**".
+        """
+        return [
+            [
+                strong.format(words(cell)) if (row, column) in self.strong else words(cell)
+                for column, cell in enumerate(line)
+            ]
+            for row, line in enumerate(self.lines)
+        ]
+
 
 def calibration_table(panel: Panel) -> Table:
     """Calibration of the beliefs at every offset."""
@@ -44,7 +69,7 @@ def calibration_table(panel: Panel) -> Table:
                 state_name(row.offset),
                 fixed(scores["energy_score"].mean),
                 *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
-                _nees(scores["nees"]),
+                nees_words(scores["nees"]),
                 fixed(scores["entropy"].mean),
                 percent(scores["wall_share"].mean, 1),
             ]
@@ -55,8 +80,8 @@ def calibration_table(panel: Panel) -> Table:
     return Table(caption, header, lines)
 
 
-def _nees(found: Estimate) -> str:
-    """With one decimal; a large one, which is far from 3 anyhow, with three digits."""
+def nees_words(found: Estimate) -> str:
+    """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
     if not found.mean >= 100:
         return estimated(found, ".1f")
     return estimated(Estimate(*(float(f"{value:.3g}") for value in found)), ",.0f")
@@ -115,14 +140,14 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     lines = []
     for row in rows:
         first, *_ = row.panels
-        found = next(filter(_tells, row.signals.values()))
+        told = {name: own for name, own in row.signals.items() if _tells(own)}
         scenarios = ", ".join(panel.setting.scenario for panel in row.panels)
         lines.append(
             [
                 ", ".join([scenarios, *first.title.split(", ")[1:]]),
                 row.label,
-                *(_signal(row.signals.get(name)) for name in names),
-                percent(found.far_steps, 1),
+                *(_auroc(told[name]) if name in told else "–" for name in names),
+                percent(next(iter(told.values())).far_steps, 1),
             ]
         )
     caption = (
@@ -135,10 +160,6 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     )
     header = ["scenarios", "method", *names, "steps in conflict"]
     return Table(caption, header, lines)
-
-
-def _signal(found: Auroc | None) -> str:
-    return "–" if found is None or not _tells(found) else _auroc(found)
 
 
 def _tells(found: Auroc) -> bool:

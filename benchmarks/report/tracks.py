@@ -7,21 +7,20 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
-from benchmarks.report.tables import Table
+from benchmarks.report.tables import Table, nees_words
 from benchmarks.report.words import estimated, p_value, rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import sample_sd, worlds_to_see
+from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, Run, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.metrics import LEVELS
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Indices
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View
 
@@ -66,11 +65,6 @@ def shown(panel: Panel) -> tuple[list[Row], Map | None]:
     return (rows, floor_plan) if same else ([], None)
 
 
-def track_tables(panel: Panel) -> list[Table]:
-    """The scores by records, and what the beliefs are worth."""
-    return tables_of(shown(panel)[0])
-
-
 def tables_of(rows: Sequence[Row]) -> list[Table]:
     """Return the scores as readable tables; without a reference only the agreement."""
     tracks = [run.track for row in rows for run in row.runs]
@@ -100,10 +94,8 @@ def evo_tables(panel: Panel) -> list[Table]:
     """APE and RPE of each localizer's median run, as evo computes them."""
     lines = []
     for row in shown(panel)[0]:
-        for name, errors in (
-            ("APE", (run := row.middle).track.errors),
-            ("RPE", run.track.relative),
-        ):
+        run = row.middle
+        for name, errors in {"APE": run.track.errors, "RPE": run.track.relative}.items():
             if (moved := errors.translation).size:
                 numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
                 turned = f"{math.degrees(errors.rotation.mean()):.2f}°"
@@ -186,11 +178,9 @@ def _needed(panel: Panel, row: Comparison, score: Score) -> str:
 def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Table:
     lines = []
     for row in rows:
-        runs = {"lost": len(row.runs)}  # of a failed run it is not known
-        cells = [
-            _word(name, row.scores.get(name, math.nan), runs.get(name, row.seeds))
-            for name in columns
-        ]
+        runs = dict.fromkeys(columns, row.seeds)
+        runs["lost"] = len(row.runs)  # of a failed run it is not known
+        cells = [_word(name, row.scores.get(name, math.nan), runs[name]) for name in columns]
         lines.append([row.label, str(row.seeds), *cells])
     return Table(caption, ["localizer", "runs", *columns.values()], lines)
 
@@ -200,8 +190,7 @@ def _word(name: str, value: float, runs: int) -> str:
         return "n/a" if math.isnan(value) else "never"
     kind = name.partition("_")[0]
     if kind == "nees":
-        value = value if value < 100 else float(f"{value:.3g}")
-        return f"{value:,.{1 if value < 100 else 0}f}"
+        return nees_words(Estimate(value))
     if kind in ("agreement", "within", "coverage"):
         return percent(value)
     if kind in ("success", "lost"):
@@ -209,13 +198,6 @@ def _word(name: str, value: float, runs: int) -> str:
     forms = {"heading": f"{math.degrees(value):.2f}°", "metres": f"{value:.1f} m"}
     return forms.get(kind, f"{value:.2f}" if kind == "ms" else f"{value:.3f} m")
 
-
-ON_THE_MAP = (
-    "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
-    "neighbours, the one place that it favours. The cross is where the robot was when it was last "
-    "lost: from there on the estimate is never again within 1 m and 30°."
-)
-OVER_THE_WAY = "Line: median over runs; band: least to largest; dotted: 1 m."
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
 _GREY = 140  # of walls, in the light and in the dark
@@ -284,7 +266,8 @@ def _trajectory(
 def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
     first = row.runs[0].track
     way = first.way[first.known]
-    at = _chosen(len(way))
+    n = len(way)
+    at = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
     errors = np.array([run.track.errors.translation[at] for run in row.runs])
     figure, axes = canvas(3.2, 2.3, top=0.28)
     low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
@@ -302,10 +285,6 @@ def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
         caption="",
         alt=f"Position error of {row.label} over the distance driven",
     )
-
-
-def _chosen(n: int) -> Indices:
-    return np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
 
 
 def _draw(floor_plan: Map, axes: Axes) -> None:

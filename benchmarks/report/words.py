@@ -75,13 +75,13 @@ def overview(results: Results, panels: Sequence[Panel]) -> str:
     worlds = {row.worlds for panel in panels for row in panel.rows}
     seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
-    count = counted(worlds, "world", "worlds")
-    settings = counted({len(panels)}, "setting", "settings")
+    settings = counted({len(panels)}, "setting")
     return (
-        f"{counted({len(methods)}, 'localizer', 'localizers')} ({named}) on {settings}, "
-        f"{count} per setting{several}. On the same world all methods see the same true path and "
-        "the same scans, and filters start from the same cloud: differences are taken world by "
-        f"world, with {full_name(results.baseline)} as the baseline."
+        f"{counted({len(methods)}, 'localizer')} ({named}) on {settings}, "
+        f"{counted(worlds, 'world')} per setting{several}. On the same world all "
+        "methods see the same true path and the same scans, and filters start from the same cloud: "
+        "differences are taken world by world, with "
+        f"{full_name(results.baseline)} as the baseline."
     )
 
 
@@ -96,14 +96,12 @@ def progress(results: Results) -> str:
     return words + "."
 
 
-def counted(counts: set[int], one: str, many: str) -> str:
+def counted(counts: set[int], one: str) -> str:
     """From the least to the largest count of a thing."""
     if not counts:
-        return f"no {many}"
+        return f"no {one}s"
     low, high = min(counts), max(counts)
-    if low == high:
-        return f"{low} {one if low == 1 else many}"
-    return f"{low} to {high} {many}"
+    return f"{low} to {high} {one}s" if low < high else f"{low} {one}{'s' * (low != 1)}"
 
 
 _MANY = 100_000  # worlds
@@ -187,7 +185,8 @@ def _sentence(panel: Panel, found: Verdict) -> str:
             more = _brief(panel, found.first)
             aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
         apart = _against(row, f" {named(panel.baseline_of(row), panel)}")
-        return f"{name} is best: {reached}, {apart}{_price(row)}{aside}."
+        price = "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
+        return f"{name} is best: {reached}, {apart}{price}{aside}."
     if row.is_baseline:
         if panel.tests == 0:
             return f"{name}: {reached}; nothing to compare it with."
@@ -240,10 +239,6 @@ def _against(row: Comparison, base: str = "") -> str:
     return f"{share} % below{base} (95 %: {ends}), {worlds}"
 
 
-def _price(row: Comparison) -> str:
-    return "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
-
-
 def _doubt(worlds: int, p_holm: float, tests: int) -> str:
     """Why what is better is not confirmed."""
     if least_p(worlds, tests) < ALPHA:
@@ -264,11 +259,7 @@ def findings(panel: Panel) -> list[str]:
         if not row.is_baseline:
             outcomes.setdefault(_outcome(row), []).append(named(row, panel))
     sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
-    if warning := _few(panel.present):
-        sentences.append(warning)
-    if said := reading(panel.rows):
-        sentences.append(said)
-    return sentences
+    return [*sentences, *filter(None, (_few(panel.present), reading(panel.rows)))]
 
 
 def _outcome(row: Comparison) -> str:
@@ -308,6 +299,6 @@ def _few(rows: Sequence[Comparison]) -> str:
         else "only large differences can be detected"
     )
     return (
-        f"With only {counted(few, 'world', 'worlds')} bootstrap intervals are somewhat too narrow, "
+        f"With only {counted(few, 'world')} bootstrap intervals are somewhat too narrow, "
         f"and {detected}."
     )

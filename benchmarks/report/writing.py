@@ -107,7 +107,6 @@ def _source(results: Results, kept: "Kept | None") -> str:
 
 
 def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
-    """Return the files of a report by name."""
     compared = results.panels
     tables = {
         "results.csv": results_csv(compared),

@@ -51,9 +51,11 @@ def auroc_of_steps(worlds: Sequence[Steps]) -> Auroc:
     if not every.size:
         return Auroc()
     wins = in_order(worlds)
-    area = _share(wins.sum(), every.sum() * (~every).sum())
+    pairs = every.sum() * (~every).sum()
     return Auroc(
-        auroc=Estimate(area, *auroc_interval(wins, worlds)),
+        auroc=Estimate(
+            float(wins.sum() / pairs) if pairs else math.nan, *auroc_interval(wins, worlds)
+        ),
         far_steps=float(every.mean()),
         far_worlds=sum(bool(far.any()) for _, far in worlds),
     )
@@ -107,7 +109,3 @@ def auroc_interval(
     values = ((drawn @ wins) * drawn).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
     low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)
-
-
-def _share(part: float, whole: int) -> float:
-    return float(part / whole) if whole else math.nan

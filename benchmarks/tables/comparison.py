@@ -4,10 +4,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 
 from benchmarks.tables.auroc import Auroc, auroc_of
-from benchmarks.tables.journeys import JourneyScore, Outcomes, longest_ways
+from benchmarks.tables.journeys import JourneyScore, Outcomes
 from benchmarks.tables.pairing import (
     Runs,
     agree,
@@ -31,7 +30,7 @@ from benchmarks.tables.stats import (
 )
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
-from benchmarks.trials.spec import Method, Run
+from benchmarks.trials.spec import Method
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
@@ -127,7 +126,7 @@ def compared(
     Args:
         methods: their finished trials.
         baseline: localizer that the others are compared with.
-        whole: their whole runs, see ``outcomes_of``.
+        whole: their whole runs, with those that failed.
     """
     times = {method: milliseconds_per_step(records) for method, records in methods.items()}
     rows = []
@@ -152,7 +151,7 @@ def compared(
                 milliseconds=times[method],
                 baseline=reference,
                 cost=times[method] / times[reference] if times[reference] > 0 else math.nan,
-                journey={} if offset else _journey(whole, method, reference),
+                journey={} if offset else whole[method].beside(whole[reference]),
             )
             rows.append(row if row.is_baseline else _against(row, errors, present))
     return _corrected(rows)
@@ -186,29 +185,13 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
     )
 
 
-def outcomes_of(
-    methods: Mapping[Method, Sequence[Finished]], failed: Mapping[Method, Sequence[Run]]
-) -> dict[Method, Outcomes]:
-    """Return the whole runs of each method of a panel, with those that failed."""
-    longest = longest_ways(chain.from_iterable(methods.values()))
-    return {
-        method: Outcomes(records=records, failed=failed.get(method, ()), longest=longest)
-        for method, records in methods.items()
-    }
-
-
-def _journey(
-    journeys: Mapping[Method, Outcomes], method: Method, reference: Method
-) -> dict[str, JourneyScore]:
-    own, theirs = journeys[method], journeys[reference]
-    if own is theirs:
-        return {score.name: own.summary(score) for score in own.scores}
-    return {score.name: own.against(theirs, score) for score in own.scores}
-
-
 def _corrected(rows: list[Comparison]) -> list[Comparison]:
     """Correct all tests of the panel at one offset together, by Holm's method; set its aim."""
-    corrected, aim = list(rows), _aim(rows)
+    # who was carried off is to be found again; who was lost, to be localized
+    held = {name for row in rows for name in row.journey}
+    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
+    aim = next((score for score in reversed(shares) if score.name in held), None)
+    corrected = list(rows)
     for offset in {row.offset for row in rows}:
         places = [i for i, row in enumerate(rows) if row.offset == offset]
         tests = {(i, ""): rows[i].p for i in places}
@@ -221,13 +204,6 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
             }
             corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey, aim=aim)
     return corrected
-
-
-def _aim(rows: Sequence[Comparison]) -> Score | None:
-    """Who was carried off is to be found again; who was lost, to be localized."""
-    held = {name for row in rows for name in row.journey}
-    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
-    return next((score for score in reversed(shares) if score.name in held), None)
 
 
 def _six_digits(p: float) -> float:

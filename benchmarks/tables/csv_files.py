@@ -127,9 +127,14 @@ def _plain(*names: str) -> dict[str, Column]:
     return {name: attrgetter(name) for name in names}
 
 
+def _ends(name: str, path: str, mean: str = "") -> dict[str, str]:
+    """Where the columns of an estimate are to be read."""
+    columns = {mean or name: "mean", f"{name}_low": "low", f"{name}_high": "high"}
+    return {column: f"{path}.{end}" for column, end in columns.items()}
+
+
 def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
-    ends = {mean or name: "mean", f"{name}_low": "low", f"{name}_high": "high"}
-    return {column: attrgetter(f"{path}.{end}") for column, end in ends.items()}
+    return {column: attrgetter(end) for column, end in _ends(name, path, mean).items()}
 
 
 def _of_score(name: str, end: str) -> Column:
@@ -138,13 +143,11 @@ def _of_score(name: str, end: str) -> Column:
 
 def _of_journey(score: Score) -> dict[str, Column]:
     """Columns of a score of whole runs: its value, and the comparison if methods are compared."""
-    paths = {score.name: "value.mean", f"{score.name}_low": "value.low"}
-    paths[f"{score.name}_high"] = "value.high"
+    paths = _ends(score.name, "value")
     if score.censored:
         paths[f"{score.name}_restricted"] = "restricted"
     if score.tested:
-        ends = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high"}
-        paths |= {f"{score.name}_{end}": path for end, path in ends.items()}
+        paths |= _ends(f"{score.name}_diff", "diff")
         paths |= {f"{score.name}_{test}": test for test in ("p", "p_holm")}
     return {column: _in_journey(score.name, path) for column, path in paths.items()}
 

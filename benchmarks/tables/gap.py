@@ -1,7 +1,7 @@
 """How far every method is from the limit of its target, over the worlds that both have run."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,33 +58,22 @@ def gaps(
     named = {name for limit in limits for name in limit.of}
     rows = []
     for limit in limits:
+        # several methods, where the limit differs between values of what is swept
+        theirs: dict[Method, list[Finished]] = {}
+        for record in limit.records:
+            if record.trial.setting == setting:
+                theirs.setdefault(record.trial.method, []).append(record)
         own = {
             method: records
             for method, records in methods.items()
             if (method.name in limit.of if limit.of else method.name not in named)
         }
-        rows += _gaps_to(limit.records, setting, swept, own)
-    return rows
-
-
-def _gaps_to(
-    limit_records: Iterable[Finished],
-    setting: Setting,
-    swept: Changes,
-    methods: Mapping[Method, list[Finished]],
-) -> list[Gap]:
-    """Hold methods against one limit, which may differ between values of what is swept."""
-    theirs: dict[Method, list[Finished]] = {}
-    for record in limit_records:
-        if record.trial.setting == setting:
-            theirs.setdefault(record.trial.method, []).append(record)
-    held = {method: limit_of(swept, method, list(theirs)) for method in methods}
-    own = {limit: theirs[limit] for limit in held.values() if limit is not None}
-    rows = []
-    for method, records in ({**own, **methods} | own).items():
-        limit = method if method in own else held[method]
-        if limit is not None:
-            rows += _gaps(method, records, limit, theirs[limit])
+        held = {method: limit_of(swept, method, list(theirs)) for method in own}
+        first = {one: theirs[one] for one in held.values() if one is not None}
+        for method, records in ({**first, **own} | first).items():
+            against = method if method in first else held[method]
+            if against is not None:
+                rows += _gaps(method, records, against, theirs[against])
     return rows
 
 

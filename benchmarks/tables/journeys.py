@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.tables.pairing import Runs, differences, over_worlds
+from benchmarks.tables.pairing import Runs, differences, grouped, over_worlds
 from benchmarks.tables.stats import (
     UNKNOWN,
     Estimate,
@@ -79,11 +79,6 @@ class Outcomes:
     failed: Sequence[Run]
     longest: Mapping[int, float]
 
-    @property
-    def scores(self) -> list[Score]:
-        """What was scored, in the order of ``JOURNEY_SCORES``."""
-        return scores_in(self.records)
-
     def runs(self, score: Score) -> Runs:
         """Return a score by run, left out where it is unknown; infinite if censored."""
         found = {record.trial.run: value_in(record, score) for record in self.records}
@@ -92,11 +87,12 @@ class Outcomes:
 
     def restricted(self, score: Score) -> Runs:
         """Return metres by run, each at most the longest way in its world."""
-        return {run: min(value, self._most(run)) for run, value in self.runs(score).items()}
+        found = self.runs(score)
+        return {run: min(value, self.longest.get(run[0], 0.0)) for run, value in found.items()}
 
     def curve(self, score: Score) -> ShareCurve:
         """Return the share of runs for which it happened within so many metres."""
-        return curve_of(_grouped(self.runs(score)))
+        return curve_of(grouped(self.runs(score)))
 
     def summary(self, score: Score) -> JourneyScore:
         """Return a score over worlds."""
@@ -105,13 +101,20 @@ class Outcomes:
             return JourneyScore(value=UNKNOWN)
         if score.censored:
             restricted = over_worlds(self.restricted(score))
-            worlds = [median(own) for own in _grouped(runs).values()]
+            worlds = [median(own) for own in grouped(runs).values()]
             return JourneyScore(value=median_estimate(worlds), restricted=float(restricted.mean()))
         values = over_worlds(runs)
         if score.unit != "share":
             return JourneyScore(value=estimate(values))
         share = float(values.mean())
         return JourneyScore(value=Estimate(share, *wilson(share, values.size)))
+
+    def beside(self, baseline: "Outcomes") -> dict[str, JourneyScore]:
+        """Return all scores by name beside the baseline's, which may be its own."""
+        scores = scores_in(self.records)
+        if baseline is self:
+            return {score.name: self.summary(score) for score in scores}
+        return {score.name: self.against(baseline, score) for score in scores}
 
     def against(self, baseline: "Outcomes", score: Score) -> JourneyScore:
         """Return a score beside the baseline's."""
@@ -122,9 +125,6 @@ class Outcomes:
         apart = differences(read(self, score), read(baseline, score))
         p = sign_test(apart) if score.unit == "share" else wilcoxon(apart)
         return JourneyScore(value=own.value, restricted=own.restricted, diff=estimate(apart), p=p)
-
-    def _most(self, run: Run) -> float:
-        return self.longest.get(run[0], 0.0)
 
 
 def longest_ways(records: Iterable[Finished]) -> dict[int, float]:
@@ -186,10 +186,3 @@ def median_estimate(values: Sequence[float]) -> Estimate:
     if k == 0:
         return Estimate(median(ordered))
     return Estimate(median(ordered), ordered[k - 1], ordered[n - k])
-
-
-def _grouped(runs: Runs) -> dict[int, list[float]]:
-    worlds: dict[int, list[float]] = {}
-    for (world, _), value in sorted(runs.items()):
-        worlds.setdefault(world, []).append(value)
-    return worlds

@@ -1,7 +1,7 @@
 """Runs on the same worlds: scores, differences, errors over the lap and along the queue."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,15 +32,20 @@ def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:
     }
 
 
-def by_world(runs: Mapping[Run, float | None]) -> dict[int, float]:
-    """Return means over the filter seeds of each world, in the order of the worlds."""
+def grouped(runs: Runs) -> dict[int, list[float]]:
+    """Return the values of each world's runs, in the order of the worlds."""
     worlds: dict[int, list[float]] = {}
     for (world, _), value in sorted(runs.items()):
-        worlds.setdefault(world, []).append(_number(value))
-    return {world: sum(seeds) / len(seeds) for world, seeds in worlds.items()}
+        worlds.setdefault(world, []).append(value)
+    return worlds
 
 
-def over_worlds(runs: Mapping[Run, float | None]) -> Floats:
+def by_world(runs: Runs) -> dict[int, float]:
+    """Return means over the filter seeds of each world, in the order of the worlds."""
+    return {world: sum(seeds) / len(seeds) for world, seeds in grouped(runs).items()}
+
+
+def over_worlds(runs: Runs) -> Floats:
     """Return one value per world, (W,)."""
     return np.array(list(by_world(runs).values()))
 
@@ -90,10 +95,10 @@ def lap_errors(records: Sequence[Finished], offset: int = 0) -> LapErrors | None
 
 def profile(records: Sequence[Finished]) -> dict[int, Estimate]:
     """Return the error by offset, each over the same states, in the order of the offsets."""
-    offsets: dict[int, dict[Run, float | None]] = {}
+    offsets: dict[int, Runs] = {}
     for record in records:
         for offset, error in record.profile.items():
-            offsets.setdefault(offset, {})[record.trial.run] = error
+            offsets.setdefault(offset, {})[record.trial.run] = _number(error)
     return {offset: estimate(over_worlds(offsets[offset])) for offset in sorted(offsets)}
 
 

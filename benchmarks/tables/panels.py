@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.comparison import Comparison, compared, outcomes_of
+from benchmarks.tables.comparison import Comparison, compared
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
-from benchmarks.tables.journeys import Outcomes
+from benchmarks.tables.journeys import Outcomes, longest_ways
 from benchmarks.tables.pairing import BASELINE, agree
 from benchmarks.tables.text import short_name
 from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
@@ -123,8 +124,11 @@ def panels(
         for swept in _swept(listed):
             members = {m: methods[m] for m in listed if agree(m.params, swept)}
             first = next(iter(members.values()))[0]
-            lacking = {method: failed.get((setting, method), []) for method in members}
-            whole = outcomes_of(members, lacking)
+            longest = longest_ways(chain.from_iterable(members.values()))
+            whole = {
+                m: Outcomes(records=own, failed=failed.get((setting, m), ()), longest=longest)
+                for m, own in members.items()
+            }
             rows = compared(members, baseline, whole)
             best = ranked(rows)
             filters = [row for row in best if row.method.name != BLIND]

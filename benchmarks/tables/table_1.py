@@ -67,7 +67,8 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
             percent(row.scores["wall_share"].mean, 1),
         ]
         for name, (_, digits) in variances.items():
-            line += [fixed(row.scores[name].mean, digits), _printed(printed, name)]
+            line.append(fixed(row.scores[name].mean, digits))
+            line.append(f"{getattr(printed, name):g}" if printed else "")
         lines.append(line)
     return tabulate(
         lines,
@@ -107,10 +108,6 @@ def reading(rows: Iterable[Comparison]) -> str:
 
 def _name_as_printed(localizer: str) -> str:
     return PRINTED.get(localizer, full_name(localizer))
-
-
-def _printed(published: Published | None, name: str) -> str:
-    return f"{getattr(published, name):g}" if published else ""
 
 
 def _difference(diff: Estimate) -> str:

@@ -47,7 +47,7 @@ def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)
     for line in lines:
-        writer.writerow("" if _missing(value) else value for value in line)
+        writer.writerow("" if isinstance(v, float) and math.isnan(v) else v for v in line)
     return out.getvalue()
 
 
@@ -59,7 +59,3 @@ def fixed(value: float, digits: int = 2) -> str:
 def percent(share: float, digits: int = 0) -> str:
     """A share in per cent, or n/a."""
     return "n/a" if math.isnan(share) else f"{100 * share:.{digits}f} %"
-
-
-def _missing(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and math.isnan(value))
