@@ -153,7 +153,8 @@ def told(run: Run) -> str:
     within = f"{scores[f'within_{FOUND}']:.0%} of its records are within 1 m and 30°"
     largest = f"the largest error is {track.errors.translation.max():.2f} m"
     if track.lost is None:
-        return f"localized to the end; {within}, {largest}."
+        end = "to" if scores[f"success_{FOUND}"] else "at"  # of the last quarter, or but lately
+        return f"localized {end} the end; {within}, {largest}."
     record, way = track.lost
     if record == track.known[0]:
         return f"never within 1 m and 30° of the reference; {largest}."
