@@ -59,11 +59,7 @@ class JourneyLog:
         if not self._groups or not self._fixes:
             return None, None
         run = self.journey()
-        curves = {
-            "way": run.fixes.way,
-            "distance": run.fixes.distance,
-            "angle": run.fixes.angle,
-        }
+        curves = {"way": run.fixes.way, "distance": run.fixes.distance, "angle": run.fixes.angle}
         if run.masses is not None:
             curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
         found = WholeRun(

@@ -130,10 +130,7 @@ class Collector(Protocol):
 
 
 def trace_of(
-    episode: Iterable[Moment],
-    offsets: Iterable[int],
-    task: Task,
-    whole: Collector | None = None,
+    episode: Iterable[Moment], offsets: Iterable[int], task: Task, whole: Collector | None = None
 ) -> Trace:
     """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
     asked = tuple(offsets)

@@ -66,14 +66,7 @@ def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
     return {"": with_localizers(SUITES[name], added)}
 
 
-PAPER_METHODS = (
-    "mcl",
-    "mcl-smoother",
-    "mcl-map",
-    "mcl-map-smoother",
-    "deq-mcl",
-    "dead-reckoning",
-)
+PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
 
 
 def paper_sweep(
