@@ -327,9 +327,8 @@ def _shown(*values: Any) -> list[str]:
     ]
     same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
     first = max(0, sum(1 for _ in same) - _BEFORE)
-    return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
-
-
-def _cut(text: str, first: int) -> str:
-    last = first + _SHOWN
-    return f"{'…' * (first > 0)}{text[first:last]}{'…' * (last < len(text))}"
+    last, before = first + _SHOWN, "…" * (first > 0)
+    return [
+        text if len(text) <= _SHOWN else f"{before}{text[first:last]}{'…' * (last < len(text))}"
+        for text in texts
+    ]

@@ -5,7 +5,7 @@ scenario is about: see ``Stage.groups``. Lengths are in m; a pixel of the paper'
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -250,11 +250,6 @@ def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
-def four_digits(values: Iterable[float]) -> list[float]:
-    """Return a curve with four digits: that of a long run is many numbers."""
-    return [float(f"{value:.4g}") for value in values]
-
-
 def groups_named(names: Collection[str]) -> tuple[Group, ...]:
     """Return groups by name, in the order of ``GROUPS``."""
     return tuple(group for group in GROUPS if group.name in names)
@@ -263,6 +258,16 @@ def groups_named(names: Collection[str]) -> tuple[Group, ...]:
 def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
     """Return the scores of a run by name."""
     return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
+
+
+def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
+    """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
+    fixes = run.fixes
+    curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+    if run.masses is not None:
+        curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
+    rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
+    return WholeRun(scores=finite(scores_of(run, groups)), curves=rounded)
 
 
 _SAMPLE = 4096  # points at which a map is compared with itself

@@ -45,6 +45,10 @@ class Method:
     def __post_init__(self) -> None:
         object.__setattr__(self, "params", Changes(self.params))
 
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        return {"name": self.name, "params": self.params.json()}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:

@@ -46,8 +46,12 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
     table: Floats = np.array(rows, np.float64).reshape(len(rows), 1 + len(SIGNALS))
     if np.isnan(table).all():
         return None
-    columns = zip(PLAN_COLUMNS, table.T.tolist(), strict=True)
-    return {name: [None if isnan(v) else v for v in own] for name, own in columns}
+    return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
+
+
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if isnan(value) else value for value in values]
 
 
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
@@ -143,15 +147,24 @@ def trace_of(
         if whole is not None:  # it trusts the form of a belief
             whole.see(moment)
     journey, track = (None, None) if whole is None else whole.kept()
+    events = getattr(lap.belief, "events", None)
     return Trace(
         unit=task.floor_plan.unit,
         truth=np.array(lap.truth, np.float64),
-        offsets={k: _offset_trace(*table) for k, table in scored.tables().items()},
+        offsets={
+            k: OffsetTrace(
+                states=states,
+                means=table[:, :4].copy(),
+                variances=table[:, 4:8].copy(),
+                values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
+            )
+            for k, (states, table) in scored.tables().items()
+        },
         scans_used=lap.scans_used,
         seconds=lap.seconds,
         quality=np.array(lap.quality),
         plans=lap.plans,
-        events=_events(lap.belief),
+        events={} if events is None else {name: int(n) for name, n in vars(events).items()},
         journey=journey,
         track=track,
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
@@ -240,19 +253,8 @@ class _Beliefs:
 def _measured(clouds: Clouds, task: Task) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = moments(clouds)
-    asked = [each(clouds, task) for each in _EACH.values()]
-    return np.column_stack(
-        [spread, calibration(clouds, spread[:, :4], task.floor_plan.unit), *asked]
-    )
-
-
-def _offset_trace(states: Indices, table: Floats) -> OffsetTrace:
-    return OffsetTrace(
-        states=states,
-        means=table[:, :4].copy(),
-        variances=table[:, 4:8].copy(),
-        values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
-    )
+    fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)
+    return np.column_stack([spread, fit, *(each(clouds, task) for each in _EACH.values())])
 
 
 def _between(offsets: Sequence[int]) -> list[int]:
@@ -261,8 +263,3 @@ def _between(offsets: Sequence[int]) -> list[int]:
     step = max(1, lag // _PROFILE_OFFSETS)
     farthest = lag // step * step
     return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]
-
-
-def _events(belief: Any) -> dict[str, int]:
-    events = getattr(belief, "events", None)
-    return {} if events is None else {name: int(count) for name, count in vars(events).items()}
