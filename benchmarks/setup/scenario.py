@@ -259,7 +259,11 @@ class Scenario:
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved = self._moved(Changes(world))
+        moved, values = self, Changes(world)
+        if values:
+            moved = replace(self, env=self._env_with(values))
+            factor = pixel(moved.unit) / pixel(self.unit)
+            moved = moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
         groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: _changed(part, getattr(moved, part), keys, moved.unit)
@@ -289,14 +293,6 @@ class Scenario:
                 one_of('assumption that can be "world"', name, known)
             told |= of_it
         return Changes(told)
-
-    def _moved(self, values: Changes) -> Self:
-        """Change the world; convert all other lengths if its unit is another one."""
-        if not values:
-            return self
-        moved = replace(self, env=self._env_with(values))
-        factor = pixel(moved.unit) / pixel(self.unit)
-        return moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
 
     def _env_with(self, values: Changes) -> Mapping[str, Any]:
         """Return the env's arguments with some changed."""

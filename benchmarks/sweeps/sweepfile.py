@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, from_folder
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
 from benchmarks.trials.spec import Method
@@ -57,7 +57,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
     if changes.text("base", name).endswith(".toml"):
-        path = Path(_absolute(files[-1].parent, name))
+        path = Path(from_folder(files[-1].parent, name))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
     else:
@@ -175,15 +175,11 @@ def _localizer(what: str, value: Any, folder: Path | None) -> str:
     if folder is None:
         return name
     if is_file(name):
-        return complete(_absolute(folder, name))
+        return complete(from_folder(folder, name))
     if name == absolute_name(name):  # a name without a path, or with an absolute one
         return name
     path, colon, attribute = name.rpartition(":")
-    return _absolute(folder, path) + colon + attribute
-
-
-def _absolute(folder: Path, path: str) -> str:
-    return os.path.abspath(folder / Path(path).expanduser())
+    return from_folder(folder, path) + colon + attribute
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:

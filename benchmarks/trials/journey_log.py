@@ -24,7 +24,7 @@ class JourneyLog:
         self._truth: list[Reals] = []
         self._commanded: list[Reals] = []
         self._collided: list[bool] = []
-        self._fixes: list[tuple[float, ...]] = []  # step, x, y, θ, quality, masses
+        self._fixes: list[list[float]] = []  # step, x, y, θ, quality, masses
         self._goal: Reals | None = None
         self._planned = math.nan
 
@@ -42,11 +42,11 @@ class JourneyLog:
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality
-            row = (moment.step, *best, rated)
+            row = [moment.step, *best, rated]
             if self._turned:
                 here = np.asarray(moment.truth, np.float64)
                 there = half_turned(self._task.floor_plan, here[None])[0]
-                row += tuple(weight_near(poses, weights, at, self._metre) for at in (here, there))
+                row += [weight_near(poses, weights, at, self._metre) for at in (here, there)]
             self._fixes.append(row)
 
     def kept(self) -> tuple[WholeRun | None, None]:

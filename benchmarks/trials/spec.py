@@ -108,11 +108,6 @@ class Trial:
         sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
 
-    @property
-    def files(self) -> list[str]:
-        """Paths of what its world is read from, besides those that its scenario names."""
-        return self.world.files
-
     def filter_rng(self) -> np.random.Generator:
         """Return the localizer's stream: a function of (seed, trial, filter_seed).
 

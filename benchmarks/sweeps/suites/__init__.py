@@ -10,16 +10,6 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
 from benchmarks.trials.spec import Method, Trial
 
-__all__ = [
-    "FAMILIES",
-    "PAPER_METHODS",
-    "SUITES",
-    "paper_suite",
-    "paper_sweep",
-    "sweeps_named",
-    "with_localizers",
-]
-
 
 class _Suites(Mapping[str, Sweep]):
     """Sweeps by name, each read when it is asked for."""
