@@ -43,12 +43,11 @@ def read(path: Path, what: str) -> dict[str, Any]:
         raise InputError(f"{named} is not there: give an existing file.") from None
     except UnreadableError as error:
         raise InputError(f"{named} {error}: give another one.") from None
+    document = _decoded(content, named)
     try:
-        return tomllib.loads(_decoded(content, named))
+        return tomllib.loads(document)
     except RecursionError:
         raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
-    except InputError:
-        raise
     except ValueError as error:  # an error of TOML, or a number of thousands of digits
         raise InputError(f"{named} is not valid TOML: {error}.") from None
 

@@ -64,27 +64,22 @@ class TrialEnv(Protocol):
     @property
     def floor_plan(self) -> Map:
         """The map m."""
-        ...
 
     @property
     def lidar(self) -> Lidar:
         """The sensor."""
-        ...
 
     @property
     def radius(self) -> float:
         """Of the robot's disc."""
-        ...
 
     @property
     def expected_start(self) -> Pose:
         """Where the episode begun last was to begin (x, y, θ): what a local prior is around."""
-        ...
 
     @property
     def unwrapped(self) -> gym.Env[Any, Any]:
         """The env itself, for ``reset`` and ``step``."""
-        ...
 
 
 class Agent(Protocol):
@@ -96,7 +91,6 @@ class Agent(Protocol):
         Args:
             info: of the env at reset, without the truth.
         """
-        ...
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action, and the plan after it.
@@ -110,7 +104,6 @@ class Agent(Protocol):
             plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
                 None: those that the env then shows.
         """
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

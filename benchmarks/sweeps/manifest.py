@@ -160,7 +160,18 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
     """
     ours, new = taken_over(folder, ours), is_empty(folder)
     if new or read(folder).identity != ours.identity:
-        _write(folder, ours)
+        content = {
+            "schema": SCHEMA,
+            "identity": ours.identity,
+            "parameters": ours.parameters,
+            "command": ours.command,
+            "environment": ours.environment,
+            "cpu": cpu_model(),
+            "seeds": seeds(ours.sweep["seed"]),
+        }
+        if ours.verified:
+            content["verified"] = to_builtins(ours.verified)
+        write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
     return ours, new
 
 
@@ -170,21 +181,6 @@ def append(folder: Path, made: Verified) -> None:
     content = json_of(content_of(path))
     content["verified"] = [*content.get("verified", ()), to_builtins(made)]
     write_text(path, json.dumps(content, indent=2) + "\n")
-
-
-def _write(folder: Path, ours: Manifest) -> None:
-    content = {
-        "schema": SCHEMA,
-        "identity": ours.identity,
-        "parameters": ours.parameters,
-        "command": ours.command,
-        "environment": ours.environment,
-        "cpu": cpu_model(),
-        "seeds": seeds(ours.sweep["seed"]),
-    }
-    if ours.verified:
-        content["verified"] = to_builtins(ours.verified)
-    write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:

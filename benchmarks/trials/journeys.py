@@ -141,77 +141,63 @@ def _split(run: Journey) -> float:
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
-GROUPS = (
-    Group(
-        "lost",
-        (
-            _success("1m", tested=True),
-            _success("05m"),
-            Score(
-                "metres_to_localize",
-                "m",
-                "metres to localize, median",
-                lambda run: run.fixes.metres_to_localize,
-                math.inf,
-                tested=True,
-            ),
-            Score("false_commitment", "share", "false commitment at the end", _committed),
-            Score("false_steps", "", "false commitment, share of steps", _committed_steps),
+_SCORES: dict[str, tuple[Score, ...]] = {
+    "lost": (
+        _success("1m", tested=True),
+        _success("05m"),
+        Score(
+            "metres_to_localize",
+            "m",
+            "metres to localize, median",
+            lambda run: run.fixes.metres_to_localize,
+            math.inf,
+            tested=True,
+        ),
+        Score("false_commitment", "share", "false commitment at the end", _committed),
+        Score("false_steps", "", "false commitment, share of steps", _committed_steps),
+    ),
+    "ambiguity": (
+        Score("mass_truth", "", "weight near the truth", _late_mass(0)),
+        Score("mass_twin", "", "weight near its twin", _late_mass(1)),
+        Score("mass_split", "", "smaller share of the two", _split),
+    ),
+    "recovery": (
+        Score(
+            "recovered",
+            "share",
+            f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
+            lambda run: float(math.isfinite(_to_recover(run))),
+            0.0,
+            tested=True,
+        ),
+        Score(
+            "metres_to_recover",
+            "m",
+            "metres to recover, median",
+            _to_recover,
+            math.inf,
+            tested=True,
         ),
     ),
-    Group(
-        "ambiguity",
-        (
-            Score("mass_truth", "", "weight near the truth", _late_mass(0)),
-            Score("mass_twin", "", "weight near its twin", _late_mass(1)),
-            Score("mass_split", "", "smaller share of the two", _split),
+    "log": (
+        Score(
+            "position_median",
+            "m",
+            "position error, median",
+            lambda run: float(np.median(run.fixes.distance)),
+            tested=True,
+            digits=3,
         ),
     ),
-    Group(
-        "recovery",
-        (
-            Score(
-                "recovered",
-                "share",
-                f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
-                lambda run: float(math.isfinite(_to_recover(run))),
-                0.0,
-                tested=True,
-            ),
-            Score(
-                "metres_to_recover",
-                "m",
-                "metres to recover, median",
-                _to_recover,
-                math.inf,
-                tested=True,
-            ),
-        ),
+    "driving": (
+        Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
+        Score("spl", "", "SPL", lambda run: run.spl, 0.0),
+        Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
+        Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
+        Score("time", "steps", "steps", lambda run: float(len(run.truth) - 1)),
     ),
-    Group(
-        "log",
-        (
-            Score(
-                "position_median",
-                "m",
-                "position error, median",
-                lambda run: float(np.median(run.fixes.distance)),
-                tested=True,
-                digits=3,
-            ),
-        ),
-    ),
-    Group(
-        "driving",
-        (
-            Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
-            Score("spl", "", "SPL", lambda run: run.spl, 0.0),
-            Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
-            Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
-            Score("time", "steps", "steps", lambda run: float(len(run.truth) - 1)),
-        ),
-    ),
-)
+}
+GROUPS = tuple(Group(*own) for own in _SCORES.items())
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
 

@@ -64,13 +64,20 @@ def code_digest() -> str:
 
 def source_of(package: str, read: Callable[[Path], bytes] = Path.read_bytes) -> str:
     """Return a digest of what is ``read`` of all source files of a package, or of a module's."""
-    digest, spec = hashlib.sha256(), find_spec(package)
-    origin = Path(str(spec and spec.origin))
-    module = spec is None or spec.submodule_search_locations is None
-    for path in [origin] if module else sorted(origin.parent.rglob("*.py")):
-        digest.update(f"{package}/{path.relative_to(origin.parent).as_posix()}\0".encode())
+    digest = hashlib.sha256()
+    for path, name in _files(package):
+        digest.update(f"{package}/{name}\0".encode())
         digest.update(read(path))
     return digest.hexdigest()
+
+
+def _files(package: str) -> list[tuple[Path, str]]:
+    """Return the source files of a package or module, with their names in it."""
+    spec = find_spec(package)
+    origin = Path(str(spec and spec.origin))
+    module = spec is None or spec.submodule_search_locations is None
+    paths = [origin] if module else sorted(origin.parent.rglob("*.py"))
+    return [(path, path.relative_to(origin.parent).as_posix()) for path in paths]
 
 
 def _statements(path: Path) -> bytes:

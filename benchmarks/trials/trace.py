@@ -126,11 +126,9 @@ class Collector(Protocol):
 
     def see(self, moment: Moment) -> None:
         """Take in a step."""
-        ...
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
         """Return the journey and the track."""
-        ...
 
 
 def trace_of(
