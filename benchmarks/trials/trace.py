@@ -23,6 +23,11 @@ from localizers.models.scan import Scan
 
 SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *SIGNALS)
+PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
+_PROFILE_OFFSETS = 4  # on either side of the present
+_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
+_CALIBRATION = ("energy", "rank", "nees")
+_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
 def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
@@ -54,13 +59,6 @@ def unless_nan(values: Iterable[float]) -> list[float | None]:
     return [None if isnan(value) else value for value in values]
 
 
-PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
-_PROFILE_OFFSETS = 4  # on either side of the present
-_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_CALIBRATION = ("energy", "rank", "nees")
-_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
-
-
 @dataclass(frozen=True, kw_only=True)
 class OffsetTrace:
     """What was believed of each state s at t = s - offset.
@@ -89,7 +87,7 @@ class Trace:
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
-        plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
+        plans: what was made of the plan after step t = 0 … T, see ``plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
         journey, track: what is kept of the whole run; None if that is not asked for.
