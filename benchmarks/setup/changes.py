@@ -43,12 +43,11 @@ def read(path: Path, what: str) -> dict[str, Any]:
         raise InputError(f"{named} is not there: give an existing file.") from None
     except UnreadableError as error:
         raise InputError(f"{named} {error}: give another one.") from None
+    document = _decoded(content, named)
     try:
-        return tomllib.loads(_decoded(content, named))
+        return tomllib.loads(document)
     except RecursionError:
         raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
-    except InputError:
-        raise
     except ValueError as error:  # an error of TOML, or a number of thousands of digits
         raise InputError(f"{named} is not valid TOML: {error}.") from None
 
@@ -112,14 +111,12 @@ def _refuse_nan(value: Any, at: str) -> None:
             _refuse_nan(inner, at)
     elif not isinstance(value, str | bool | int | float):
         raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
-    elif isinstance(value, str) and not _is_text(value):
+    elif isinstance(value, str) and any(
+        unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n\r" for c in value
+    ):
         raise InputError(f"{at} is {value!a}, but must be text without control characters.")
     elif isinstance(value, float) and math.isnan(value):
         raise InputError(f"{at} is nan, but must be a number.")
-
-
-def _is_text(text: str) -> bool:
-    return not any(unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n\r" for c in text)
 
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
@@ -267,7 +264,12 @@ def _absolute(folder: Path, value: Any) -> Any:
         return tuple(_absolute(folder, one) for one in value)
     if isinstance(value, Changes):
         return value | {"file": _absolute(folder, value["file"])} if "file" in value else value
-    return os.path.abspath(folder / Path(value).expanduser()) if isinstance(value, str) else value
+    return from_folder(folder, value) if isinstance(value, str) else value
+
+
+def from_folder(folder: Path, path: str) -> str:
+    """Return a path from a folder as an absolute one; ~ is the home folder."""
+    return os.path.abspath(folder / Path(path).expanduser())
 
 
 def _parts(path: Path) -> list[Path]:

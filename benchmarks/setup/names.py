@@ -3,7 +3,6 @@
 docs/scenarios.md has the table of a scenario file's keys.
 """
 
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 from hashlib import sha256
@@ -12,7 +11,7 @@ from pathlib import Path
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, file_digest
+from benchmarks.setup.changes import Changes, file_digest, from_folder
 from benchmarks.setup.scenario import Agent, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
@@ -182,4 +181,4 @@ def _absolute(name: str, folder: Path) -> str:
     path, colon, attribute = (name, "", "") if name.endswith(".toml") else name.rpartition(":")
     if not path.endswith((".toml", ".py")):
         return name
-    return os.path.abspath(folder / Path(path).expanduser()) + colon + attribute
+    return from_folder(folder, path) + colon + attribute

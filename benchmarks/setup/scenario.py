@@ -64,27 +64,22 @@ class TrialEnv(Protocol):
     @property
     def floor_plan(self) -> Map:
         """The map m."""
-        ...
 
     @property
     def lidar(self) -> Lidar:
         """The sensor."""
-        ...
 
     @property
     def radius(self) -> float:
         """Of the robot's disc."""
-        ...
 
     @property
     def expected_start(self) -> Pose:
         """Where the episode begun last was to begin (x, y, θ): what a local prior is around."""
-        ...
 
     @property
     def unwrapped(self) -> gym.Env[Any, Any]:
         """The env itself, for ``reset`` and ``step``."""
-        ...
 
 
 class Agent(Protocol):
@@ -96,7 +91,6 @@ class Agent(Protocol):
         Args:
             info: of the env at reset, without the truth.
         """
-        ...
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action, and the plan after it.
@@ -110,7 +104,6 @@ class Agent(Protocol):
             plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
                 None: those that the env then shows.
         """
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +252,11 @@ class Scenario:
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved = self._moved(Changes(world))
+        moved, values = self, Changes(world)
+        if values:
+            moved = replace(self, env=self._env_with(values))
+            factor = pixel(moved.unit) / pixel(self.unit)
+            moved = moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
         groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: _changed(part, getattr(moved, part), keys, moved.unit)
@@ -289,14 +286,6 @@ class Scenario:
                 one_of('assumption that can be "world"', name, known)
             told |= of_it
         return Changes(told)
-
-    def _moved(self, values: Changes) -> Self:
-        """Change the world; convert all other lengths if its unit is another one."""
-        if not values:
-            return self
-        moved = replace(self, env=self._env_with(values))
-        factor = pixel(moved.unit) / pixel(self.unit)
-        return moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
 
     def _env_with(self, values: Changes) -> Mapping[str, Any]:
         """Return the env's arguments with some changed."""

@@ -3,12 +3,12 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.execution.apart import takes
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.changes import NOTHING, Changes, jsonable
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.spec import Method, Trial, changes_of
@@ -39,6 +39,11 @@ class Limit:
         integer("trials of the limit", self.trials, low=1, high=100_000)
         integer("filter_seeds of the limit", self.filter_seeds, low=1, high=100_000)
 
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        runs = {"trials": self.trials, "filter_seeds": self.filter_seeds}
+        return self.method.json() | {"of": list(self.of)} | runs
+
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
@@ -60,9 +65,10 @@ class Axis:
             if length == 0:
                 raise InputError(f"[[vary]] {name} is empty: give one value or more.")
         if len(set(lengths.values())) > 1:
+            counted = ", ".join(f"{name}: {length}" for name, length in lengths.items())
             raise InputError(
-                f"one [[vary]] has lists of different lengths ({_counted(lengths)}): they advance "
-                "together; write a [[vary]] for each to get all combinations."
+                f"one [[vary]] has lists of different lengths ({counted}): they advance together; "
+                "write a [[vary]] for each to get all combinations."
             )
         if not lengths:
             raise InputError("a [[vary]] is empty: give a name and its values.")
@@ -77,11 +83,11 @@ class Axis:
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
-def _counted(lengths: Mapping[str, int]) -> str:
-    return ", ".join(f"{name}: {length}" for name, length in lengths.items())
-
-
 MOST = 1_000_000  # trials
+_SAID = (  # of a sweep, in the order of its manifest
+    *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
+    *("seed", "trials", "filter_seeds", "vary"),
+)
 
 Takes = Callable[[str], tuple[str, ...] | None]
 
@@ -194,68 +200,40 @@ class Sweep:
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
-        further: dict[str, Any] = {}
+        said = {name: jsonable(getattr(self, name)) for name in _SAID}
+        said["localizers"] = [method.json() for method in self.localizers]
+        said["vary"] = [axis.values.json() for axis in self.vary]
         if self.baseline != BASELINE:
-            further["baseline"] = self.baseline
+            said["baseline"] = self.baseline
         if self.limits:
-            further["limit"] = [_jsonable_limit(limit) for limit in self.limits]
-        return {
-            "title": self.title,
-            "localizers": [_jsonable_method(method) for method in self.localizers],
-            "scenario": self.scenario,
-            "lag": self.lag,
-            "world": self.world.json(),
-            "assumed": self.assumed.json(),
-            "disturbance": [wrapper.json() for wrapper in self.disturbance],
-            "params": self.params.json(),
-            "seed": self.seed,
-            "trials": self.trials,
-            "filter_seeds": self.filter_seeds,
-            "vary": [axis.values.json() for axis in self.vary],
-        } | further
+            said["limit"] = [limit.json() for limit in self.limits]
+        return said
 
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""
         for point in itertools.product(*(axis.points() for axis in self.vary)):
-            yield self._at(dict(itertools.chain.from_iterable(part.items() for part in point)))
+            base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
+            for name, value in itertools.chain.from_iterable(part.items() for part in point):
+                group, _, rest = name.partition(".")
+                if not rest:
+                    base[name] = value
+                elif isinstance(value, Changes):  # a part beside "none": {look_ahead = 25.0}
+                    base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
+                else:
+                    base[group] |= {rest: value}
+            yield base
 
     def _runs(
         self, base: dict[str, Any], method: Method, trials: int, filter_seeds: int
     ) -> Iterator[Trial]:
-        params = self._params_of(method, base)
-        for number in range(trials):
-            for filter_seed in range(filter_seeds):
-                yield Trial(
-                    scenario=base["scenario"],
-                    world=base["world"],
-                    assumed=base["assumed"],
-                    disturbance=base["disturbance"],
-                    localizer=method.name,
-                    params=params,
-                    lag=base["lag"],
-                    seed=self.seed,
-                    trial=number,
-                    filter_seed=filter_seed,
-                )
-
-    def _at(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return the base with the values of one point of the design."""
-        base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
-        for name, value in point.items():
-            group, _, rest = name.partition(".")
-            if not rest:
-                base[name] = value
-            elif isinstance(value, Changes):  # a part beside "none": {look_ahead = 25.0}
-                base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
-            else:
-                base[group] |= {rest: value}
-        return base
-
-    def _params_of(self, method: Method, base: dict[str, Any]) -> Changes:
         known = self.takes(method.name)
         shared = {"lag": base["lag"], **base["params"]}
         useful = {k: v for k, v in shared.items() if known is None or k in known}
-        return Changes(useful) | method.params
+        params = Changes(useful) | method.params
+        same = base | {"localizer": method.name, "params": params, "seed": self.seed}
+        for number in range(trials):
+            for filter_seed in range(filter_seeds):
+                yield Trial(**same, trial=number, filter_seed=filter_seed)
 
 
 def _absolute(axis: Axis) -> Axis:
@@ -293,12 +271,3 @@ def _refuse_two_limits(limits: Sequence[Limit]) -> None:
             raise InputError(
                 f"{what} {held.count(name)} limits: a localizer has one limit, that of its target."
             )
-
-
-def _jsonable_limit(limit: Limit) -> dict[str, Any]:
-    runs = {"trials": limit.trials, "filter_seeds": limit.filter_seeds}
-    return _jsonable_method(limit.method) | {"of": list(limit.of)} | runs
-
-
-def _jsonable_method(method: Method) -> dict[str, Any]:
-    return {"name": method.name, "params": method.params.json()}

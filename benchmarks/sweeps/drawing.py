@@ -60,8 +60,18 @@ def drawing() -> Iterator[Callable[[Animation], Promise]]:
 
     Trials of different plug-ins are run apart, as in a sweep.
     """
-    with Processes(available_cpus(), timeout=_PATIENCE, guest_of=_guest_of) as pool:
-        yield lambda shown: _promised(shown, pool)
+
+    def guest(shown: Animation) -> str:
+        return max(map(guest_of, shown.trials), default="")  # the same of all: else it is in parts
+
+    def promised(shown: Animation) -> Promise:
+        if len(set(map(guest_of, shown.trials))) <= 1:
+            return pool.submit(drawn, shown).result
+        parts = [pool.submit(frames_of, part) for part in shown.parts]
+        return lambda: joined(shown, [row for part in parts for row in part.result()])
+
+    with Processes(available_cpus(), timeout=_PATIENCE, guest_of=guest) as pool:
+        yield promised
 
 
 def drawn(shown: Animation) -> Animation:
@@ -77,7 +87,14 @@ def frames_of(shown: Animation) -> list[list[Image]]:
     """
     if tuple(map(key_of, shown.trials)) != shown.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
-    return [_frames(*one) for one in zip(shown.trials, shown.labels, strict=True)]
+    rows = []
+    for trial, label in zip(shown.trials, shown.labels, strict=True):
+        stage = Stage.of(trial)
+        film = Film(camera_of(stage, _SCALE), label, STRIDE)
+        for _ in film.of(stage.moments()):
+            pass
+        rows.append(film.frames)
+    return rows
 
 
 def joined(shown: Animation, rows: Sequence[Sequence[Image]]) -> Animation:
@@ -86,22 +103,3 @@ def joined(shown: Animation, rows: Sequence[Sequence[Image]]) -> Animation:
     padded = [[*row, *[row[-1]] * (longest - len(row))] for row in rows]  # who ends first waits
     frames = [side_by_side(images) for images in zip(*padded, strict=True)]
     return replace(shown, webp=webp(frames, _MILLISECONDS), png=png(frames[-1]))  # the whole way
-
-
-def _promised(shown: Animation, pool: Processes) -> Promise:
-    if len(set(map(guest_of, shown.trials))) <= 1:
-        return pool.submit(drawn, shown).result
-    parts = [pool.submit(frames_of, part) for part in shown.parts]
-    return lambda: joined(shown, [row for part in parts for row in part.result()])
-
-
-def _guest_of(shown: Animation) -> str:
-    return max(map(guest_of, shown.trials), default="")  # the same of all: else it is in parts
-
-
-def _frames(trial: Trial, label: str) -> list[Image]:
-    stage = Stage.of(trial)
-    film = Film(camera_of(stage, _SCALE), label, STRIDE)
-    for _ in film.of(stage.moments()):
-        pass
-    return film.frames

@@ -44,9 +44,11 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     if len(rows) > _SHOWN:
         lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
     part = "" if share == 1 else f" for this shard of {share}"
+    s = total / jobs / share
+    needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
     working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(
-        f"About {_duration(total / jobs / share)} with {working}{part}: estimated from "
+        f"About {needed} with {working}{part}: estimated from "
         f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
         "time per particle. Nothing was written."
     )
@@ -95,9 +97,3 @@ def _form(trial: Trial) -> tuple[str, Changes]:
 
 def _particles(trial: Trial) -> int:
     return int(trial.params.get("particles", _USUAL))
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct, field
+from msgspec import Struct, field, to_builtins
 
 from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, refuse_changed
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
-from benchmarks.trials.provenance import Provenance, environment
+from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
 
@@ -25,26 +25,31 @@ _DIGITS = 12  # of a digest
 _SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
 
-class _Made(Struct):
-    """What the numbers of a folder depend on, beside its sweep."""
+class Verified(Provenance, frozen=True, kw_only=True):
+    """Other code, libraries or plug-ins that got the same results; see ``verifying``.
 
-    code: str
-    libraries: dict[str, str]
-    plug_ins: dict[str, str] = field(name="plug-ins")
+    Attributes:
+        keys: trials that were run again.
+        of: how many were finished then.
+        environment: see ``provenance.environment``.
+    """
+
+    keys: list[str] = field(name="verified")
+    of: int
+    environment: Environment
+
+    def words(self) -> str:
+        """Say under what, and by how many trials."""
+        own = [f"{Path(name).name} {d[:_DIGITS]}" for name, d in self.plug_ins.items()]
+        named = [f"code {self.code[:_DIGITS]}", *map(" ".join, self.libraries.items())]
+        under = ", ".join([*named, *own])
+        return f"verified under {under} on {len(self.keys):,} of {self.of:,} trials"
 
 
-class _Identity(_Made):
+class _Identity(Provenance, frozen=True, kw_only=True):
     """What the numbers of a folder depend on, as its manifest has it."""
 
     sweep: dict[str, Any]
-
-
-class _Verified(_Made):
-    """See ``Verified``."""
-
-    verified: list[str]
-    of: int
-    environment: dict[str, str | dict[str, str]]
 
 
 class _Content(Struct):
@@ -54,43 +59,8 @@ class _Content(Struct):
     identity: _Identity
     parameters: dict[str, list[str] | None]
     command: list[str]
-    environment: dict[str, str | dict[str, str]]
-    verified: list[_Verified] = field(default_factory=list)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Verified:
-    """Other code, libraries or plug-ins that got the same results; see ``verifying``.
-
-    Attributes:
-        made: what they are.
-        keys: trials that were run again.
-        of: how many were finished then.
-        environment: see ``provenance.environment``.
-    """
-
-    made: Provenance
-    keys: Sequence[str]
-    of: int
-    environment: dict[str, Any]
-
-    def words(self) -> str:
-        """Say under what, and by how many trials."""
-        own = [f"{Path(name).name} {d[:_DIGITS]}" for name, d in self.made.plug_ins.items()]
-        named = [f"code {self.made.code[:_DIGITS]}", *map(" ".join, self.made.libraries.items())]
-        under = ", ".join([*named, *own])
-        return f"verified under {under} on {len(self.keys):,} of {self.of:,} trials"
-
-    def json(self) -> dict[str, Any]:
-        """Return what stands in the manifest."""
-        return {
-            "code": self.made.code,
-            "libraries": dict(self.made.libraries),
-            "plug-ins": dict(self.made.plug_ins),
-            "verified": list(self.keys),
-            "of": self.of,
-            "environment": self.environment,
-        }
+    environment: Environment
+    verified: list[Verified] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,18 +80,13 @@ class Manifest:
     made: Provenance
     parameters: Mapping[str, Sequence[str] | None]
     command: Sequence[str]
-    environment: dict[str, Any]
+    environment: Environment
     verified: Sequence[Verified] = ()
 
     @property
     def identity(self) -> dict[str, Any]:
         """Everything that the numbers depend on."""
-        return {
-            "sweep": self.sweep,
-            "code": self.made.code,
-            "libraries": dict(self.made.libraries),
-            "plug-ins": dict(self.made.plug_ins),
-        }
+        return {"sweep": self.sweep, **to_builtins(self.made)}
 
 
 def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
@@ -177,13 +142,13 @@ def _under_keys_of(theirs: Manifest, ours: Manifest) -> Manifest:
     """Return our manifest with the provenance of theirs, if ours was verified to be as good."""
     now, before = ours.made, theirs.made
     for one in theirs.verified:
-        known = {**before.plug_ins, **one.made.plug_ins}
+        known = {**before.plug_ins, **one.plug_ins}
         same = all(now.plug_ins.get(name) == digest for name, digest in known.items())
-        if same and (one.made.code, one.made.libraries) == (now.code, now.libraries):
-            made = replace(before, plug_ins={**now.plug_ins, **before.plug_ins})
-            return replace(
-                ours, made=made, environment=theirs.environment, verified=theirs.verified
-            )
+        if same and (one.code, one.libraries) == (now.code, now.libraries):
+            plug_ins = {**now.plug_ins, **before.plug_ins}
+            made = Provenance(before.code, before.libraries, plug_ins)
+            ours = replace(ours, made=made, environment=theirs.environment)
+            break
     return replace(ours, verified=theirs.verified)
 
 
@@ -195,7 +160,18 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
     """
     ours, new = taken_over(folder, ours), is_empty(folder)
     if new or read(folder).identity != ours.identity:
-        _write(folder, ours)
+        content = {
+            "schema": SCHEMA,
+            "identity": ours.identity,
+            "parameters": ours.parameters,
+            "command": ours.command,
+            "environment": ours.environment,
+            "cpu": cpu_model(),
+            "seeds": seeds(ours.sweep["seed"]),
+        }
+        if ours.verified:
+            content["verified"] = to_builtins(ours.verified)
+        write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
     return ours, new
 
 
@@ -203,23 +179,8 @@ def append(folder: Path, made: Verified) -> None:
     """Add to a folder's manifest what was verified."""
     path = folder / NAME
     content = json_of(content_of(path))
-    content["verified"] = [*content.get("verified", ()), made.json()]
+    content["verified"] = [*content.get("verified", ()), to_builtins(made)]
     write_text(path, json.dumps(content, indent=2) + "\n")
-
-
-def _write(folder: Path, ours: Manifest) -> None:
-    content = {
-        "schema": SCHEMA,
-        "identity": ours.identity,
-        "parameters": ours.parameters,
-        "command": ours.command,
-        "environment": ours.environment,
-        "cpu": cpu_model(),
-        "seeds": seeds(ours.sweep["seed"]),
-    }
-    if ours.verified:
-        content["verified"] = [one.json() for one in ours.verified]
-    write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:
@@ -272,15 +233,7 @@ def read(folder: Path) -> Manifest:
         parameters=known.parameters,
         command=known.command,
         environment=known.environment,
-        verified=[
-            Verified(
-                made=Provenance(one.code, one.libraries, one.plug_ins),
-                keys=one.verified,
-                of=one.of,
-                environment=one.environment,
-            )
-            for one in known.verified
-        ],
+        verified=known.verified,
     )
 
 
@@ -327,9 +280,8 @@ def _shown(*values: Any) -> list[str]:
     ]
     same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
     first = max(0, sum(1 for _ in same) - _BEFORE)
-    return [text if len(text) <= _SHOWN else _cut(text, first) for text in texts]
-
-
-def _cut(text: str, first: int) -> str:
-    last = first + _SHOWN
-    return f"{'…' * (first > 0)}{text[first:last]}{'…' * (last < len(text))}"
+    last, before = first + _SHOWN, "…" * (first > 0)
+    return [
+        text if len(text) <= _SHOWN else f"{before}{text[first:last]}{'…' * (last < len(text))}"
+        for text in texts
+    ]

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -151,15 +151,15 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     Raises:
         InputError: the manifest was changed.
     """
+
+    def takes(name: str) -> tuple[str, ...] | None:
+        if name not in made.parameters:
+            raise InputError(f"parameters has no {name!r}: the manifest was changed.")
+        known = made.parameters[name]
+        return None if known is None else tuple(known)
+
     with changes.errors_name(folder / manifest.NAME):
-        return sweep_of(made.sweep, title="", takes=partial(_recorded, made.parameters))
-
-
-def _recorded(parameters: Mapping[str, Sequence[str] | None], name: str) -> tuple[str, ...] | None:
-    if name not in parameters:
-        raise InputError(f"parameters has no {name!r}: the manifest was changed.")
-    known = parameters[name]
-    return None if known is None else tuple(known)
+        return sweep_of(made.sweep, title="", takes=takes)
 
 
 def left_out_lines(results: Results, out: Path) -> list[str]:

@@ -68,7 +68,8 @@ class Running:
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then."""
-        part = _part(self.trials, self.options.shard)
+        number, of = self.options.shard or (1, 1)
+        part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
         run_missing(part, self.store, self.options, self.now)
         results = collected(self.sweep, self.trials, self.store, self.made)
         _say(left_out_lines(results, self.store.out))
@@ -92,7 +93,9 @@ def begun(
         store.refuse_obstacles(trials.keys())
         made, new = manifest.begin(out, ours)
         if shard is None:  # another one may be writing it
-            _remove_temporary(store)
+            for path in store.temporary():
+                path.unlink(missing_ok=True)
+                _say([f"deqmcl: {path} was left by an interrupted write; it is removed."])
         try:
             yield Running(sweep, store, trials, options, made, ours.made)
         except InputError:  # an engine that cannot be had: nothing was run
@@ -145,7 +148,9 @@ def run_missing(
         if store.get(key, trial) is None
         and (options.retry_failed or store.failure(key, trial) is None)
     }
-    _say_rejected(store)
+    again = {n: why for n, why in store.rejected.items() if not n.startswith("timings/")}
+    _say([f"deqmcl: {store.out / name} {why}; it is run again." for name, why in again.items()])
+    store.rejected.clear()
     if not missing:
         return
     keys = {now.key(trial): key for key, trial in missing.items()}
@@ -225,25 +230,6 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
             reason = f"its record cannot be kept: {error}"
     store.put_failure(key, trial, reason)
     return reason
-
-
-def _part(trials: Mapping[str, Trial], shard: tuple[int, int] | None) -> Mapping[str, Trial]:
-    if shard is None:
-        return trials
-    number, of = shard
-    return {key: trials[key] for key in list(trials)[number - 1 :: of]}
-
-
-def _say_rejected(store: Store) -> None:
-    again = {n: why for n, why in store.rejected.items() if not n.startswith("timings/")}
-    _say([f"deqmcl: {store.out / name} {why}; it is run again." for name, why in again.items()])
-    store.rejected.clear()
-
-
-def _remove_temporary(store: Store) -> None:
-    for path in store.temporary():
-        path.unlink(missing_ok=True)
-        _say([f"deqmcl: {path} was left by an interrupted write; it is removed."])
 
 
 def _say(lines: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, from_folder
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
 from benchmarks.trials.spec import Method
@@ -39,14 +39,10 @@ def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] =
     given = changes.read(path, "sweep")
     with changes.errors_name(path):
         changes.check(given, ("base", *_KEYS))
-        base = (
-            _base(given.pop("base"), (*above, Path(os.path.abspath(path))))
-            if "base" in given
-            else None
-        )
+        files = (*above, Path(os.path.abspath(path)))
+        base = _base(given.pop("base"), files) if "base" in given else None
         title = utf8(path.stem).decode()
-        sweep = sweep_of(given, title=title, folder=path.parent, base=base)
-        sweep = with_localizers(sweep, added)
+        sweep = with_localizers(sweep_of(given, title=title, folder=path.parent, base=base), added)
         _refuse_idle(sweep)
         return sweep
 
@@ -61,7 +57,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
     if changes.text("base", name).endswith(".toml"):
-        path = Path(_absolute(files[-1].parent, name))
+        path = Path(from_folder(files[-1].parent, name))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
     else:
@@ -114,6 +110,8 @@ def sweep_of(
     if "baseline" in plain:
         plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
     world = Changes.told("world", given.get("world", {}))
+    limits = given.get("limit", [])
+    limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
     methods = _list("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
         "title": changes.text("title", given.get("title", title)),
@@ -123,7 +121,7 @@ def sweep_of(
         "params": Changes.told("params", given.get("params", {})),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
-        "limits": _limits(given.get("limit", []), folder),
+        "limits": tuple(_limit(one, folder) for one in limits),
     }
     if base is None:
         return Sweep(takes=takes, **said)
@@ -149,11 +147,6 @@ def _method(entry: Any, folder: Path | None) -> Method:
     for key in table:
         one_of("key in localizers", key, ("name", "params"))
     return _named("an entry of localizers", table, folder)
-
-
-def _limits(entry: Any, folder: Path | None) -> tuple[Limit, ...]:
-    """Return the limits of one table [limit], or of several [[limit]]."""
-    return tuple(_limit(one, folder) for one in (entry if isinstance(entry, list) else [entry]))
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
@@ -182,33 +175,28 @@ def _localizer(what: str, value: Any, folder: Path | None) -> str:
     if folder is None:
         return name
     if is_file(name):
-        return complete(_absolute(folder, name))
+        return complete(from_folder(folder, name))
     if name == absolute_name(name):  # a name without a path, or with an absolute one
         return name
     path, colon, attribute = name.rpartition(":")
-    return _absolute(folder, path) + colon + attribute
-
-
-def _absolute(folder: Path, path: str) -> str:
-    return os.path.abspath(folder / Path(path).expanduser())
+    return from_folder(folder, path) + colon + attribute
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
     values = Changes.told("vary", changes.table("vary", table, "a [[vary]] table"))
-    axis = {}
-    for name, listed in values.items():
-        points = _list(f"[[vary]] {name}", listed)
-        axis[name] = tuple(_point(name, point, folder) for point in points)
-    return Axis(values=Changes(axis))
 
+    def point(name: str, value: Any) -> Any:
+        if name == "disturbance":
+            return _wrappers(name, value)
+        if name == "scenario":
+            return absolute_scenario(value, folder or Path())
+        key = name.removeprefix("world.")
+        return value if folder is None else Changes({key: value}).beside(folder)[key]
 
-def _point(name: str, value: Any, folder: Path | None) -> Any:
-    if name == "disturbance":
-        return _wrappers(name, value)
-    if name == "scenario":
-        return absolute_scenario(value, folder or Path())
-    key = name.removeprefix("world.")
-    return value if folder is None else Changes({key: value}).beside(folder)[key]
+    listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
+    return Axis(
+        values=Changes({n: tuple(point(n, one) for one in own) for n, own in listed.items()})
+    )
 
 
 def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:

@@ -74,8 +74,10 @@ def verify(folder: Path, where: Where) -> str:
                 count(bool(why))
         if differing:
             raise DifferentError(_sentence(folder, chosen, differing))
-        checked = Verified(made=now, keys=list(chosen), of=len(records), environment=environment())
-        if now not in (made.made, *(one.made for one in made.verified)):
+        parts = now.code, now.libraries, now.plug_ins
+        checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
+        known = [made.made, *made.verified]
+        if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
             manifest.append(folder, checked)
     return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
 

@@ -29,10 +29,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     other code, other libraries or another plug-in.
     """
     try:
-        with (
-            contextlib.chdir(os.curdir),
-            warnings.catch_warnings(),
-        ):  # localizers may go
+        with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
             if key_of(trial) != key:
                 return Outcome(

@@ -319,7 +319,7 @@ def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
     With X, X' drawn from the belief and z the truth, in (x, y):
 
     - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
-      particles; the second of the pairs of ``kernels.PAIRED`` of them, at equal steps of the
+      particles; the second of the pairs of ``PAIRED`` of them, at equal steps of the
       cumulative weight: of one cloud it is right to a few per cent, its mean over a lap to 1 %. Of
       one point the score is its distance to the truth.
     - rank P(D(X) < D(z)), D the Mahalanobis distance to the belief's mean under its covariance. The

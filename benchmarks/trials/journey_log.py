@@ -8,18 +8,9 @@ import numpy as np
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
-from benchmarks.trials.journeys import (
-    Group,
-    Journey,
-    WholeRun,
-    finite,
-    four_digits,
-    half_turned,
-    scores_of,
-    weight_near,
-)
+from benchmarks.trials.journeys import Group, Journey, WholeRun, half_turned, weight_near, whole_run
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Reals
 from localizers import best_cluster, quality_of
 
 
@@ -33,7 +24,7 @@ class JourneyLog:
         self._truth: list[Reals] = []
         self._commanded: list[Reals] = []
         self._collided: list[bool] = []
-        self._fixes: list[tuple[float, ...]] = []  # step, x, y, θ, quality, masses
+        self._fixes: list[list[float]] = []  # step, x, y, θ, quality, masses
         self._goal: Reals | None = None
         self._planned = math.nan
 
@@ -51,26 +42,18 @@ class JourneyLog:
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality
-            masses = self._masses(poses, weights, moment.truth)
-            self._fixes.append((moment.step, *best, rated, *masses))
+            row = [moment.step, *best, rated]
+            if self._turned:
+                here = np.asarray(moment.truth, np.float64)
+                there = half_turned(self._task.floor_plan, here[None])[0]
+                row += [weight_near(poses, weights, at, self._metre) for at in (here, there)]
+            self._fixes.append(row)
 
     def kept(self) -> tuple[WholeRun | None, None]:
         """Return the part of a record about this run; None if nothing is asked."""
         if not self._groups or not self._fixes:
             return None, None
-        run = self.journey()
-        curves = {
-            "way": run.fixes.way,
-            "distance": run.fixes.distance,
-            "angle": run.fixes.angle,
-        }
-        if run.masses is not None:
-            curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
-        found = WholeRun(
-            scores=finite(scores_of(run, self._groups)),
-            curves={name: four_digits(values) for name, values in curves.items()},
-        )
-        return found, None
+        return whole_run(self.journey(), self._groups), None
 
     def journey(self) -> Journey:
         """Return the run so far."""
@@ -99,10 +82,3 @@ class JourneyLog:
             planned=self._planned / self._metre,
             masses=table[:, 5:] if self._turned else None,
         )
-
-    def _masses(self, poses: Reals, weights: Floats, truth: Reals) -> tuple[float, ...]:
-        if not self._turned:
-            return ()
-        here = np.asarray(truth, np.float64)
-        there = half_turned(self._task.floor_plan, here[None])[0]
-        return tuple(weight_near(poses, weights, pose, self._metre) for pose in (here, there))

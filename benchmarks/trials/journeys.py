@@ -5,7 +5,7 @@ scenario is about: see ``Stage.groups``. Lengths are in m; a pixel of the paper'
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -141,77 +141,63 @@ def _split(run: Journey) -> float:
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
-GROUPS = (
-    Group(
-        "lost",
-        (
-            _success("1m", tested=True),
-            _success("05m"),
-            Score(
-                "metres_to_localize",
-                "m",
-                "metres to localize, median",
-                lambda run: run.fixes.metres_to_localize,
-                math.inf,
-                tested=True,
-            ),
-            Score("false_commitment", "share", "false commitment at the end", _committed),
-            Score("false_steps", "", "false commitment, share of steps", _committed_steps),
+_SCORES: dict[str, tuple[Score, ...]] = {
+    "lost": (
+        _success("1m", tested=True),
+        _success("05m"),
+        Score(
+            "metres_to_localize",
+            "m",
+            "metres to localize, median",
+            lambda run: run.fixes.metres_to_localize,
+            math.inf,
+            tested=True,
+        ),
+        Score("false_commitment", "share", "false commitment at the end", _committed),
+        Score("false_steps", "", "false commitment, share of steps", _committed_steps),
+    ),
+    "ambiguity": (
+        Score("mass_truth", "", "weight near the truth", _late_mass(0)),
+        Score("mass_twin", "", "weight near its twin", _late_mass(1)),
+        Score("mass_split", "", "smaller share of the two", _split),
+    ),
+    "recovery": (
+        Score(
+            "recovered",
+            "share",
+            f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
+            lambda run: float(math.isfinite(_to_recover(run))),
+            0.0,
+            tested=True,
+        ),
+        Score(
+            "metres_to_recover",
+            "m",
+            "metres to recover, median",
+            _to_recover,
+            math.inf,
+            tested=True,
         ),
     ),
-    Group(
-        "ambiguity",
-        (
-            Score("mass_truth", "", "weight near the truth", _late_mass(0)),
-            Score("mass_twin", "", "weight near its twin", _late_mass(1)),
-            Score("mass_split", "", "smaller share of the two", _split),
+    "log": (
+        Score(
+            "position_median",
+            "m",
+            "position error, median",
+            lambda run: float(np.median(run.fixes.distance)),
+            tested=True,
+            digits=3,
         ),
     ),
-    Group(
-        "recovery",
-        (
-            Score(
-                "recovered",
-                "share",
-                f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
-                lambda run: float(math.isfinite(_to_recover(run))),
-                0.0,
-                tested=True,
-            ),
-            Score(
-                "metres_to_recover",
-                "m",
-                "metres to recover, median",
-                _to_recover,
-                math.inf,
-                tested=True,
-            ),
-        ),
+    "driving": (
+        Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
+        Score("spl", "", "SPL", lambda run: run.spl, 0.0),
+        Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
+        Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
+        Score("time", "steps", "steps", lambda run: float(len(run.truth) - 1)),
     ),
-    Group(
-        "log",
-        (
-            Score(
-                "position_median",
-                "m",
-                "position error, median",
-                lambda run: float(np.median(run.fixes.distance)),
-                tested=True,
-                digits=3,
-            ),
-        ),
-    ),
-    Group(
-        "driving",
-        (
-            Score("success", "share", "arrived", lambda run: float(run.arrived), 0.0, tested=True),
-            Score("spl", "", "SPL", lambda run: run.spl, 0.0),
-            Score("contacts", "", "contacts", lambda run: float(run.collided.sum())),
-            Score("clearance", "m", "least clearance, m", lambda run: run.clearance),
-            Score("time", "steps", "steps", lambda run: float(len(run.truth) - 1)),
-        ),
-    ),
-)
+}
+GROUPS = tuple(Group(*own) for own in _SCORES.items())
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
 
@@ -250,11 +236,6 @@ def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
-def four_digits(values: Iterable[float]) -> list[float]:
-    """Return a curve with four digits: that of a long run is many numbers."""
-    return [float(f"{value:.4g}") for value in values]
-
-
 def groups_named(names: Collection[str]) -> tuple[Group, ...]:
     """Return groups by name, in the order of ``GROUPS``."""
     return tuple(group for group in GROUPS if group.name in names)
@@ -263,6 +244,16 @@ def groups_named(names: Collection[str]) -> tuple[Group, ...]:
 def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
     """Return the scores of a run by name."""
     return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
+
+
+def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
+    """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
+    fixes = run.fixes
+    curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+    if run.masses is not None:
+        curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
+    rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
+    return WholeRun(scores=finite(scores_of(run, groups)), curves=rounded)
 
 
 _SAMPLE = 4096  # points at which a map is compared with itself

@@ -139,7 +139,6 @@ def mean(values: Floats) -> float:
 
 
 def _mean_of(name: str) -> Callable[[Estimates], float]:
-    """Return the mean of a value over the states."""
     return lambda found: mean(found.values[name])
 
 
@@ -164,10 +163,6 @@ def _sd(values: Floats) -> float:
     return float(values.std()) if values.size else math.nan
 
 
-def _heading_rmse(found: Estimates) -> float:
-    return rms(heading_error(found.means, found.truth))
-
-
 METRICS = (
     Metric("error", "", "error e", lambda found: mean(found.error)),
     Metric("error_window", "", "e, common states", lambda found: mean(found.error[found.common])),
@@ -178,7 +173,9 @@ METRICS = (
     Metric("var_cos", "", "variance of cos θ", _variance_of(2)),
     Metric("var_sin", "", "variance of sin θ", _variance_of(3)),
     Metric("position_rmse", "length", "position RMSE", lambda found: rms(found.distance)),
-    Metric("heading_rmse", "rad", "heading RMSE", _heading_rmse),
+    Metric(
+        "heading_rmse", "rad", "heading RMSE", lambda it: rms(heading_error(it.means, it.truth))
+    ),
     Metric("wall_share", "share", "weight in walls", _mean_of("wall_share"), wall_share),
     Metric("energy_score", "length", "energy score", _mean_of("energy")),
     *map(_coverage, LEVELS),

@@ -4,13 +4,14 @@ import ast
 import hashlib
 import platform
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from benchmarks.trials.spec import Trial
 
@@ -22,8 +23,10 @@ _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
 
 
-@dataclass(frozen=True)
-class Provenance:
+Environment = dict[str, str | dict[str, str]]
+
+
+class Provenance(Struct, frozen=True, dict=True):
     """Everything but the configuration that a trial's numbers depend on; read, or of what runs.
 
     Attributes:
@@ -34,12 +37,12 @@ class Provenance:
     """
 
     code: str
-    libraries: Mapping[str, str]
-    plug_ins: Mapping[str, str]
+    libraries: dict[str, str]
+    plug_ins: dict[str, str] = field(name="plug-ins")
 
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
-        names = (trial.localizer, trial.scenario, *trial.files)
+        names = (trial.localizer, trial.scenario, *trial.world.files)
         used = [self.plug_ins.get(name, "") for name in names]
         return trial.key("".join([self._shared, *used]))
 
@@ -72,10 +75,9 @@ def _files(package: str) -> list[tuple[Path, str]]:
     """Return the source files of a package or module, with their names in it."""
     spec = find_spec(package)
     origin = Path(str(spec and spec.origin))
-    if spec is None or spec.submodule_search_locations is None:
-        return [(origin, origin.name)]
-    root = origin.parent
-    return [(path, path.relative_to(root).as_posix()) for path in sorted(root.rglob("*.py"))]
+    module = spec is None or spec.submodule_search_locations is None
+    paths = [origin] if module else sorted(origin.parent.rglob("*.py"))
+    return [(path, path.relative_to(origin.parent).as_posix()) for path in paths]
 
 
 def _statements(path: Path) -> bytes:
@@ -108,7 +110,7 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in _LIBRARIES}
 
 
-def environment() -> dict[str, object]:
+def environment() -> Environment:
     """Return what a reader needs to know to get the same numbers."""
     try:
         ours = version("deqmcl-gym")

@@ -6,11 +6,17 @@ import numpy as np
 from msgspec import Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.journeys import RecordedTrack, WholeRun
+from benchmarks.trials.journeys import RecordedTrack, WholeRun, finite
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import PLAN_COLUMNS, PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
-from deqmcl_gym.numerics.types import Floats
+from benchmarks.trials.trace import (
+    PLAN_COLUMNS,
+    PROFILE_STRIDE,
+    OffsetTrace,
+    Trace,
+    plan_columns,
+    unless_nan,
+)
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
@@ -107,18 +113,20 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     """Return a trial's result; its scores are of the states whose truth is known."""
+    quality = trace.quality[1:]
     return Record(
         unit=trace.unit,
         thresholds=thresholds,
-        scores=[_finite(row) for row in scores(trace, lag, thresholds)],
+        scores=[finite(row) for row in scores(trace, lag, thresholds)],
         curves={
             offset: ErrorCurve(
                 first_state=int(kept.states[0]),
-                error=_unless_unknown(state_error(kept.means, trace.truth[kept.states])),
+                error=unless_nan(map(_sig, state_error(kept.means, trace.truth[kept.states]))),
             )
             for offset, kept in trace.offsets.items()
         },
-        quality=_rated(trace.quality),
+        # with all digits: it is about how near it is to 1
+        quality=None if np.isnan(quality).all() else unless_nan(quality.tolist()),
         profile={k: _sig(e) for k, e in profile(trace, lag).items()},
         steps_done=trace.steps,
         scans_used=trace.scans_used,
@@ -155,24 +163,6 @@ def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds
     )
 
 
-def _rated(quality: Floats) -> list[float | None] | None:
-    """P(not lost) after the steps t = 1 … T, with all digits: it is about how near it is to 1."""
-    given = quality[1:]
-    return None if np.isnan(given).all() else [None if np.isnan(q) else q for q in given.tolist()]
-
-
-def _unless_unknown(errors: Floats) -> list[float | None]:
-    return [None if np.isnan(error) else _sig(error) for error in errors]
-
-
 def _sig(value: float) -> float:
     """Six digits: enough for a curve."""
     return float(f"{value:.6g}")
-
-
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN: what is not available is null."""
-    return {
-        name: None if isinstance(value, float) and not np.isfinite(value) else value
-        for name, value in row.items()
-    }

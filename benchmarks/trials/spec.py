@@ -45,6 +45,10 @@ class Method:
     def __post_init__(self) -> None:
         object.__setattr__(self, "params", Changes(self.params))
 
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        return {"name": self.name, "params": self.params.json()}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
@@ -103,11 +107,6 @@ class Trial:
         """The seed for ``env.reset``: a function of (seed, trial), below 2**53."""
         sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
-
-    @property
-    def files(self) -> list[str]:
-        """Paths of what its world is read from, besides those that its scenario names."""
-        return self.world.files
 
     def filter_rng(self) -> np.random.Generator:
         """Return the localizer's stream: a function of (seed, trial, filter_seed).

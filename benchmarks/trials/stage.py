@@ -84,10 +84,11 @@ class Stage:
         where its route ends.
         """
         lost = isinstance(self.scenario.prior, Uniform)
+        wrappers = (*self.scenario.disturbance, *self.trial.disturbance)
         about = {
             "lost": lost,
             "ambiguity": lost and is_symmetric(self.room.floor_plan),
-            "recovery": any(isinstance(layer, Kidnap) for layer in _layers(self.env)),
+            "recovery": any(wrapper["kind"] == "kidnap" for wrapper in wrappers),
             "driving": self.scenario.has_goal and not lost,
         }
         return groups_named([name for name, asked in about.items() if asked])
@@ -175,9 +176,3 @@ def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> 
                 raise InputError(f"the disturbance {kind!r} needs {name}: write {name} = ….")
         env = DISTURBANCES[kind](env, **arguments)
     return env
-
-
-def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
-    while isinstance(env, gym.Wrapper):
-        yield env
-        env = env.env

@@ -23,6 +23,11 @@ from localizers.models.scan import Scan
 
 SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *SIGNALS)
+PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
+_PROFILE_OFFSETS = 4  # on either side of the present
+_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
+_CALIBRATION = ("energy", "rank", "nees")
+_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
 def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
@@ -46,15 +51,12 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
     table: Floats = np.array(rows, np.float64).reshape(len(rows), 1 + len(SIGNALS))
     if np.isnan(table).all():
         return None
-    columns = zip(PLAN_COLUMNS, table.T.tolist(), strict=True)
-    return {name: [None if isnan(v) else v for v in own] for name, own in columns}
+    return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
 
 
-PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
-_PROFILE_OFFSETS = 4  # on either side of the present
-_BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_CALIBRATION = ("energy", "rank", "nees")
-_EACH = {metric.name: metric.each for metric in METRICS if metric.each}
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if isnan(value) else value for value in values]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +87,7 @@ class Trace:
         offsets: what was believed, by offset; only offsets that the localizer holds.
         scans_used: scans with at least one beam in range.
         seconds: the localizer's time, reset left out.
-        plans: what was made of the plan after step t = 0 … T, see ``plans.plan_row``.
+        plans: what was made of the plan after step t = 0 … T, see ``plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
         quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
         journey, track: what is kept of the whole run; None if that is not asked for.
@@ -122,18 +124,13 @@ class Collector(Protocol):
 
     def see(self, moment: Moment) -> None:
         """Take in a step."""
-        ...
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
         """Return the journey and the track."""
-        ...
 
 
 def trace_of(
-    episode: Iterable[Moment],
-    offsets: Iterable[int],
-    task: Task,
-    whole: Collector | None = None,
+    episode: Iterable[Moment], offsets: Iterable[int], task: Task, whole: Collector | None = None
 ) -> Trace:
     """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
     asked = tuple(offsets)
@@ -146,15 +143,24 @@ def trace_of(
         if whole is not None:  # it trusts the form of a belief
             whole.see(moment)
     journey, track = (None, None) if whole is None else whole.kept()
+    events = getattr(lap.belief, "events", None)
     return Trace(
         unit=task.floor_plan.unit,
         truth=np.array(lap.truth, np.float64),
-        offsets={k: _offset_trace(*table) for k, table in scored.tables().items()},
+        offsets={
+            k: OffsetTrace(
+                states=states,
+                means=table[:, :4].copy(),
+                variances=table[:, 4:8].copy(),
+                values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
+            )
+            for k, (states, table) in scored.tables().items()
+        },
         scans_used=lap.scans_used,
         seconds=lap.seconds,
         quality=np.array(lap.quality),
         plans=lap.plans,
-        events=_events(lap.belief),
+        events={} if events is None else {name: int(n) for name, n in vars(events).items()},
         journey=journey,
         track=track,
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
@@ -243,19 +249,8 @@ class _Beliefs:
 def _measured(clouds: Clouds, task: Task) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = moments(clouds)
-    asked = [each(clouds, task) for each in _EACH.values()]
-    return np.column_stack(
-        [spread, calibration(clouds, spread[:, :4], task.floor_plan.unit), *asked]
-    )
-
-
-def _offset_trace(states: Indices, table: Floats) -> OffsetTrace:
-    return OffsetTrace(
-        states=states,
-        means=table[:, :4].copy(),
-        variances=table[:, 4:8].copy(),
-        values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
-    )
+    fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)
+    return np.column_stack([spread, fit, *(each(clouds, task) for each in _EACH.values())])
 
 
 def _between(offsets: Sequence[int]) -> list[int]:
@@ -264,8 +259,3 @@ def _between(offsets: Sequence[int]) -> list[int]:
     step = max(1, lag // _PROFILE_OFFSETS)
     farthest = lag // step * step
     return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]
-
-
-def _events(belief: Any) -> dict[str, int]:
-    events = getattr(belief, "events", None)
-    return {} if events is None else {name: int(count) for name, count in vars(events).items()}

@@ -20,9 +20,8 @@ from benchmarks.trials.journeys import (
     RecordedTrack,
     WholeRun,
     finite,
-    four_digits,
     groups_named,
-    scores_of,
+    whole_run,
 )
 from benchmarks.trials.metrics import LEVELS, mean
 from deqmcl_gym.logs import Log
@@ -35,7 +34,6 @@ from localizers import best_cluster, quality_of
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
 AGREEMENTS = ("agreement_01", "agreement_03")
-_GROUPS = groups_named(["lost", "log"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,12 +224,7 @@ class TrackLog:
             return None, recorded
         fixes = track.fixes(np.array(self._rows)[:, 2])
         run = Journey(fixes=fixes, driven=track.way, truth=track.best)
-        curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
-        journey = WholeRun(
-            scores=finite(scores_of(run, _GROUPS)),
-            curves={name: four_digits(values) for name, values in curves.items()},
-        )
-        return journey, recorded
+        return whole_run(run, groups_named(["lost", "log"])), recorded
 
 
 def middle(values: Floats) -> float:

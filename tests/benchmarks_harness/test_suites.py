@@ -7,7 +7,8 @@ import pytest
 from report_cases import trials
 
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import FAMILIES, SUITES, sweeps_named, with_localizers
+from benchmarks.sweeps.suites import FAMILIES, SUITES, sweeps_named
+from benchmarks.sweeps.sweepfile import with_localizers
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import least_worlds
 from benchmarks.trials.spec import Trial

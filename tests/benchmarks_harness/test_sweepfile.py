@@ -11,8 +11,8 @@ from refusals import refused
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import SUITES, sweeps_named, with_localizers
-from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.sweeps.suites import SUITES, sweeps_named
+from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
 from deqmcl_gym.validation import InputError
 
 ALL = """

@@ -13,7 +13,7 @@ NAMED = {"speed.csv", "scaling.csv", "speed.md", "scaling.png"}
 FILES = {*NAMED, "written.json"}
 LEAST = Effort(repeats=1, seconds=0.0)
 TINY = command.Extent(figures=LEAST, scaling=LEAST, largest=100)
-CURVES = command.curves(largest=100)
+CURVES = command.steps.curves(largest=100)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def few(monkeypatch):
     peer = replace(first, name="peer", other=Side("theirs", missing))
     monkeypatch.setattr(command, "PEERS", (peer,))
     monkeypatch.setattr(command, "QUICK", TINY)
-    monkeypatch.setattr(command, "curves", lambda *, largest: CURVES[3:4])
+    monkeypatch.setattr(command.steps, "curves", lambda *, largest: CURVES[3:4])
 
 
 def measured(out):
@@ -99,7 +99,7 @@ def test_a_stop_while_the_curves_are_measured_leaves_the_old_files_as_they_were(
     measured(tmp_path)
     old = files(tmp_path)
     assert {*old} == FILES
-    monkeypatch.setattr(command, "scaled", stop)
+    monkeypatch.setattr(command.steps, "scaled", stop)
     with pytest.raises(KeyboardInterrupt):
         measured(tmp_path)
     assert files(tmp_path) == old

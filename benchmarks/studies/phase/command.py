@@ -91,9 +91,8 @@ def run_phase(
         "phase.md": page.encode(),
     }
     write_part(out, "phase", contents)
-    return (
-        f"{title}\n\n{_table(laps, places, 'simple')}\n\nWritten to {out}: {', '.join(contents)}."
-    )
+    written = f"Written to {out}: {', '.join(contents)}."
+    return f"{title}\n\n{_table(laps, places, 'simple')}\n\n{written}"
 
 
 def _table(laps: Sequence[Lap], fields: PlaceFields, style: str) -> str:
@@ -118,19 +117,16 @@ def _number(value: float, style: str = ".2f") -> str:
 
 def _fields_csv(fields: PlaceFields) -> str:
     """Return the place fields: number, centre, arc length on the path, radius."""
-    places = np.column_stack([fields.centres, fields.arcs(fields.centres)]).tolist()
-    rows = (
-        [i, *(f"{value:.6g}" for value in (*place, fields.radius))]
-        for i, place in enumerate(places, 1)
-    )
+    arcs, radii = fields.arcs(fields.centres), np.full(len(fields), fields.radius)
+    places = np.column_stack([fields.centres, arcs, radii]).tolist()
+    rows = ([i, *(f"{value:.6g}" for value in place)] for i, place in enumerate(places, 1))
     return csv_text(["field", "x", "y", "arc", "radius"], rows)
 
 
 def _cycles_csv(laps: Sequence[Lap], unit: str) -> str:
     """Return what the queues hold: a row per method, step and offset."""
     count = laps[0].cycles.activity.shape[2]
-    header = ["method", "step", "offset", "state", "phase_deg"]
-    header += [f"error_{unit}", f"spread_{unit}"]
+    header = ["method", "step", "offset", "state", "phase_deg", f"error_{unit}", f"spread_{unit}"]
     rows: list[list[object]] = []
     for lap in laps:
         cycles = lap.cycles

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.tables.text import TITLES
+from benchmarks.trials import metrics
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.world.course import Path
 from localizers import Belief
@@ -238,9 +239,8 @@ def precession(cycles: Cycles) -> Precession:
     round nothing is cut off: at each phase the whole pass through the field is seen, whereas at a
     given position only some of the phases that belong to it lie between 0° and 360°.
     """
-    past, present, future = (
-        _mean(cycles.right[:, np.sign(cycles.offsets) == sign]) for sign in (-1, 0, 1)
-    )
+    parts = (cycles.right[:, np.sign(cycles.offsets) == sign] for sign in (-1, 0, 1))
+    past, present, future = (metrics.mean(part[~np.isnan(part)]) for part in parts)
     return Precession(**_line(cycles), past=past, present=present, future=future)
 
 
@@ -262,11 +262,6 @@ def _line(cycles: Cycles) -> dict[str, float]:
         line["correlation"] = covariance / math.sqrt(of_phase * of_place)
         line["late"] += (180 - centre) / slope
     return {name: float(value) for name, value in line.items()}
-
-
-def _mean(values: Floats) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if known.size else math.nan
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,6 @@ from tqdm import tqdm
 from benchmarks.files import own_folder, write_part
 from benchmarks.studies.speed import rays, steps, worlds
 from benchmarks.studies.speed.figure import Effort, Measured, digits, figures_table, measured
-from benchmarks.studies.speed.steps import (
-    Scaling,
-    curves,
-    scaled,
-    scaling_csv,
-    scaling_plot,
-    scaling_tables,
-)
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.provenance import environment
 from deqmcl_gym.files import command_line
@@ -52,14 +44,14 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     """Measure, write the files; return what to print."""
     own_folder(out, "speed")
     rows, reasons = _measured(extent.figures, peers=peers)
-    chosen = curves(largest=extent.largest)
-    seen = list(_progress(scaled(chosen, extent.scaling), len(chosen), "scaling"))
+    chosen = steps.curves(largest=extent.largest)
+    seen = list(_progress(steps.scaled(chosen, extent.scaling), len(chosen), "scaling"))
     # rates are per second, times in their unit
     lines = ([row.figure.name, *map(digits, (row.ours, row.other, row.ratio))] for row in rows)
     table = csv_text(["figure", "ours", "other", "ratio"], lines)
-    files = {"speed.csv": table.encode(), "scaling.csv": scaling_csv(seen).encode()}
+    files = {"speed.csv": table.encode(), "scaling.csv": steps.scaling_csv(seen).encode()}
     if find_spec("matplotlib"):
-        files["scaling.png"] = scaling_plot(seen)
+        files["scaling.png"] = steps.scaling_plot(seen)
     else:
         reasons += ["No picture: run pip install 'deqmcl-gym[plots]'."]
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
@@ -86,7 +78,7 @@ def _measured(effort: Effort, *, peers: bool) -> tuple[list[Measured], list[str]
 def _page(
     rows: Sequence[Measured],
     reasons: Sequence[str],
-    scaling: Sequence[Scaling],
+    scaling: Sequence[steps.Scaling],
     picture: bool,
     command: Sequence[str],
 ) -> str:
@@ -106,7 +98,7 @@ def _page(
         "## What is compared",
         tabulate(sides, ["figure", "what", "ours", "other"], tablefmt="github"),
         "## Scaling",
-        scaling_tables(scaling),
+        steps.scaling_tables(scaling),
         *["![The tables as curves](scaling.png)"] * picture,
     ]
     return "\n\n".join(parts) + "\n"

@@ -10,16 +10,6 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
 from benchmarks.trials.spec import Method, Trial
 
-__all__ = [
-    "FAMILIES",
-    "PAPER_METHODS",
-    "SUITES",
-    "paper_suite",
-    "paper_sweep",
-    "sweeps_named",
-    "with_localizers",
-]
-
 
 class _Suites(Mapping[str, Sweep]):
     """Sweeps by name, each read when it is asked for."""
@@ -66,14 +56,7 @@ def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:
     return {"": with_localizers(SUITES[name], added)}
 
 
-PAPER_METHODS = (
-    "mcl",
-    "mcl-smoother",
-    "mcl-map",
-    "mcl-map-smoother",
-    "deq-mcl",
-    "dead-reckoning",
-)
+PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
 
 
 def paper_sweep(
