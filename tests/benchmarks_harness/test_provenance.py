@@ -30,7 +30,8 @@ for scenario, name in (("paper", "mcl"), ("guided", "deq-mcl"), ("driving", "dea
     attempt(trial, key)
     sys.setprofile(None)
 print(*(name for name in sys.modules if name.partition(".")[0] == "benchmarks"))
-print(*(path for path in executed if Path(path).is_relative_to(sys.argv[1])))
+folders = [Path(sys.argv[1], name) for name in ("deqmcl_gym", "localizers", "benchmarks")]
+print(*(path for path in executed if any(map(Path(path).is_relative_to, folders))))
 """
 
 
