@@ -11,8 +11,17 @@ from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Star
 __version__ = "0.2.0"  # its only home: pyproject.toml reads it here
 
 __all__ = [
-    "ENV_ID", "Driver", "GridMap", "Lap", "Lidar", "MotionNoise", "Office", "PolygonMap", "Robot",
-    "Route", "Start",
-]  # fmt: skip
+    "ENV_ID",
+    "Driver",
+    "GridMap",
+    "Lap",
+    "Lidar",
+    "MotionNoise",
+    "Office",
+    "PolygonMap",
+    "Robot",
+    "Route",
+    "Start",
+]
 
 register()

@@ -94,9 +94,14 @@ class Moved(NamedTuple):
 
 @compiled
 def step(
-    robots: tuple[Any, ...], rules: tuple[Any, ...], commands: Singles, normals: Floats,
-    at: Indices, resting: Bools, moved: tuple[Any, ...],
-) -> None:  # fmt: skip
+    robots: tuple[Any, ...],
+    rules: tuple[Any, ...],
+    commands: Singles,
+    normals: Floats,
+    at: Indices,
+    resting: Bools,
+    moved: tuple[Any, ...],
+) -> None:
     """Turn and drive the robots that are not ``resting``; fill in the results.
 
     Args:

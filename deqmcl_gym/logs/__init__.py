@@ -14,9 +14,17 @@ if TYPE_CHECKING:
     from deqmcl_gym.logs.reading import check_writable, read, write
 
 __all__ = [
-    "Log", "LogWarning", "Record", "Scanner", "Trajectory", "check_writable", "read", "read_tum",
-    "referenced", "write",
-]  # fmt: skip
+    "Log",
+    "LogWarning",
+    "Record",
+    "Scanner",
+    "Trajectory",
+    "check_writable",
+    "read",
+    "read_tum",
+    "referenced",
+    "write",
+]
 
 
 def __getattr__(name: str) -> Any:

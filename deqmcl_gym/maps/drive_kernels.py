@@ -186,9 +186,13 @@ def look_up(points: Singles, grid: Clearance, squares: Ints, out: Singles) -> No
 
 @compiled
 def feasible(
-    starts: Singles, ends: Singles, walls: Singles, radius: np.float32, clearance: tuple[Any, ...],
+    starts: Singles,
+    ends: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
     out: Bools,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
 
     Free space is what the walls wind around once. On a path of length d between places a and b away
@@ -234,9 +238,14 @@ def feasible(
 
 @compiled
 def roll_out(
-    poses: Singles, moves: Singles, walls: Singles, radius: np.float32, clearance: tuple[Any, ...],
-    collisions: Ints, out: Singles,
-) -> None:  # fmt: skip
+    poses: Singles,
+    moves: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
+    collisions: Ints,
+    out: Singles,
+) -> None:
     """Drive poses through several moves; fill in the poses reached and the steps that collide.
 
     Each block of poses does all moves before the next one, to stay in the processor's cache.
@@ -313,9 +322,13 @@ def _look_closely(
 
 @compiled
 def collisions(
-    poses: Singles, path: Singles, walls: Singles, radius: np.float32, clearance: tuple[Any, ...],
+    poses: Singles,
+    path: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
     out: Ints,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in the number of steps that collide on a path laid from each pose; see ``feasible``.
 
     Steps for which the bounds do not decide are compared with the walls, many at a time.

@@ -98,9 +98,14 @@ def check_thresholds(free: Any, occupied: Any) -> None:
 
 
 def write(
-    path: str | os.PathLike[str], mode: str, cells: Occupancy, *, resolution: float,
-    origin: tuple[float, float, float], thresholds: tuple[float, float],
-) -> None:  # fmt: skip
+    path: str | os.PathLike[str],
+    mode: str,
+    cells: Occupancy,
+    *,
+    resolution: float,
+    origin: tuple[float, float, float],
+    thresholds: tuple[float, float],
+) -> None:
     """Write a yaml file, and an image of its name beside it."""
     import yaml
     from PIL import Image

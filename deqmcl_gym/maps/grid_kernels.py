@@ -83,9 +83,14 @@ def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
 
 @compiled
 def cast(
-    poses: Any, bearings: Singles, reach: Reach, frame: tuple[float, ...], yaw: float,
-    endless: bool, out: Singles,
-) -> None:  # fmt: skip
+    poses: Any,
+    bearings: Singles,
+    reach: Reach,
+    frame: tuple[float, ...],
+    yaw: float,
+    endless: bool,
+    out: Singles,
+) -> None:
     """Fill in the distance along each beam to the nearest face between an open and a solid cell.
 
     The map's edge is a face, too, or ∞ far away; NaN for a pose that is not on the map.
@@ -223,9 +228,14 @@ def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, ou
 
 @compiled
 def roll_out(
-    poses: Singles, moves: Singles, reach: Reach, frame: tuple[float, ...], radius: float,
-    collisions: Ints, out: Singles,
-) -> None:  # fmt: skip
+    poses: Singles,
+    moves: Singles,
+    reach: Reach,
+    frame: tuple[float, ...],
+    radius: float,
+    collisions: Ints,
+    out: Singles,
+) -> None:
     """Drive poses through several moves; fill in the poses reached and the steps that collide.
 
     Args:
@@ -294,9 +304,14 @@ def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Re
 
 @compiled
 def _count(
-    here: Floats, near: Reached, there: Floats, next_near: Reached, size: float, reach: Reach,
+    here: Floats,
+    near: Reached,
+    there: Floats,
+    next_near: Reached,
+    size: float,
+    reach: Reach,
     hits: Ints,
-) -> None:  # fmt: skip
+) -> None:
     """Count the paths that are not clear, for points and the reach found there, (n,)."""
     for i in range(near.size):
         u, v = here[0, i], here[1, i]

@@ -52,9 +52,14 @@ def leave(
 
 @compiled
 def enter(
-    left: Single, low: Single, right: Single, high: Single, per_dx: Single, per_dy: Single,
+    left: Single,
+    low: Single,
+    right: Single,
+    high: Single,
+    per_dx: Single,
+    per_dy: Single,
     best: Single,
-) -> Single:  # fmt: skip
+) -> Single:
     """Where a ray enters a rectangle, or leaves it: the slab method of Kay & Kajiya (1986)."""
     to_left, to_right = left * per_dx, right * per_dx
     to_low, to_high = low * per_dy, high * per_dy
@@ -66,9 +71,15 @@ def enter(
 
 @compiled
 def crosses(
-    at: Single, low: Single, high: Single, across: Single, along: Single, per: Single,
-    slope: Single, best: Single,
-) -> Single:  # fmt: skip
+    at: Single,
+    low: Single,
+    high: Single,
+    across: Single,
+    along: Single,
+    per: Single,
+    slope: Single,
+    best: Single,
+) -> Single:
     """Where a ray crosses a wall that is parallel to an axis."""
     t = (at - across) * per
     u = along + t * slope
@@ -77,9 +88,18 @@ def crosses(
 
 @compiled
 def meet(
-    ax: Single, ay: Single, ex: Single, ey: Single, low: Single, high: Single, x: Single, y: Single,
-    dx: Single, dy: Single, best: Single,
-) -> Single:  # fmt: skip
+    ax: Single,
+    ay: Single,
+    ex: Single,
+    ey: Single,
+    low: Single,
+    high: Single,
+    x: Single,
+    y: Single,
+    dx: Single,
+    dy: Single,
+    best: Single,
+) -> Single:
     """Where a ray meets a wall of any direction (ex, ey)."""
     rx, ry = ax - x, ay - y
     t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
@@ -162,9 +182,15 @@ def _blind(inside: Bools, out: Singles) -> None:
 
 @compiled
 def _shorten(
-    x: Singles, y: Singles, dx: Singles, dy: Singles, per_dx: Singles, per_dy: Singles,
-    walls: AllWalls, best: Singles,
-) -> None:  # fmt: skip
+    x: Singles,
+    y: Singles,
+    dx: Singles,
+    dy: Singles,
+    per_dx: Singles,
+    per_dy: Singles,
+    walls: AllWalls,
+    best: Singles,
+) -> None:
     """Shorten rays, (n,), to the nearest of all walls but ``room`` and ``box``."""
     for other in range(walls.boxes.shape[0]):
         left, low, right, high = walls.boxes[other]
@@ -284,9 +310,13 @@ def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], ou
 
 @compiled
 def cast_through(
-    poses: Singles, bearings: Singles, outer: Singles, table: tuple[Any, ...],
-    place: tuple[float, float, float], out: Singles,
-) -> None:  # fmt: skip
+    poses: Singles,
+    bearings: Singles,
+    outer: Singles,
+    table: tuple[Any, ...],
+    place: tuple[float, float, float],
+    out: Singles,
+) -> None:
     """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
 
     A ray takes as long as the cells that it crosses, not as all walls. NaN outside the outer wall.

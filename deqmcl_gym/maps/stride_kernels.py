@@ -122,9 +122,14 @@ def _touches(wall: Floats, x: float, y: float, half: float) -> bool:
 
 @compiled
 def cast_among(
-    u: Singles, v: Singles, headings: Singles, bearings: Singles, cells: Table, side: Single,
+    u: Singles,
+    v: Singles,
+    headings: Singles,
+    bearings: Singles,
+    cells: Table,
+    side: Single,
     out: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
     Args:

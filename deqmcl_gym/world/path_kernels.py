@@ -69,9 +69,14 @@ def follow(
 
 @compiled
 def roll_out(
-    pose: tuple[float, float, float], arc: float, way: float, edges: Floats, period: float,
-    rules: tuple[float, float, float, float, float, float], actions: Actions,
-) -> int:  # fmt: skip
+    pose: tuple[float, float, float],
+    arc: float,
+    way: float,
+    edges: Floats,
+    period: float,
+    rules: tuple[float, float, float, float, float, float],
+    actions: Actions,
+) -> int:
     """Fill in the actions of a driver from ``pose`` without noise, until it is done.
 
     Args:

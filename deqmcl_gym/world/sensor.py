@@ -152,9 +152,14 @@ def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out
 
 @compiled
 def _report_rooms(
-    rooms: Indices, exact: Singles, normals: Floats, at: Indices, sigma: float, max_range: float,
+    rooms: Indices,
+    exact: Singles,
+    normals: Floats,
+    at: Indices,
+    sigma: float,
+    max_range: float,
     out: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers.
 
     ``exact`` is (B, k).

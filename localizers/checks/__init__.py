@@ -8,6 +8,12 @@ from localizers.checks.run import Report, check_localizer, parametrize_with_laws
 from localizers.checks.subject import LawBrokenError, LawSkippedError
 
 __all__ = [
-    "LAWS", "Law", "LawBrokenError", "LawSkippedError", "Report", "Verdict", "check_localizer",
+    "LAWS",
+    "Law",
+    "LawBrokenError",
+    "LawSkippedError",
+    "Report",
+    "Verdict",
+    "check_localizer",
     "parametrize_with_laws",
-]  # fmt: skip
+]

@@ -16,9 +16,14 @@ from deqmcl_gym.numerics.types import Floats
 
 @compiled
 def predict(
-    mean: Floats, covariance: Floats, distance: float, bearing: float, turn: float,
-    sd_distance: float, sd_turn: float,
-) -> None:  # fmt: skip
+    mean: Floats,
+    covariance: Floats,
+    distance: float,
+    bearing: float,
+    turn: float,
+    sd_distance: float,
+    sd_turn: float,
+) -> None:
     """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive in direction θ' + bearing.
 
     F = ∂f/∂x and V = ∂f/∂ε at the mean; Q = diag(sd_distance², sd_turn²).
@@ -44,9 +49,13 @@ def predict(
 
 @compiled
 def correct(
-    mean: Floats, covariance: Floats, innovations: Floats, slopes: Floats, variances: Floats,
+    mean: Floats,
+    covariance: Floats,
+    innovations: Floats,
+    slopes: Floats,
+    variances: Floats,
     gate: float,
-) -> int:  # fmt: skip
+) -> int:
     """Take in independent measurements one after another, in place; return how many were gated.
 
     Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised

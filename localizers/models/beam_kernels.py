@@ -46,9 +46,16 @@ def fold(least: float, most: float) -> int:
 
 @compiled
 def gaussian_uniform(
-    ranges: Floats, expected: Singles, sigma: float, hit: float, floor: float, low: float,
-    high: float, atom: float, out: Floats,
-) -> None:  # fmt: skip
+    ranges: Floats,
+    expected: Singles,
+    sigma: float,
+    hit: float,
+    floor: float,
+    low: float,
+    high: float,
+    atom: float,
+    out: Floats,
+) -> None:
     """Fill in Σ_b log(hit N(o_b; ô_b, σ²) + floor) for each pose; at the ends of the range, masses.
 
     They are hit Φ((low - ô) / σ) + atom at o ≤ low, hit Φ((ô - high) / σ) + atom at o ≥ high.
@@ -90,9 +97,15 @@ def gaussian_uniform(
 
 @compiled
 def four_parts(
-    ranges: Floats, expected: Singles, shares: tuple[float, float, float, float], sigma: float,
-    decay: float, nearest: float, max_range: float, out: Floats,
-) -> None:  # fmt: skip
+    ranges: Floats,
+    expected: Singles,
+    shares: tuple[float, float, float, float],
+    sigma: float,
+    decay: float,
+    nearest: float,
+    max_range: float,
+    out: Floats,
+) -> None:
     """Fill in Σ_b log of ``BeamModel.density`` for each pose.
 
     Args:
@@ -154,9 +167,14 @@ def _bell(
 
 @compiled
 def _mass_beyond(
-    expected: Scalar, end: float, below: bool, sigma: float, part: Floats, power: Floats,
+    expected: Scalar,
+    end: float,
+    below: bool,
+    sigma: float,
+    part: Floats,
+    power: Floats,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in the share of N(ô, σ²) below an end, or above it, for exact ranges ô, (n,)."""
     _bell(expected, end, sigma, part, power, out)
     per_sd = 1.0 / sigma if below else -1.0 / sigma

@@ -19,10 +19,17 @@ _TOGETHER = 8  # headings that are added at a time
 
 @compiled
 def stepped_back(
-    h: Singles, width: int, pad: int, drives: tuple[Ints, Singles, Singles, Bools],
-    charge: np.float32, turns: tuple[int, Singles], least: np.float32, box: tuple[int, int],
-    wanted: Bools, out: Singles,
-) -> None:  # fmt: skip
+    h: Singles,
+    width: int,
+    pad: int,
+    drives: tuple[Ints, Singles, Singles, Bools],
+    charge: np.float32,
+    turns: tuple[int, Singles],
+    least: np.float32,
+    box: tuple[int, int],
+    wanted: Bools,
+    out: Singles,
+) -> None:
     """Fill in max(Σ_k w_k d(θ + first + k, ·), least), d(x) = Σ_q p_q g(x, x + s_q) h(x + s_q).
 
     h is linear between nodes and constant outside. Planes are extended by ``pad`` nodes on all
@@ -81,9 +88,14 @@ def stepped_back(
 
 @compiled
 def _drive(
-    ahead: Singles, width: int, part: Singles, blocked: Bools, share: np.float32,
-    charge: np.float32, total: Singles,
-) -> None:  # fmt: skip
+    ahead: Singles,
+    width: int,
+    part: Singles,
+    blocked: Bools,
+    share: np.float32,
+    charge: np.float32,
+    total: Singles,
+) -> None:
     """Add p g(x, x + s) h(x + s) for a row of nodes x; ``ahead`` starts left below x + s."""
     fx, fy = part[0], part[1]
     a, b = ahead, ahead[width:]
@@ -131,9 +143,13 @@ def _extend(plane: Singles, pad: int, box: tuple[int, int]) -> None:
 
 @compiled
 def log_interpolated(
-    h: Singles, poses: Singles, origin: tuple[float, float, float], shape: tuple[int, int],
-    corner: tuple[int, int], out: Floats,
-) -> None:  # fmt: skip
+    h: Singles,
+    poses: Singles,
+    origin: tuple[float, float, float],
+    shape: tuple[int, int],
+    corner: tuple[int, int],
+    out: Floats,
+) -> None:
     """Fill in log h at each pose, h linear between nodes in x, y and θ and constant outside.
 
     Args:

@@ -24,9 +24,14 @@ _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
 
 @compiled
 def normal_pairs(
-    uniforms: Floats, first_mean: float, first_sd: float, mean: float, sd: float, first: Singles,
+    uniforms: Floats,
+    first_mean: float,
+    first_sd: float,
+    mean: float,
+    sd: float,
+    first: Singles,
     second: Singles,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in pairs of independent normal numbers, each made of one uniform number.
 
     Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,

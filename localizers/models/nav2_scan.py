@@ -26,9 +26,13 @@ from localizers.models.scan import Scan
 
 @compiled
 def table_at_ends(
-    origins: Singles, ranges: Floats, bearings: Floats, table: Singles,
-    frame: tuple[float, float, float, float, float], out: Singles,
-) -> None:  # fmt: skip
+    origins: Singles,
+    ranges: Floats,
+    bearings: Floats,
+    table: Singles,
+    frame: tuple[float, float, float, float, float],
+    out: Singles,
+) -> None:
     """Fill in the table's value at the cell that each beam ends in; inf off the table.
 
     Args:
@@ -91,9 +95,13 @@ def log_product(
 
 @compiled
 def beams_cubed(
-    ranges: Floats, expected: Singles, metres: float, shares: tuple[float, float, float, float],
-    model: tuple[float, float, float], out: Floats,
-) -> None:  # fmt: skip
+    ranges: Floats,
+    expected: Singles,
+    metres: float,
+    shares: tuple[float, float, float, float],
+    model: tuple[float, float, float],
+    out: Floats,
+) -> None:
     """Fill in log(1 + Σ_b q³), q: the four parts of a beam; see ``BeamCubes``.
 
     Args:

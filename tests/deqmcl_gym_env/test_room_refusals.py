@@ -106,13 +106,23 @@ def dropout(probability):
 
 
 SIZES = [
-    ("robot", "radius", -0.1), ("robot", "max_distance", 0), ("robot", "max_turn", 3.2),
-    ("noise", "drive", -0.1), ("noise", "turn", math.nan), ("noise", "drift", math.inf),
-    ("start", "sd_position", "1"), ("start", "sd_heading", True), ("lidar", "beams", 0),
-    ("lidar", "field_of_view", 6.3), ("lidar", "max_range", 0), ("lidar", "sigma", -0.1),
-    ("lap", "step", 0), ("lap", "turn", 3.2), ("driver", "look_ahead", 0),
+    ("robot", "radius", -0.1),
+    ("robot", "max_distance", 0),
+    ("robot", "max_turn", 3.2),
+    ("noise", "drive", -0.1),
+    ("noise", "turn", math.nan),
+    ("noise", "drift", math.inf),
+    ("start", "sd_position", "1"),
+    ("start", "sd_heading", True),
+    ("lidar", "beams", 0),
+    ("lidar", "field_of_view", 6.3),
+    ("lidar", "max_range", 0),
+    ("lidar", "sigma", -0.1),
+    ("lap", "step", 0),
+    ("lap", "turn", 3.2),
+    ("driver", "look_ahead", 0),
     ("driver", "on_the_spot", 0),
-]  # fmt: skip
+]
 MADE = [
     *((RoomEnv, {part: {field: bad}}, f"{part}.{field} is {bad!r}") for part, field, bad in SIZES),
     (on_a_route, {"route": {"min_length": 20, "max_length": 10}}, "at most route.max_length, 10"),
