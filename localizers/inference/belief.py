@@ -63,7 +63,6 @@ class PlanReading(Memory):
         tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
         feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
         log_evidence: log E[p(π_t | x_t, m)^λ] under the belief before it.
-        valid: P(plans are about this robot) if that is estimated, else NaN.
     """
 
     shown: Actions
@@ -71,7 +70,6 @@ class PlanReading(Memory):
     tempering: float = math.nan
     feasible: float = math.nan
     log_evidence: float = 0.0
-    valid: float = math.nan
 
 
 class _Cloud(NamedTuple):
@@ -182,7 +180,6 @@ class ParticleBelief(_Cloud):
             log_weights=left,
             log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
             log_h=None,
-            memory=tuple([memory.resampled(ancestors) for memory in self.memory]),
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
