@@ -17,7 +17,6 @@ from localizers.inference.weights import effective_sample_size, log_sum_exp, nor
 from localizers.models.scan import Scan
 
 M = TypeVar("M", bound=Memory)
-_EVIDENCE_PARTICLES = 256
 
 
 @dataclass(frozen=True)
@@ -234,7 +233,7 @@ class ParticleBelief(_Cloud):
         self,
         scan: Scan,
         log_likelihood: LogWeights,
-        most: int = _EVIDENCE_PARTICLES,
+        most: int,
         power: float = 1.0,
     ) -> "ParticleBelief":
         """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.

@@ -22,8 +22,8 @@ does not: this is insurance, not the posterior of the two-mode model.
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -35,12 +35,15 @@ from localizers.api import Belief, Localizer, Points, Prior
 from localizers.beliefs import quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
+from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.parts import Action, Actions
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
 from localizers.inference.weights import log_sum_exp
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
+
+F = TypeVar("F", bound=Filter[Any])
 
 
 class Predictive(Belief, Protocol):
@@ -256,6 +259,13 @@ class Plugged:
         return self.localizer.update(scan.ranges, action, plan)
 
 
+def judging(member: F) -> F:
+    """Return a filter all of whose particles tell how well a scan was predicted."""
+    if isinstance(member, ParticleFilter):
+        return replace(member, predictive=member.particles)
+    return member
+
+
 def hedged(
     robot: RobotModel,
     advised: Localizer,
@@ -278,7 +288,7 @@ def hedged(
         switching, trust, mutual: see ``Hedge``.
     """
     members = [
-        one.filter if isinstance(one, FilterLocalizer) else Plugged(one)
+        judging(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
         for one in (advised, protected)
     ]
     return FilterLocalizer(

@@ -15,8 +15,8 @@
 from dataclasses import replace
 
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.validation import integer, one_of
-from localizers.inference.hedge import Hedge
+from deqmcl_gym.validation import InputError, integer, one_of
+from localizers.inference.hedge import Hedge, judging
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
     Known,
@@ -118,19 +118,35 @@ def mcl_plan_hedged(
     switching: float = 0.001,
     trust: float = 0.5,
     mutual: bool = False,
+    plans: str = "all",
 ) -> Hedge:
     """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
     Args:
         robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
         switching, trust, mutual: see ``Hedge``.
+        plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
+
+    Raises:
+        InputError: fewer than two particles; or ``plans`` = "first" with ``start_draws`` = 1.
     """
-    half = shared.particles // 2
+    integer("particles", shared.particles, low=2)
+    advised = replace(shared, particles=shared.particles // 2)
+    protected = replace(
+        shared, particles=shared.particles - advised.particles, start_draws=1, start_jitter=0.0
+    )
+    if one_of("plans", plans, ("all", "first")) == "all":
+        shown = mcl_plan.build(robot, advised, keep=0.0)
+    elif shared.start_draws > 1:
+        shown = mcl_map_smoother.build(robot, advised)
+    else:
+        raise InputError(
+            "plans is 'first' and start_draws 1, but so no plan is used: give start_draws of 2 or "
+            "more, or plans = 'all'."
+        )
     return Hedge(
-        advised=mcl_plan.build(robot, replace(shared, particles=half), keep=0.0),
-        protected=mcl_map_smoother.build(
-            robot, replace(shared, particles=shared.particles - half, start_draws=1, start_jitter=0)
-        ),
+        advised=judging(shown),
+        protected=judging(mcl_map_smoother.build(robot, protected)),
         switching=switching,
         trust=trust,
         mutual=mutual,
