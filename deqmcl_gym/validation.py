@@ -15,6 +15,7 @@ from deqmcl_gym.numerics.types import Floats
 T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
+SMALLEST = 1 / LARGEST  # of a number that must be above 0
 _SHOWN = 200  # characters of a value in a sentence
 
 
@@ -89,6 +90,9 @@ def number(
     if finite and abs(given) > LARGEST:
         allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
+    if above and 0.0 <= low < given < SMALLEST:
+        low, above = SMALLEST, False
+        allowed = _interval(low, high, above, finite)
     inside = low < given if above else low <= given
     if not (inside and given <= high):
         raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
@@ -134,7 +138,8 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
         given = np.asarray(value)
     except ValueError:  # ragged
         given = np.empty(0, object)
-    if given.dtype.kind not in "fiu":  # "1.5" and True are not numbers
+    truths = isinstance(value, list | tuple) and any(isinstance(v, bool | np.bool_) for v in value)
+    if given.dtype.kind not in "fiu" or truths or isinstance(value, np.ma.MaskedArray):
         raise InputError(f"{what} is {shown(value)}, but must be {_numbers(shape)}.")
     with np.errstate(over="ignore"):  # of a wider float
         given = given.astype(np.float64)

@@ -11,9 +11,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from deqmcl_gym.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
@@ -210,13 +208,11 @@ def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:
 
 def _document(path: Path) -> Mapping[str, Any]:
     try:
-        found = yaml.safe_load(content_of(path))
+        found = yaml_of(content_of(path))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
     except UnreadableError as error:
         raise InputError(f"{path} {error}: give another file.") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}.") from None
     if not isinstance(found, Mapping):
         raise InputError(f"{path} has no nodes, but must be Nav2's parameter file.")
     return found

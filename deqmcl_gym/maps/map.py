@@ -21,6 +21,8 @@ from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of
 
+_LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
+
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Point = tuple[float, float]
 
@@ -201,16 +203,32 @@ def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     return given
 
 
-def check_pairs(starts: NDArray[Any], ends: NDArray[Any]) -> None:
-    """Refuse unequal numbers of starts (2, n) and ends (2, n)."""
+def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
+    """Return bearings (B,) as float32; refuse another shape, and headings too large for that."""
+    beams = np.asarray(bearings, dtype=np.float32)
+    if beams.ndim != 1:
+        raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
+    farthest = np.abs(table("poses", poses, 3)[:, 2]).max(initial=0.0)
+    if farthest > _LARGEST_HEADING:
+        raise InputError(
+            f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
+            f"{_LARGEST_HEADING:g}: is it in degrees?"
+        )
+    return beams
+
+
+def check_pairs(starts: NDArray[Any], ends: NDArray[Any], radius: float) -> None:
+    """Refuse unequal numbers of starts (2, n) and ends (2, n), or a bad radius."""
+    number("radius", radius, low=0)
     if starts.shape[1] != ends.shape[1]:
         raise InputError(
             f"there are {starts.shape[1]} starts and {ends.shape[1]} ends: give as many of both."
         )
 
 
-def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
-    """Refuse moves that are not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
+def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int, radius: float) -> None:
+    """Refuse a bad radius, moves not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
+    number("radius", radius, low=0)
     steps = len(moves)
     fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
     if not fits or steps == 0 or kept not in (1, steps):
@@ -220,8 +238,9 @@ def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
         )
 
 
-def check_path(poses: NDArray[Any], path: NDArray[Any]) -> None:
-    """Refuse poses that are not (3, n), or a path that is not (k + 1, 2), k ≥ 1."""
+def check_path(poses: NDArray[Any], path: NDArray[Any], radius: float) -> None:
+    """Refuse a bad radius, poses other than (3, n), or a path other than (k + 1, 2), k ≥ 1."""
+    number("radius", radius, low=0)
     if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
         raise InputError(
             f"poses have shape {poses.shape} and the path {path.shape}, but they must be (3, n) "

@@ -19,10 +19,12 @@ from localizers.models.robot import RobotModel
 
 Pose = tuple[float, float, float]
 
+_KEPT = 10_000  # poses, at least
+
 
 @dataclass(frozen=True)
 class _Track:
-    """The poses so far, a list that later steps append to, and the plan from the present on."""
+    """The last poses, a list that later steps append to, and the plan from the present on."""
 
     driven: list[Pose]
     present: int
@@ -60,6 +62,8 @@ class DeadReckoning:
         """Add one command; see ``Localizer.update``."""
         driven = require_reset(self._driven)
         command, ahead = checked_action(action), checked_plan(plan)
+        if len(driven) >= 2 * _KEPT:
+            self._driven = driven = driven[-_KEPT:]
         driven.append(_moved(driven[-1], *command.tolist()))
         return _Track(driven, len(driven) - 1, ahead)
 
