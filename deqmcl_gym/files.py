@@ -169,6 +169,14 @@ def yaml_of(content: bytes) -> Any:
         raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
 
 
+def as_number(value: Any) -> Any:
+    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
 def typed(value: Any, kind: type[T]) -> T:
     """Return a JSON value as a type whose fields describe its shape; more fields may be there.
 

@@ -267,7 +267,7 @@ def _absolute(folder: Path, value: Any) -> Any:
 
 def from_folder(folder: Path, path: str) -> str:
     """Return a path from a folder as an absolute one; ~ is the home folder."""
-    return os.path.abspath(folder / Path(path).expanduser())
+    return os.path.abspath(folder / os.path.expanduser(path))
 
 
 def _parts(path: Path) -> list[Path]:

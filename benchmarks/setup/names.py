@@ -20,7 +20,7 @@ from localizers.naming.plugins import is_ctrl_c, is_reference, load, raised, ref
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
-_DEEPEST = 20  # files, each the base of the next
+_DEEPEST = 8  # files, each the base of the next
 _VERBS = ("plan_at_reset", "act")
 
 

@@ -15,7 +15,7 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import LENGTH, PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, array, integer, number, one_of
+from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
 _NAMES = ("angles", "mounting", "turn", "max_range", "min_range", "no_return", "sigma")
 _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
@@ -116,8 +116,9 @@ class Scanner(Lidar):
 
     def measured(self, ranges: ArrayLike) -> Singles:
         """Return ranges (..., beams) as float32, +inf where they are not measurements."""
+        given = real("ranges", ranges)
         with np.errstate(over="ignore", invalid="ignore"):
-            given = np.array(ranges, dtype=np.float32)
+            given = np.array(given, dtype=np.float32)
             low, high = np.float32(self.min_range), np.float32(self.max_range)
             seen = (given >= low) & (given <= high) & (given < np.float32(self.no_return))
         given[~seen] = np.inf
@@ -204,7 +205,8 @@ class Log:
             )
         kept: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
         if self.reference is not None:
-            reference = np.array(self.reference, dtype=np.float64)
+            given = real(f"the reference of {self.source}", self.reference)
+            reference = np.array(given, dtype=np.float64)
             if reference.shape != (n, 3):
                 raise InputError(
                     f"the reference of {self.source} has shape {reference.shape}, but must be "

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.files import UnreadableError, content_of, write_bytes, yaml_of
+from deqmcl_gym.files import UnreadableError, as_number, content_of, write_bytes, yaml_of
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
@@ -105,7 +105,7 @@ def write(
 def _path(given: Any) -> Path:
     if not isinstance(given, str | os.PathLike) or not str(given).endswith((".yaml", ".yml")):
         raise InputError(f"the map file is {given!r}, but must be the path of a .yaml file.")
-    return Path(given).expanduser()
+    return Path(os.path.expanduser(given))  # "~nobody" stays, unlike by Path.expanduser
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -134,24 +134,16 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     origin = given["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
         raise InputError(f"origin is {origin!r}, but must be [x, y, yaw].")
-    said = {key: _number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
+    said = {key: as_number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
     number("resolution", said["resolution"], low=0, above=True)
     check_thresholds(said["free_thresh"], said["occupied_thresh"])
     return {
         "image": given["image"],
         "mode": one_of("mode", given.get("mode", "trinary"), MODES),
         "negate": bool(negate),
-        "origin": pose("origin", [_number(part) for part in origin]),
+        "origin": pose("origin", [as_number(part) for part in origin]),
         **said,
     }
-
-
-def _number(value: Any) -> Any:
-    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:

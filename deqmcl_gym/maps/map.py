@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps.drive_kernels import drive, laid, mounted
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of
+from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
@@ -195,7 +195,7 @@ def _times(value: Any, power: Any, factor: float) -> Any:
 
 def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     """Return ``rows`` as an array (n, ``columns`` or more), else refuse it; NaN may be in it."""
-    given = np.asarray(rows)
+    given = real(what, rows)
     if given.ndim != 2 or given.shape[1] < columns:
         raise InputError(
             f"{what} have shape {given.shape}, but must have shape (n, {columns}): a row for each."
@@ -273,13 +273,13 @@ class Lidar:
     mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         integer("lidar.beams", self.beams, low=1, high=100_000)
         number("lidar.field_of_view", self.field_of_view, low=0, high=2 * math.pi, above=True)
         number("lidar.max_range", self.max_range, low=0, above=True)
         number("lidar.sigma", self.sigma, low=0)
         ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (ahead, aside))
-        keep_plain(self)
 
     @property
     def bearings(self) -> Floats:

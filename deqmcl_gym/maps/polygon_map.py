@@ -283,7 +283,7 @@ def read(path: str | os.PathLike[str]) -> PolygonMap:
         InputError: the file is missing or damaged, or has a bad value.
     """
     try:
-        given = json_of(content_of(Path(path).expanduser()))
+        given = json_of(content_of(Path(os.path.expanduser(path))))
     except FileNotFoundError:
         raise InputError(f"the map file {path} does not exist: give one that does.") from None
     except UnreadableError as error:

@@ -9,7 +9,7 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, array
+from deqmcl_gym.validation import InputError, array, shown
 from localizers.api import Prior
 from localizers.inference.belief import Events
 from localizers.models.motion import increments
@@ -58,6 +58,7 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
+        mean_of(prior)
         if isinstance(prior, GaussianPrior):
             prior.check_unit(self.robot.floor_plan.unit)
         belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
@@ -73,6 +74,13 @@ class FilterLocalizer(Generic[B]):
             belief = belief._replace(events=belief.events.of_scan(scan))
         self._running = (belief, rng)
         return belief
+
+
+def mean_of(prior: Prior) -> tuple[float, float, float] | None:
+    """Return the mean of a prior; refuse what is none."""
+    if not hasattr(prior, "mean"):
+        raise InputError(f"the prior is {shown(prior)}, but must be a Prior, as GaussianPrior.")
+    return prior.mean
 
 
 def require_reset(running: T | None) -> T:

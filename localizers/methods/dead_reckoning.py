@@ -13,6 +13,7 @@ from localizers.inference.bayes_filter import (
     checked_action,
     checked_plan,
     checked_rng,
+    mean_of,
     require_reset,
 )
 from localizers.models.robot import RobotModel
@@ -49,12 +50,12 @@ class DeadReckoning:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
         checked_rng(rng)
-        if prior.mean is None:
+        if (mean := mean_of(prior)) is None:
             raise InputError(
                 f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
                 "one to start from: give a GaussianPrior, or use another localizer."
             )
-        track = _Track([prior.mean], 0, checked_plan(plan))
+        track = _Track([mean], 0, checked_plan(plan))
         self._driven = track.driven
         return track
 

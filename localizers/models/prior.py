@@ -18,7 +18,7 @@ from deqmcl_gym.validation import InputError, number, pose
 _BLOCK = 1024
 _COUNTED = 16 * _BLOCK  # points at which free space is measured
 _RARE = 1 / 64  # share of open cells below which poses are drawn in these only
-_MOST = 2**24  # poses drawn in vain
+_MOST = 2**20  # poses drawn in vain
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
 # discrepancy in three dimensions (Roberts 2018).
 _STEPS = np.array(
