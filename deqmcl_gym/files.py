@@ -152,7 +152,7 @@ def yaml_of(content: bytes) -> Any:
         depth = 0
         for event in yaml.parse(text):
             if isinstance(event, yaml.AliasEvent):
-                raise UnreadableError("has an alias: write out what it stands for")
+                raise UnreadableError("has an alias, which is not taken")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEEPEST:
