@@ -209,7 +209,7 @@ def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
     if beams.ndim != 1:
         raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
     farthest = np.abs(table("poses", poses, 3)[:, 2]).max(initial=0.0)
-    if farthest > _LARGEST_HEADING:
+    if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
         raise InputError(
             f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
             f"{_LARGEST_HEADING:g}: is it in degrees?"
