@@ -212,7 +212,7 @@ def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
     if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
         raise InputError(
             f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
-            f"{_LARGEST_HEADING:g}: is it in degrees?"
+            f"{_LARGEST_HEADING:g}: wrap it to [-π, π]."
         )
     return beams
 
