@@ -102,7 +102,7 @@ def content_of(path: Path) -> bytes:
         return at_most(MOST_BYTES, file)
 
 
-def at_most(most: int, file: IO[bytes]) -> bytes:
+def at_most(most: int, file: IO[bytes] | gzip.GzipFile) -> bytes:
     """Return the rest of a file, unpacked if ``file`` unpacks, of at most so many bytes.
 
     Raises:
