@@ -15,7 +15,7 @@ from deqmcl_gym.numerics.types import Floats
 T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
-SMALLEST = 1 / LARGEST  # of a number that must be above 0
+SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
 _LONGEST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence
 

@@ -58,10 +58,8 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
-        mean_of(prior)
-        if isinstance(prior, GaussianPrior):
-            prior.check_unit(self.robot.floor_plan.unit)
-        belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
+        known = checked_prior(prior, self.robot)
+        belief = self.filter.initial(known, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 
@@ -76,11 +74,13 @@ class FilterLocalizer(Generic[B]):
         return belief
 
 
-def mean_of(prior: Prior) -> tuple[float, float, float] | None:
-    """Return the mean of a prior; refuse what is none."""
+def checked_prior(prior: Prior, robot: RobotModel) -> Prior:
+    """Return a prior; refuse what is none, or is not in the unit of the robot's map."""
     if not hasattr(prior, "mean"):
         raise InputError(f"the prior is {shown(prior)}, but must be a Prior, as GaussianPrior.")
-    return prior.mean
+    if isinstance(prior, GaussianPrior):
+        prior.check_unit(robot.floor_plan.unit)
+    return prior
 
 
 def require_reset(running: T | None) -> T:

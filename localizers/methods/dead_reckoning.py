@@ -13,7 +13,6 @@ from localizers.inference.bayes_filter import (
     checked_action,
     checked_plan,
     checked_rng,
-    mean_of,
     require_reset,
 )
 from localizers.models.robot import RobotModel
@@ -50,7 +49,7 @@ class DeadReckoning:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
         checked_rng(rng)
-        if (mean := mean_of(prior)) is None:
+        if (mean := getattr(prior, "mean", None)) is None:
             raise InputError(
                 f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
                 "one to start from: give a GaussianPrior, or use another localizer."

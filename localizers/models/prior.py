@@ -74,7 +74,8 @@ def _free(floor_plan: Map, shares: Floats, radius: float = 0.0) -> Floats:
     if _is_rare(floor_plan):
         cells, place = floor_plan.open_cells, shares[:, 0] * len(floor_plan.open_cells)
         chosen = cells[np.minimum(place.astype(np.intp), len(cells) - 1)]
-        poses[:, :2] = floor_plan.placed(chosen + np.column_stack([place % 1.0, shares[:, 1]]))
+        points = floor_plan.placed(chosen + np.column_stack([place % 1.0, shares[:, 1]]))
+        poses[:, :2] = points.astype(np.float32)  # as they are returned
     return poses[floor_plan.free(poses, radius)]
 
 

@@ -43,7 +43,7 @@ WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
         *((number, bad, {}, "it is ") for bad in ("2", None, True, np.True_, 1j, [2.0])),
         (number, -1e-9, {"low": 0}, "of 0 or more"),
         (number, 0.0, {"low": 0, "above": True}, "above 0"),
-        (number, 1e-310, {"low": 0, "above": True}, "of 1e-12 or more"),
+        (number, 1e-310, {"low": 0, "above": True}, "of 1e-30 or more"),
         (number, 10**400, {"finite": False}, "from -1e+12 to 1e+12"),
         (integer, 10**400, {"low": 1}, "from 1 to 2^128"),
         (number, 1.1, {"low": 0, "high": 1}, "from 0 to 1"),
