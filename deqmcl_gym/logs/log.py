@@ -97,7 +97,8 @@ class Scanner(Lidar):
     @property
     def json(self) -> str:
         """This scanner as JSON without blanks."""
-        values = {name: getattr(self, name) for name in _NAMES}
+        told = (name for name in _NAMES if name != "turn" or self.turn)  # as logs were before it
+        values = {name: getattr(self, name) for name in told}
         return json.dumps(values, separators=(",", ":"))
 
     @property
