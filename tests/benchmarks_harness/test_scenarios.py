@@ -188,7 +188,7 @@ def test_an_empty_table_is_a_value(tmp_path):
     for text in ("[env.driver]\n[env.route]\n[env.floor_plan.office]", "env.driver = {}"):
         path.write_text(f"buildings = 3\n{text}\n")
         found = scenario(str(path)).in_building(5)
-        assert found.world.driver == Driver()
+        assert isinstance(found.world.driver, Driver)
         assert (found.unit, found.world.route is None) == (("m", False), ("px", True))["=" in text]
     path.write_text("[env.lidar]\n[assumed.scan]\n[prior]")  # nothing is changed
     assert scenario(str(path)).world == scenario("paper").world
