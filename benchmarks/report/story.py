@@ -6,18 +6,8 @@ from typing import Any
 
 import matplotlib as mpl
 
-from benchmarks.report import error_tables, tables, tracks, words
+from benchmarks.report import charts, error_tables, tables, tracks, words
 from benchmarks.report.animations import Kept, animations_of
-from benchmarks.report.charts import (
-    WORDS,
-    calibration_chart,
-    journey_charts,
-    journey_table,
-    offset_chart,
-    points_chart,
-    speed_chart,
-    time_charts,
-)
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -76,7 +66,8 @@ class Part:
 
 
 def _of_journeys(group: Group) -> Part:
-    return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
+    heading, _ = charts.WORDS[group.name]
+    return Part(heading=heading, tables=lambda panel: [charts.journey_table(panel, group)])
 
 
 TRACKS: Sequence[Part] = (
@@ -103,11 +94,11 @@ PARTS: Sequence[Part] = (
     *map(_of_journeys, GROUPS),
     Part(
         pictures=lambda panel, looks: [
-            *journey_charts(panel, looks),
-            points_chart(panel, looks),
-            offset_chart(panel, looks),
-            calibration_chart(panel, looks),
-            speed_chart(panel, looks),
+            *charts.journey_charts(panel, looks),
+            charts.points_chart(panel, looks),
+            charts.offset_chart(panel, looks),
+            charts.calibration_chart(panel, looks),
+            charts.speed_chart(panel, looks),
         ]
     ),
     Part(
@@ -117,7 +108,7 @@ PARTS: Sequence[Part] = (
             "baseline's mean"
             + (f"; dotted: x[t-{lag}], a past state." if (lag := panel.setting.lag) else ".")
         ),
-        pictures=time_charts,
+        pictures=charts.time_charts,
         small=True,
     ),
     Part(heading="Against the paper's methods", tables=error_tables.rival_tables, folded=True),
