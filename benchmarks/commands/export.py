@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.files import own_folder, write_part
-    from benchmarks.report import load, require_report
+    from benchmarks.report.writing import load, require_report
     from benchmarks.sweeps.results import results_in
     from deqmcl_gym.validation import InputError
 

@@ -41,9 +41,9 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import PATIENCE, Processes
     from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
-    from benchmarks.report import load, write_report
     from benchmarks.report.animations import Kept
     from benchmarks.report.words import conclusion
+    from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import failed_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS

@@ -54,8 +54,8 @@ def run(options: argparse.Namespace) -> str:
 
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
-    from benchmarks.report import no_report, write_report
     from benchmarks.report.words import conclusion
+    from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, taken_over
     from benchmarks.sweeps.results import failed_sentence, summary

@@ -12,10 +12,10 @@ from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
 from benchmarks.files import write_part
 from benchmarks.replay.options import EVERY, NAME, Setting
-from benchmarks.report import load, no_report
 from benchmarks.report.animations import Kept
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
+from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, failed_sentence

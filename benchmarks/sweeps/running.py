@@ -16,7 +16,7 @@ from tqdm import tqdm
 from benchmarks.console import beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files.inventory import locked
+from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest

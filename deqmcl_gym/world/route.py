@@ -230,10 +230,7 @@ class RoutesTo:
         return self.routes.taut(np.vstack([start, self.routes.centres[cells[1:-1]], self.goal]))
 
 
-@lru_cache(maxsize=32)
-def routes_on(floor_plan: Map, radius: float, comfort: float) -> Routes:
-    """Return the routes of a map; the last ones are cached, as they are slow to compute."""
-    return Routes(floor_plan, radius, comfort)
+routes_on = lru_cache(maxsize=32)(Routes)  # the last ones, as they are slow to compute
 
 
 def _shifted(values: Any, down: int, right: int) -> tuple[Any, Any]:

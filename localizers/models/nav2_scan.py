@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, final
+from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 
@@ -221,6 +221,8 @@ class _Field:
     max_beams: int = 60
     cell: float
 
+    _combine: ClassVar[Callable[..., None]]  # of the densities of all beams
+
     def __post_init__(self) -> None:
         number("sigma_hit", self.sigma, low=0, above=True)
         number("laser_likelihood_max_dist", self.farthest, low=0, above=True)
@@ -255,6 +257,15 @@ class _Field:
             _origins(self.lidar, states), ranges[counted], self.lidar.bearings[counted]
         )
 
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
+        out = np.zeros(states.shape[1])
+        if self.informative(scan.ranges).any():
+            for start in range(0, out.size, _BLOCK):
+                some = slice(start, start + _BLOCK)
+                self._combine(self.squares(states[:, some], scan.ranges), *self._model, out[some])
+        return out
+
     @property
     def _model(self) -> tuple[float, float, float, float]:
         edge = self.table.frame[-1]
@@ -270,9 +281,7 @@ class LikelihoodField(_Field):
     Source: likelihood_field_model.cpp. Attributes as ``_Field``.
     """
 
-    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        return _in_blocks(self, sum_of_cubes, states, scan.ranges)
+    _combine = staticmethod(sum_of_cubes)
 
 
 @final
@@ -283,14 +292,12 @@ class LikelihoodFieldProb(_Field):
     Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
     """
 
+    _combine = staticmethod(log_product)
+
     @property
     def step(self) -> int:
         """Every step-th beam is looked at; this model alone rounds up."""
         return max(1, math.ceil(self.lidar.beams / self.max_beams))
-
-    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        return _in_blocks(self, log_product, states, scan.ranges)
 
 
 @final
@@ -411,14 +418,3 @@ def _every(beams: int, most: int) -> int:
 
 def _origins(lidar: Lidar, states: Singles) -> Singles:
     return np.ascontiguousarray(lidar.origins(states), dtype=np.float32)
-
-
-def _in_blocks(
-    field: _Field, combine: Callable[..., None], states: Singles, ranges: Floats
-) -> Floats:
-    out = np.zeros(states.shape[1])
-    if field.informative(ranges).any():
-        for start in range(0, out.size, _BLOCK):
-            some = slice(start, start + _BLOCK)
-            combine(field.squares(states[:, some], ranges), *field._model, out[some])
-    return out

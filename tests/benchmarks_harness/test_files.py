@@ -10,7 +10,8 @@ import pytest
 from deqmcl_command import files
 from refusals import refused
 
-from benchmarks.files import inventory, own_folder, refuse_changed, write_part, written
+from benchmarks import files as inventory
+from benchmarks.files import own_folder, refuse_changed, write_part, written
 from deqmcl_gym.files import writable_folder, write_text
 
 FILES = {"a.csv": b"a", "images/b.svg": b"b"}

@@ -12,8 +12,9 @@ from sweep_command import write_small
 
 import deqmcl_gym
 import localizers
+from benchmarks.agents import AGENTS
 from benchmarks.commands import COMMANDS, paper
-from benchmarks.setup.names import agent_names, scenario, scenario_names
+from benchmarks.setup.names import scenario, scenario_names
 from benchmarks.sweeps.suites import SUITES
 
 HELP = [("--help",), *((name, "--help") for name in COMMANDS)]
@@ -86,7 +87,7 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     monkeypatch.setattr(localizers, "names", lambda: broken)
     assert exit_code("list") == 0
     said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), *scenario_names(), *agent_names()):
+    for words in (*SUITES, *localizers.names(), *scenario_names(), *AGENTS):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
     for name in scenario_names():
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
