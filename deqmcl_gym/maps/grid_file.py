@@ -208,8 +208,7 @@ def _pixels_of(path: Path) -> Floats:
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
         raise InputError(f"the image {path} is broken: {str(error).rstrip('.')}.") from None
     most = 255 if pixels.dtype == np.uint8 else 65535
-    shades: Floats = pixels.reshape(*pixels.shape[:2], -1) / most
-    return shades
+    return pixels.reshape(*pixels.shape[:2], -1) / most
 
 
 def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Occupancy:

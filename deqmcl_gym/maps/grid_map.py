@@ -271,8 +271,7 @@ class GridMap:
         """Which cells have an occupancy of ``occupied_thresh``, if that of unknown ones is this."""
         shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
         shares[0] = unknown
-        found: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
-        return found
+        return (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
 
     @cached_property
     def _runs(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:

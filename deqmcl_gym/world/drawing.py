@@ -74,8 +74,7 @@ class View:
         """Image coordinates (column, row) of points, (n, 2); further columns are ignored."""
         xy = np.asarray(points, dtype=np.float64)[:, :2]
         x0, _, _, y1 = self.floor_plan.bounds
-        pixels: Floats = (xy - (x0, y1)) * (self.per_length, -self.per_length) + self.margin
-        return pixels
+        return (xy - (x0, y1)) * (self.per_length, -self.per_length) + self.margin
 
 
 class Drawing:

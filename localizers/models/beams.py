@@ -18,8 +18,7 @@ from localizers.models import beam_kernels
 
 def normal_pdf(z: Floats) -> Floats:
     """N(z; 0, 1)."""
-    density: Floats = arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
-    return density
+    return arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
 
 
 METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit

@@ -140,8 +140,7 @@ class Cycles:
     @property
     def phases(self) -> Floats:
         """360° (k + L + ½) / (2L + 1): the cycle in equal parts, the oldest first, (2R + 1,)."""
-        phases: Floats = 360 * (self.offsets + self.lag + 0.5) / (2 * self.lag + 1)
-        return phases
+        return 360 * (self.offsets + self.lag + 0.5) / (2 * self.lag + 1)
 
     @property
     def held(self) -> Bools:

@@ -204,8 +204,7 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
     counts, _, _ = np.histogram2d(row, cycles.passed[known], **bins)
     active = cycles.activity[known]
     sums, _, _ = np.histogram2d(row, cycles.passed[known], weights=active, **bins)
-    means: Floats = np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
-    return means
+    return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
 
 
 def _colors(count: int) -> Floats:
