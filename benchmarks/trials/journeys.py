@@ -112,6 +112,10 @@ def _success(near: str, *, tested: bool = False) -> Score:
     return Score(name, "share", words, lambda run: run.fixes.success(near), 0.0, tested)
 
 
+def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
+    return Score(name, "m", f"{words}, median", of, math.inf, tested=True)
+
+
 def _committed(run: Journey) -> float:
     late = run.fixes.rated & run.fixes.last
     return float(run.fixes.false[late].any()) if late.any() else math.nan
@@ -145,13 +149,8 @@ _SCORES: dict[str, tuple[Score, ...]] = {
     "lost": (
         _success("1m", tested=True),
         _success("05m"),
-        Score(
-            "metres_to_localize",
-            "m",
-            "metres to localize, median",
-            lambda run: run.fixes.metres_to_localize,
-            math.inf,
-            tested=True,
+        _metres(
+            "metres_to_localize", "metres to localize", lambda run: run.fixes.metres_to_localize
         ),
         Score("false_commitment", "share", "false commitment at the end", _committed),
         Score("false_steps", "", "false commitment, share of steps", _committed_steps),
@@ -170,14 +169,7 @@ _SCORES: dict[str, tuple[Score, ...]] = {
             0.0,
             tested=True,
         ),
-        Score(
-            "metres_to_recover",
-            "m",
-            "metres to recover, median",
-            _to_recover,
-            math.inf,
-            tested=True,
-        ),
+        _metres("metres_to_recover", "metres to recover", _to_recover),
     ),
     "log": (
         Score(

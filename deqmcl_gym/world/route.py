@@ -45,14 +45,6 @@ class Routes:
                 "routes need SciPy, which is not installed: pip install 'deqmcl-gym[routes]'."
             )
 
-    def between(self, start: Point, goal: Point) -> Floats:
-        """Return the corners of the route, start and goal included, (k, 2).
-
-        Raises:
-            InputError: start or goal is not in free space, or they are not connected.
-        """
-        return self.to(goal).start_at(start)
-
     def to(self, goal: Point) -> "RoutesTo":
         """Return the routes from anywhere to a goal.
 

@@ -143,12 +143,10 @@ class DistanceTable(NamedTuple):
             exact in float32, on a map of cells.
         frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
             cell's edge.
-        farthest: the largest distance told, which stands for ends off the table, too.
     """
 
     squares: Singles
     frame: tuple[float, float, float, float, float]
-    farthest: float
 
     @classmethod
     def of(cls, floor_plan: Map, farthest: float, cell: float) -> "DistanceTable":
@@ -168,12 +166,7 @@ class DistanceTable(NamedTuple):
         else:
             distances, frame = _of_polygons(floor_plan, farthest, cell)
             squares = np.square(distances / np.float32(cell))
-        return cls(np.ascontiguousarray(squares, np.float32), frame, float(farthest))
-
-    @property
-    def distances(self) -> Floats:
-        """In the map's unit, at most ``farthest``, (rows, columns)."""
-        return np.minimum(self.frame[-1] * np.sqrt(self.squares.astype(np.float64)), self.farthest)
+        return cls(np.ascontiguousarray(squares, np.float32), frame)
 
     def at_ends(self, origins: Singles, ranges: Floats, bearings: Floats) -> Singles:
         """Squares at the cell that each beam ends in, inf off the table, (B, n)."""
