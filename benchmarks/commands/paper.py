@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import PATIENCE, Processes
     from benchmarks.files import write_part
     from benchmarks.pictures.figures import chosen, paper_figures
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
     from benchmarks.report.words import conclusion
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import failed_sentence, summary
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> str:
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Kept(out))
+            files = write_report(out, results, Drawn(out))
             if results.failures:
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(failed_sentence(results))

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.execution.starting import CONTEXT, sheltered
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.plugins import EndedError, Isolated, NoAnswerError, enter
+from localizers.naming.plugins import EndedError, OwnProcess, NoAnswerError, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
@@ -142,7 +142,7 @@ class Processes(Executor):
         worker.close()
 
 
-class _Worker(Isolated):
+class _Worker(OwnProcess):
     """A process that makes calls."""
 
     def __init__(self) -> None:

@@ -37,7 +37,7 @@ _UNKNOWN = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class Replay:
     """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them.
 
     Attributes:
@@ -119,7 +119,7 @@ class Setting:
         return f"Start: known to 0.2 m and 0.1 rad, around ({x:.2f}, {y:.2f}, {heading:.2f} rad)."
 
 
-def setting_of(
+def replay_of(
     log: str | Path,
     floor_plan: str | Path,
     *,
@@ -133,7 +133,7 @@ def setting_of(
     scan: str = "",
     radius: float | None = None,
     unknown: str = "obstacle",
-) -> Setting:
+) -> Replay:
     """Return what is to be replayed.
 
     Args:
@@ -201,7 +201,7 @@ def setting_of(
             )
         assumed["prior.mean"] = at
     said = _reference(whole.segment(world.get("start", 0)), played)
-    return Setting(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
+    return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
 
 
 def reading_of(words: Sequence[str]) -> dict[str, Any]:

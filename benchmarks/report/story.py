@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.report import charts, error_tables, tables, tracks, words
-from benchmarks.report.animations import Kept, animations_of
+from benchmarks.report.animations import Drawn, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -198,13 +198,13 @@ class Story:
 
 
 def story_of(
-    results: Results, kept: Kept | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
+    results: Results, drawn: Drawn | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
 ) -> Story:
     """Draw everything, but for the animations if they are kept."""
     panels = results.panels
     look = looks(tables.all_labels(panels))
     animated = panels[:ANIMATED]
-    with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
+    with drawn.given() if drawn else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(

@@ -22,7 +22,7 @@ from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
 
 
 def no_report() -> str | None:
@@ -54,7 +54,7 @@ def load() -> None:
         from benchmarks.report import pages  # noqa: F401
 
 
-def write_report(out: Path, results: Results, kept: "Kept | None" = None) -> list[Path]:
+def write_report(out: Path, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
     Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
@@ -66,7 +66,7 @@ def write_report(out: Path, results: Results, kept: "Kept | None" = None) -> lis
         InputError: a file in the folder is in the way that is not ours.
     """
     with doing(f"writing the report in {out}"):
-        return _written(out, "report", results, kept)
+        return _written(out, "report", results, drawn)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -75,7 +75,7 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     Raises:
         InputError: ``out`` cannot be written to, or holds what is not ours.
     """
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
 
     if out.exists() and out.samefile(folder):
         if any(record.track is not None for record in results.records):
@@ -84,18 +84,18 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
                 "another --out."
             )
         refuse_changed(out)
-        return _written(out, "report", results, Kept(folder))
-    return _written(own_folder(out, "copy"), "copy", results, Kept(folder))
+        return _written(out, "report", results, Drawn(folder))
+    return _written(own_folder(out, "copy"), "copy", results, Drawn(folder))
 
 
-def _written(out: Path, part: str, results: Results, kept: "Kept | None") -> list[Path]:
-    source = _source(results, kept)
-    return written(out, part, source, lambda: _contents(results, kept))
+def _written(out: Path, part: str, results: Results, drawn: "Drawn | None") -> list[Path]:
+    source = _source(results, drawn)
+    return written(out, part, source, lambda: _contents(results, drawn))
 
 
-def _source(results: Results, kept: "Kept | None") -> str:
+def _source(results: Results, drawn: "Drawn | None") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = kept.lacking({one.key for one in results.finished}) if kept else ""
+    lacking = drawn.lacking({one.key for one in results.finished}) if drawn else ""
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
@@ -106,7 +106,7 @@ def _source(results: Results, kept: "Kept | None") -> str:
     return digest.hexdigest()
 
 
-def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
+def _contents(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
     compared = results.panels
     tables = {
         "results.csv": results_csv(compared),
@@ -124,7 +124,7 @@ def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
     from benchmarks.report.pages import html, images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(results, kept)
+    story = story_of(results, drawn)
     told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
     pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
     return {name: utf8(text) for name, text in (tables | told).items()} | pictures

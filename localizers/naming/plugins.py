@@ -57,7 +57,7 @@ class EndedError(NoAnswerError):
         self.code = code
 
 
-class Isolated:
+class OwnProcess:
     """A process that calls ``enter`` and answers questions, and our end of the line to it."""
 
     def __init__(

@@ -40,7 +40,7 @@ def report(out, *more):
     """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(writing, "no_report", lambda: "it is left out")
-        patched.setattr("benchmarks.report.require_report", lambda: None)
+        patched.setattr("benchmarks.report.writing.require_report", lambda: None)
         return exit_code("report", out, *more)
 
 
