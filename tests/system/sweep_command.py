@@ -1,6 +1,7 @@
 """Small sweeps by ``deqmcl sweep``."""
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import pytest
 from deqmcl_command import exit_code
@@ -19,6 +20,14 @@ particles = {particles}
 TABLES = ("results.csv", "trials.csv")
 
 
+@contextmanager
+def without_report():
+    """Commands of this process write the tables only."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(writing, "no_report", lambda: "it is left out")
+        yield patched
+
+
 def write_small(folder, trials=2, particles=15, more=""):
     """Write a sweep file; return its path."""
     path = folder / "small.toml"
@@ -31,16 +40,14 @@ def sweep(file, out, *more):
 
     It draws no report, which would take longer than the trials.
     """
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(writing, "no_report", lambda: "it is left out")
+    with without_report():
         return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
 
 
 def report(out, *more):
     """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(writing, "no_report", lambda: "it is left out")
-        patched.setattr("benchmarks.report.writing.require_report", lambda: None)
+    with without_report() as patched:
+        patched.setattr(writing, "require_report", lambda: None)
         return exit_code("report", out, *more)
 
 

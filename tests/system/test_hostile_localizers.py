@@ -1,5 +1,6 @@
 """Whatever a plug-in does to its process: a command ends, says so, keeps what others did."""
 
+import contextlib
 import itertools
 import re
 import sys
@@ -55,12 +56,14 @@ def test_a_plug_in_that_would_end_or_hang_the_command_fails_its_own_trials(folde
     assert {line["method"] for line in lines(folder / "out")} == {"mcl", "dead-reckoning"}
 
 
-@pytest.fixture
-def unspoilt(folder):
+@pytest.fixture(scope="module")
+def unspoilt(tmp_path_factory):
     """The trials table of the same localizer when it does nothing."""
+    folder = tmp_path_factory.mktemp("unspoilt")
     write_hostile(folder, "nothing", "never")
-    assert small_sweep(folder, Path("unspoilt")) == 0
-    return (folder / "unspoilt" / "trials.csv").read_bytes()
+    with contextlib.chdir(folder):
+        assert small_sweep(folder, folder / "out") == 0
+    return (folder / "out" / "trials.csv").read_bytes()
 
 
 @pytest.mark.parametrize("what", HARMLESS)
