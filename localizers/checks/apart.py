@@ -10,7 +10,7 @@ from deqmcl_gym.validation import InputError, in_words, number
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
 from localizers.checks.subject import LawBrokenError
 from localizers.models.robot import RobotModel
-from localizers.naming.plugins import SPAWN, OwnProcess, NoAnswerError, enter
+from localizers.naming.plugins import SPAWN, NoAnswerError, OwnProcess, enter
 
 
 class Apart:

@@ -37,7 +37,7 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.naming.plugins import SPAWN, OwnProcess, NoAnswerError, enter, raised
+from localizers.naming.plugins import SPAWN, NoAnswerError, OwnProcess, enter, raised
 from localizers.naming.registry import made_by, resolve
 
 _HALF = 6
