@@ -145,7 +145,7 @@ def test_a_localizer_that_ends_the_process_ends_only_its_own():
     assert first.note == "a separate process ended without an answer, with exit code 7"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("beams", [1, 8])
 @pytest.mark.parametrize("name", ["deq-mcl", "localizers.template:MyLocalizer"])
 def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
@@ -159,7 +159,8 @@ def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
 def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(seed):
     subject = subject_of(example("half turn"))
     drive = random_drive(subject.robot, np.random.default_rng(seed))
-    assert broken_here(replace(subject, drive=drive)) == ["half turn"]
+    with pytest.raises(LawBrokenError):
+        BY_NAME["half turn"](replace(subject, drive=drive))
 
 
 @pytest.mark.parametrize("made", [default_robot, robot_on_cells])
