@@ -16,6 +16,7 @@ from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.hedge import Hedge, absorbed, mixed, share_of, switched
 from localizers.inference.queue import Queue
+from localizers.models.scan import LidarScan, Scan
 
 N = 60
 RNG = np.random.default_rng
@@ -235,3 +236,15 @@ def test_a_plug_in_that_predicts_scans_can_be_hedged_and_another_is_told(robot, 
     assert beliefs[-1].trusted < 0.01
     with pytest.raises(InputError, match="scan_log_evidence"):
         follow(localizers.hedged(robot, Silent(), safe), prior, drive)
+
+
+def test_every_particle_of_both_members_tells_how_well_the_scan_was_predicted(robot, prior, drive):
+    # 256 evenly spaced ones elsewhere: the few of a cloud that matter may not be among them
+    hedge = localizers.make("mcl-plan-hedged", robot, particles=1200)
+    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    belief = follow(hedge, prior, (drive[0][:1], drive[1][:1]))[-1]
+    member = belief.protected  # a plan read after the scan is in the other's weights, too
+    log_likelihood = scan.log_likelihood(member.present, Scan.of(drive[1][0], 400.0))
+    before = np.exp(member.log_weights - log_likelihood)
+    told = np.log((before * np.exp(log_likelihood)).sum() / before.sum())
+    assert member.scan_log_evidence == pytest.approx(told, abs=1e-9)
