@@ -252,12 +252,9 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
 
 
 SUITE = f"""
-import sys
 from localizers.checks import parametrize_with_laws
 
-sys.path.append({str(BROKEN.parent)!r})
-from broken import WeightsSumToOne as MINE
-from localizers.template import MyLocalizer
+MINE = {example("weights sum to one")!r}
 
 @parametrize_with_laws(MINE, expected_failures={{"weights sum to one": "likelihoods, by design"}})
 def test_declared(law):
@@ -267,7 +264,7 @@ def test_declared(law):
 def test_undeclared(law):
     law()
 
-@parametrize_with_laws(MyLocalizer, expected_failures={{"finite": "?"}})
+@parametrize_with_laws("localizers.template:MyLocalizer", expected_failures={{"finite": "?"}})
 def test_mended(law):
     law()
 """

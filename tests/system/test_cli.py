@@ -109,7 +109,9 @@ def shell(redirected, *arguments, **how):
 
 
 @linux
-@pytest.mark.parametrize("arguments", [("list",), ("--help",), ("--version",), ("check", "dead-reckoning")])
+@pytest.mark.parametrize(
+    "arguments", [("list",), ("--help",), ("--version",), ("check", "dead-reckoning")]
+)
 def test_output_that_cannot_be_written_is_a_failure_in_one_sentence(arguments):
     done = shell(f"> {FULL}", *arguments)
     assert (done.returncode, done.stderr) == (3, LOST)
