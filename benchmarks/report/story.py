@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import matplotlib as mpl
-
+from benchmarks.pictures.style import styled
 from benchmarks.report import error_tables, tables, tracks, words
 from benchmarks.report.animations import Kept, animations_of
 from benchmarks.report.charts import (
@@ -213,7 +212,7 @@ def story_of(
     panels = results.panels
     look = looks(tables.all_labels(panels))
     animated = panels[:ANIMATED]
-    with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
+    with kept.given() if kept else drawing() as promised, styled(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(
