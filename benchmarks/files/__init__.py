@@ -4,9 +4,18 @@ from benchmarks.files.inventory import (
     as_written,
     is_empty,
     own_folder,
+    own_subfolder,
     refuse_changed,
     write_part,
     written,
 )
 
-__all__ = ["as_written", "is_empty", "own_folder", "refuse_changed", "write_part", "written"]
+__all__ = [
+    "as_written",
+    "is_empty",
+    "own_folder",
+    "own_subfolder",
+    "refuse_changed",
+    "write_part",
+    "written",
+]
