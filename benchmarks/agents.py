@@ -14,7 +14,7 @@ from benchmarks.setup.scenario import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS, Driver
+from deqmcl_gym.world.config import WORLDS, Driver, World
 from deqmcl_gym.world.course import Course, Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.route import Journeys
@@ -82,6 +82,25 @@ class OldRoute(OpenLoop):
         return info["planned_actions"][0], self._shown
 
 
+class OtherRoute(Stale):
+    """The plan that the env shows is carried out; the localizer is shown that of another robot.
+
+    That robot follows a route of its own in the same building, without noise.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._world = _in_the_building(robot)
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return the plan of the other robot; which route it has depends on the one shown only."""
+        if "route" not in info:
+            raise InputError("the agent shows the plan for a route: give a world with a route.")
+        seed = np.abs(np.rint(1e3 * np.array(info["route"]))).astype(np.int64).ravel()
+        corners = Journeys(self._world).between(None, np.random.default_rng(seed))
+        self._rest = Course.along(corners, (*corners[0].tolist(), 0.0), self._world).actions
+        return self._rest
+
+
 class OnEstimate:
     """Drives the lap, and plans it, from where the localizer believes the robot is.
 
@@ -129,13 +148,7 @@ class ToGoal:
 
     def __init__(self, robot: RobotModel) -> None:
         self._map, self._px = robot.floor_plan, pixel(robot.floor_plan.unit)
-        self._world = WORLDS["paper"].changed(
-            floor_plan=robot.floor_plan,
-            robot={"radius": robot.radius},
-            lap={"step": _STEP * self._px},
-            driver={},
-            route={},
-        )
+        self._world = _in_the_building(robot)
         self._journeys = Journeys(self._world)
         self._plan: GuidedPlan | None = None
         self._backing: Reals = np.empty((0, 2), np.float32)
@@ -209,6 +222,17 @@ class OnRoute(ToGoal):
         self.follow(Course.along(corners, (*corners[0].tolist(), 0.0), self._world))
 
 
+def _in_the_building(robot: RobotModel) -> World:
+    """The world of a robot that plans routes on its map."""
+    return WORLDS["paper"].changed(
+        floor_plan=robot.floor_plan,
+        robot={"radius": robot.radius},
+        lap={"step": _STEP * pixel(robot.floor_plan.unit)},
+        driver={},
+        route={},
+    )
+
+
 def _points(belief: Belief) -> tuple[Reals, Floats]:
     points = belief.points()
     assert points is not None, "a belief has points of the present"
@@ -220,6 +244,7 @@ AGENTS: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(
         "open-loop": OpenLoop,
         "stale": Stale,
         "old-route": OldRoute,
+        "other-route": OtherRoute,
         "on-estimate": OnEstimate,
         "to-goal": ToGoal,
         "on-route": OnRoute,

@@ -125,6 +125,11 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
             agent="stale",
         ),
         "lost": _LOST,
+        "lost-wrong-route": _as(
+            _LOST,
+            "as lost, but the localizer is shown the route of another robot in the building",
+            agent="other-route",
+        ),
         "lost-weak": replace(
             _as(_LOST, "as lost, with one weak beam ahead", lidar=_BEAM),
             scan=_sensor(_BEAM["sigma"]),

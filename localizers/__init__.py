@@ -14,6 +14,7 @@ from localizers.beliefs import (
     mean_pose,
     quality_of,
 )
+from localizers.inference.hedge import hedged
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -48,6 +49,7 @@ __all__ = [
     "UniformPrior",
     "absolute_name",
     "best_cluster",
+    "hedged",
     "make",
     "mean_pose",
     "names",

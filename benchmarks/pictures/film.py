@@ -35,6 +35,7 @@ _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to f
     (-1, PINK, "past"),
     (0, ORANGE, "present"),
 )
+_BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown no plan
 _TALL = 24  # image pixels per line of text
 _LAST = 1500  # ms that the last image stays
 
@@ -82,8 +83,12 @@ class Camera:
             held = moment.belief.points(offset)
             if held is None or (sign != 0 and offset == 0):
                 continue
-            drawing.points(held[0], color, size=3 if self.view.scale > 1 else 2)
+            size = 3 if self.view.scale > 1 else 2
+            drawing.points(held[0], color, size=size)
             legend.insert(0, (f"{words} {state_name(offset)}", color))
+            if offset == 0 and hasattr(moment.belief, "protected"):
+                drawing.points(moment.belief.protected.points()[0], _BLIND, size=size)
+                legend.insert(1, ("without plans", _BLIND))
         return drawing.number(moment.step), legend
 
 
@@ -119,6 +124,7 @@ def side_by_side(images: Sequence[Image]) -> Image:
 _BEST: Color = (0, 114, 178)
 _PLAN: Color = (0, 158, 115)
 _LINE = 20  # image pixels per line of text
+_STRIP = 32  # image pixels: height of the curve of q
 _SIZE = 0.42  # of letters
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
@@ -144,6 +150,7 @@ class Film:
     frames: list[Image] = field(default_factory=list, init=False)
     moments: list[Moment] = field(default_factory=list, init=False)
     _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
+    _trusted: list[float] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
         """Pass the episode on; draw moments after they were looked at."""
@@ -152,6 +159,8 @@ class Film:
             unit = self.camera.view.floor_plan.unit
             self._best.append(best_cluster(*_present(moment), unit=unit).mean)
             self.moments.append(moment)
+            if (trusted := getattr(moment.belief, "trusted", None)) is not None:
+                self._trusted.append(trusted)
             if moment.step % self.stride == 0:
                 self.frames.append(self._frame(moment))
         self.frames.append(self._frame(moment, whole=True))
@@ -178,7 +187,12 @@ class Film:
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
         words = [self.title, f"step {moment.step}: best {best_off}, mean {mean_off} off{note}"]
-        return _captioned(drawing, words, [*_MARKS, *clouds], [*_MARKS, *camera.layers])
+        longest = [*_MARKS, *camera.layers]
+        if not self._trusted:
+            return _captioned(drawing, words, [*_MARKS, *clouds], longest)
+        longest.append(("without plans", _BLIND))
+        image = _captioned(drawing, words, [*_MARKS, *clouds], longest)
+        return _with_trust(image, self._trusted, camera.view)
 
     def _localized(self, drawing: Drawing) -> str:
         """Mark the place from where on it stays localized; say how far the robot had come."""
@@ -247,6 +261,21 @@ def _captioned(
         write_words(image, line, (left, below + place * _LINE - 4), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):
         write_legend(image, row, (left, below + place * _LINE - 4), _SIZE)
+    return image
+
+
+def _with_trust(image: Image, trusted: Sequence[float], view: View) -> Image:
+    """Add a strip of q, the trust in plans, at the latest steps: 1 at the top, 0 below."""
+    below, left = image.shape[0], view.margin
+    image = with_strip(image, _STRIP + 12)
+    top, right = below + 4, image.shape[1] - left
+    write_words(image, f"trust in plans {trusted[-1]:.2f}", (left, top + _STRIP // 2 + 4), _SIZE)
+    start = left + 150
+    cv2.rectangle(image, (start, top), (right, top + _STRIP), GRAY, 1)
+    shown = np.asarray(trusted[-((right - start) // 2) :])
+    columns, rows = start + 2 * np.arange(shown.size), top + (1.0 - shown) * _STRIP
+    line = np.rint(np.column_stack([columns, rows])).astype(np.int32)
+    cv2.polylines(image, [line], isClosed=False, color=_PLAN, thickness=2, lineType=cv2.LINE_AA)
     return image
 
 

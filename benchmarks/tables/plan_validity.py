@@ -58,6 +58,8 @@ def _validity(
     by_world = [own for _, own in sorted(worlds.items())]
     names = [name for name in by_world[0][0] if name != "conflict"]
     signals = {name: auroc_of_steps([_steps(own, name) for own in by_world]) for name in names}
+    if "trusted" in names:
+        signals["trusted_lap"] = auroc_of_steps([_laps(own) for own in by_world])
     return Validity(panels=group, label=label, method=method, signals=signals)
 
 
@@ -80,3 +82,11 @@ def _steps(runs: Sequence[Mapping[str, Floats]], name: str) -> Steps:
     values, conflicts = (np.concatenate([run[key] for run in runs]) for key in (name, "conflict"))
     known = ~np.isnan(values) & ~np.isnan(conflicts)
     return values[known], conflicts[known] > 0
+
+
+def _laps(runs: Sequence[Mapping[str, Floats]]) -> Steps:
+    """The mean trust of a world's laps, and whether the plan conflicts in most steps of each."""
+    laps = [_steps([run], "trusted") for run in runs]
+    means = [(trusted.mean(), conflict.mean() > 0.5) for trusted, conflict in laps if trusted.size]
+    trusted, conflict = zip(*means, strict=True) if means else ((), ())
+    return np.array(trusted), np.array(conflict, bool)

@@ -19,6 +19,7 @@ TITLES = PRINTED | {
     "mcl-h": "map-based MCL with tabulated look-ahead",
     "mcl-pilots": "map-based MCL with pilots",
     "mcl-plan": "map-based MCL with the plan as a sensor",
+    "mcl-plan-hedged": "map-based MCL with hedged plans",
     "dead-reckoning": "dead reckoning on the plan",
     "grid": "grid filter",
     "amcl": "AMCL",

@@ -10,7 +10,6 @@ from benchmarks.trials.journeys import Number, RecordedTrack, WholeRun, finite
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import (
-    PLAN_COLUMNS,
     PROFILE_STRIDE,
     OffsetTrace,
     Trace,
@@ -43,7 +42,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         profile: mean error e by offset, each over the same states.
         steps_done, scans_used: T, and scans with at least one beam in range.
         events: the localizer's counts of trouble.
-        plan: ``PLAN_COLUMNS`` of the steps t = 1 … T; None if no plan was read.
+        plan: ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read.
         journey: of the whole run; None if the scenario asks for nothing.
         track: on a whole log; None of any other trial.
 
@@ -80,7 +79,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
             raise ValueError(f"has a track of another length than its {steps} steps")
         if self.plan is not None and any(
-            len(self.plan.get(name, ())) != steps for name in {*PLAN_COLUMNS, *self.plan}
+            len(self.plan.get(name, ())) != steps for name in {"conflict", *self.plan}
         ):
             raise ValueError(f"has readings of the plan of another length than its {steps} steps")
 

@@ -21,8 +21,8 @@ from localizers import Belief, quality_of
 from localizers.models.plan_sensor import PlanSensor
 from localizers.models.scan import Scan
 
-SIGNALS = ("feasible", "tempering", "log_evidence", "valid")  # of ``PlanReading``
-PLAN_COLUMNS = ("conflict", *SIGNALS)
+_READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
+PLAN_COLUMNS = ("conflict", *_READ, "trusted")
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
@@ -38,17 +38,18 @@ def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
     """
     reading = getattr(belief, "plan_reading", None)
     if reading is None or np.isnan(reading.feasible):
-        return [np.nan] * (1 + len(SIGNALS))
+        return [np.nan] * len(PLAN_COLUMNS)
     sensor = PlanSensor(floor_plan=task.floor_plan, radius=task.radius)
     pose = np.asarray(truth, np.float32)[:, None]
     known = np.isfinite(pose).all()
     conflict = float(sensor.collisions(pose, reading.seen)[0] > 0) if known else np.nan
-    return [conflict, *(float(getattr(reading, name)) for name in SIGNALS)]
+    trusted = float(getattr(belief, "trusted", np.nan))
+    return [conflict, *(float(getattr(reading, name)) for name in _READ), trusted]
 
 
 def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None]] | None:
     """Return the rows of the steps t = 1 … T as columns by name; None if no plan was read."""
-    table: Floats = np.array(rows, np.float64).reshape(len(rows), 1 + len(SIGNALS))
+    table: Floats = np.array(rows, np.float64).reshape(len(rows), len(PLAN_COLUMNS))
     if np.isnan(table).all():
         return None
     return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))

@@ -77,11 +77,16 @@ def huge_actions(subject: Subject) -> str | None:
     return "refused" if refused else None
 
 
-def one_particle(subject: Subject) -> None:
-    """A localizer with a parameter ``particles`` works with 1."""
+def one_particle(subject: Subject) -> str | None:
+    """A localizer with a parameter ``particles`` works with 1, or refuses it by an InputError."""
     if "particles" not in (parameters_of(subject.factory) or ()):
         raise LawSkippedError("it has no parameter particles")
-    require_valid(subject.history(subject.made(particles=1)))
+    try:
+        made = subject.made(particles=1)
+    except InputError:
+        return "refused"
+    require_valid(subject.history(made))
+    return None
 
 
 def short_plan(subject: Subject) -> None:

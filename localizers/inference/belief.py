@@ -17,7 +17,6 @@ from localizers.inference.weights import effective_sample_size, log_sum_exp, nor
 from localizers.models.scan import Scan
 
 M = TypeVar("M", bound=Memory)
-_EVIDENCE_PARTICLES = 256
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,6 @@ class PlanReading(Memory):
         tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
         feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
         log_evidence: log E[p(π_t | x_t, m)^λ] under the belief before it.
-        valid: P(plans are about this robot) if that is estimated, else NaN.
     """
 
     shown: Actions
@@ -71,7 +69,6 @@ class PlanReading(Memory):
     tempering: float = math.nan
     feasible: float = math.nan
     log_evidence: float = 0.0
-    valid: float = math.nan
 
 
 class _Cloud(NamedTuple):
@@ -182,7 +179,6 @@ class ParticleBelief(_Cloud):
             log_weights=left,
             log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
             log_h=None,
-            memory=tuple([memory.resampled(ancestors) for memory in self.memory]),
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
@@ -237,7 +233,7 @@ class ParticleBelief(_Cloud):
         self,
         scan: Scan,
         log_likelihood: LogWeights,
-        most: int = _EVIDENCE_PARTICLES,
+        most: int,
         power: float = 1.0,
     ) -> "ParticleBelief":
         """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.

@@ -118,6 +118,11 @@ class LossDetector(Memory):
         return LossDetector(self.lost, (*evidence, latest), start)
 
     @property
+    def log_right(self) -> float:
+        """Log Σ w p(o | x) of the latest scan; NaN before the first."""
+        return self.evidence[-1].log_right if self.evidence else math.nan
+
+    @property
     def quality(self) -> float:
         """Probability of not being lost, in [0, 1].
 

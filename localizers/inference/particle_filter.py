@@ -43,6 +43,7 @@ class ParticleFilter:
         tempering: sets the exponent of a scan's likelihood; None: 1, Bayes' rule.
         injection: mixes random poses into the belief, needs ``future`` = 0; None: none.
         detector: evidence for and against its beliefs at t = 0; None: none is kept.
+        predictive: how many particles, evenly spaced, tell how well a scan was predicted.
         dtype: of the states.
     """
 
@@ -61,6 +62,7 @@ class ParticleFilter:
     tempering: KeepsSampleSize | None = None
     injection: Injection | None = None
     detector: LossDetector | None = None
+    predictive: int = 256
     dtype: Any = np.float32
 
     def __post_init__(self) -> None:
@@ -130,7 +132,7 @@ class ParticleFilter:
         log_likelihood, power = self.scan.log_likelihood(belief.present, scan), 1.0
         if self.tempering is not None:
             power = self.tempering(belief.log_weights, log_likelihood)
-        belief = belief.scanned(scan, log_likelihood, power=power)
+        belief = belief.scanned(scan, log_likelihood, self.predictive, power)
         if self.lookahead is not None:
             return self.lookahead(belief, plan, rng)
         return belief if self.start is None else belief.forgetting(PlanReading)  # of its plan

@@ -71,10 +71,6 @@ class Memory:
     ``ParticleBelief.recall`` returns it.
     """
 
-    def resampled(self, ancestors: Indices) -> Self:
-        """Return what is remembered of the particles kept, (n,)."""
-        return self
-
     def scanned(self, scan: Scan, log_evidence: float) -> Self:
         """Return what is remembered after a scan of evidence log Σ w p(o | x)."""
         return self

@@ -1,7 +1,6 @@
 """What the plan shown at t says of the present, beside the scan.
 
-The plan as an observation, how feasible its future is from a state, and whether the plans shown are
-about this robot at all: a latent variable of each particle, summed out.
+The plan as an observation, and how feasible its future is from a state.
 """
 
 from collections.abc import Callable
@@ -10,14 +9,13 @@ from typing import Protocol
 
 import numpy as np
 
-from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices, Ints
+from deqmcl_gym.numerics.types import Floats, Ints
 from deqmcl_gym.validation import number
 from localizers.inference.belief import ParticleBelief, PlanReading
 from localizers.inference.futures import Rollout, agreeing, log_mean
-from localizers.inference.parts import Actions, LogWeights, Memory, States
+from localizers.inference.parts import Actions, LogWeights, States
 from localizers.models.plan_sensor import PlanSensor, charges
 
 
@@ -197,69 +195,3 @@ def tempering(
         total += sums[c] * (exp64(-low * (beta * (c - least))) if low > 0.0 else 1.0)
     shift = low * (beta * least) if least > 0 and low > 0.0 else 0.0
     return low, sums[0], log64(total) - shift
-
-
-@dataclass(frozen=True)
-class PlanValidity(Memory):
-    """v = P(plans are about this robot) given the path of each particle, (n,)."""
-
-    valid: Floats
-
-    def resampled(self, ancestors: Indices) -> "PlanValidity":
-        """Return that of the particles kept, (n,)."""
-        return PlanValidity(self.valid[ancestors])
-
-
-@dataclass(frozen=True, kw_only=True)
-class DoubtedPlans:
-    """w ← w [v p(π_t | x_t, m) + (1 - v) p(π_t | m)]: the ``Lookahead`` of plans that may be stale.
-
-    V_t = 1 if plans are about this robot; it switches with a small probability at each step, and
-    v = P(V_t = 1 | path, plans before). Then v ← v p(π_t | x_t, m) / [the factor above]. The
-    likelihood of a plan about another robot is the mean of e^{-βC} over free space. V_t is summed
-    out in each particle (Rao-Blackwellised), so this is exact at every number of particles.
-
-    Attributes:
-        sensor: p(π_t | x_t, m) of a plan that is about this robot.
-        anywhere: states spread evenly over free space, (d, M).
-        switching: P(V_t ≠ V_{t-1}), also P(V_0 = 0); 0: plans are never doubted.
-        steps: L, how many planned steps are read; None: all.
-    """
-
-    sensor: PlanSensor
-    anywhere: States
-    switching: float
-    steps: int | None = None
-
-    def __post_init__(self) -> None:
-        number("validity", self.switching, low=0, high=0.5)
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief given the plan (h, k); draws no random numbers."""
-        last, seen = belief.plan_reading, plan[: self.steps]
-        if last is not None and last.shown is plan:  # the start was chosen by it
-            return belief
-        doubt = belief.recall(PlanValidity)
-        before = np.ones(belief.log_weights.size) if doubt is None else doubt.valid
-        valid: Floats = before * (1.0 - self.switching) + (1.0 - before) * self.switching
-        if len(seen) == 0:
-            return belief.remembering(PlanValidity(valid)).remembering(PlanReading(plan, seen))
-        collisions = self.sensor.collisions(belief.present, seen)
-        elsewhere = self.sensor.collisions(self.anywhere, seen)
-        right = valid * arrays.exp(charges(self.sensor.beta, collisions))
-        wrong = (1.0 - valid) * arrays.exp(charges(self.sensor.beta, elsewhere)).mean()
-        factor = right + wrong
-        prior = belief.weights
-        feasible = float(prior[collisions == 0].sum())
-        told = factor > 0.0
-        some = np.where(told, factor, 1.0)
-        valid = np.where(told, right / some, valid)
-        read = belief.reweighted(np.where(told, arrays.log(some), -np.inf))
-        if feasible == 0.0:
-            read = read._replace(events=read.events.plus(infeasible_plans=1))
-        evidence = float(arrays.log((prior * factor).sum())) if told.any() else -np.inf
-        share = float((read.weights * valid).sum())  # no BLAS: the same bits everywhere
-        reading = PlanReading(plan, seen, 1.0, feasible, evidence, share)
-        return read.remembering(PlanValidity(valid)).remembering(reading)

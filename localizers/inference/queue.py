@@ -78,6 +78,13 @@ class Queue(NamedTuple):
     past: SlidingComposition = _NOTHING
     future: SlidingComposition = _NOTHING
 
+    @classmethod
+    def of(cls, states: Sequence[States]) -> "Queue":
+        """Return a queue of states x_{t-L} … x_t, (d, n) each, in one order."""
+        before = len(states) - 1
+        links = (None,) * before
+        return cls(tuple(states), links, None, before, SlidingComposition(new=links), _NOTHING)
+
     @property
     def ahead(self) -> int:
         """How many states after the present are held."""

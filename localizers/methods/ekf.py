@@ -80,6 +80,11 @@ class GaussianBelief(NamedTuple):
         return poses, np.full(len(poses), 1 / len(poses))
 
     @property
+    def scan_log_evidence(self) -> float:
+        """Log of the mean of p(o_t | x) over six sigma points of the belief before the scan."""
+        return self.detector.log_right
+
+    @property
     def quality(self) -> float:
         """P(not lost | o_{1:t}), in [0, 1]."""
         return self.detector.quality

@@ -3,12 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.inference.bayes_filter import FilterLocalizer
-from localizers.inference.belief import ParticleBelief
-from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.parts import Resampling
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.resampling import KeepsSampleSize, resampling
@@ -107,11 +105,11 @@ class Shared:
         return Injection(recovery=recovery, poses=poses, start=self.start(robot))
 
 
-Build = Callable[..., ParticleFilter]
+F = TypeVar("F", bound=Filter[Any])
 
 
 @dataclass(frozen=True)
-class Method:
+class Method(Generic[F]):
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
     Attributes:
@@ -119,10 +117,10 @@ class Method:
         takes: names of the shared parameters it accepts.
     """
 
-    build: Build
+    build: Callable[..., F]
     takes: tuple[str, ...]
 
-    def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[ParticleBelief]:
+    def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
         """Make a localizer for a robot."""
         own = {name: value for name, value in params.items() if name not in self.takes}
         shared = {name: value for name, value in params.items() if name in self.takes}
@@ -140,6 +138,6 @@ class Method:
         return Signature([robot, *shared, *own])
 
 
-def method(*takes: str) -> Callable[[Build], Method]:
+def method(*takes: str) -> Callable[[Callable[..., F]], Method[F]]:
     """Decorate a build function as a method that accepts these ``Shared`` parameters."""
     return lambda build: Method(build, takes)

@@ -65,6 +65,11 @@ class GridBelief(NamedTuple):
         return self.grid.centres(cells).T, weights / weights.sum()
 
     @property
+    def scan_log_evidence(self) -> float:
+        """Log Σ w p(o_t | x) of the latest scan, under the belief before it."""
+        return self.detector.log_right
+
+    @property
     def quality(self) -> float:
         """P(not lost | o_{1:t}), in [0, 1]."""
         return self.detector.quality

@@ -16,11 +16,10 @@ from dataclasses import replace
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.validation import InputError, integer, one_of
+from localizers.inference.hedge import Hedge, judging
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
-    DoubtedPlans,
     Known,
-    Lookahead,
     Pilots,
     PlanEvidence,
     Tabulated,
@@ -32,7 +31,6 @@ from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import odometry
-from localizers.models.prior import even_poses
 from localizers.models.robot import RobotModel
 
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
@@ -88,8 +86,6 @@ def mcl_pilots(robot: RobotModel, shared: Shared, *, pilots: int = 8) -> Particl
     return replace(base, lookahead=Pilots(rollout=base.rollout, steps=shared.lag, pilots=pilots))
 
 
-_ANYWHERE = 512  # poses that represent free space
-
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
 
@@ -100,7 +96,6 @@ def mcl_plan(
     *,
     keep: float = 0.8,
     charge: str = "always",
-    validity: float | None = None,
 ) -> ParticleFilter:
     """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
 
@@ -108,24 +103,51 @@ def mcl_plan(
         robot, shared: see ``Shared``.
         keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
         charge: "always", or "new": each planned step once, when it comes into view.
-        validity: probability per step that plans become, or cease to be, about this robot; it
-            replaces ``keep``, which must then be 0. None: plans always are.
-
-    Raises:
-        InputError: ``validity`` is given together with ``keep`` > 0 or ``charge`` = "new".
     """
     sensor = shared.sensor(robot)
     known = CHARGES[one_of("charge", charge, CHARGES)]
-    evidence: Lookahead = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
-    if validity is not None:
-        if keep != 0 or charge != "always":
-            raise InputError(
-                f"validity is {validity!r}, keep {keep:g} and charge {charge!r}, but a plan of "
-                "doubtful validity is neither tempered nor charged in part: give keep = 0 and "
-                "charge = 'always', or leave validity out."
-            )
-        anywhere = even_poses(robot.floor_plan, _ANYWHERE)
-        evidence = DoubtedPlans(
-            sensor=sensor, anywhere=anywhere, switching=validity, steps=shared.lag
-        )
+    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
     return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
+
+
+@method(*mcl_plan.takes)
+def mcl_plan_hedged(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    switching: float = 0.001,
+    trust: float = 0.5,
+    mutual: bool = False,
+    plans: str = "all",
+) -> Hedge:
+    """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
+
+    Args:
+        robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
+        switching, trust, mutual: see ``Hedge``.
+        plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
+
+    Raises:
+        InputError: fewer than two particles; or ``plans`` = "first" with ``start_draws`` = 1.
+    """
+    integer("particles", shared.particles, low=2)
+    advised = replace(shared, particles=shared.particles // 2)
+    protected = replace(
+        shared, particles=shared.particles - advised.particles, start_draws=1, start_jitter=0.0
+    )
+    if one_of("plans", plans, ("all", "first")) == "all":
+        shown = mcl_plan.build(robot, advised, keep=0.0)
+    elif shared.start_draws > 1:
+        shown = mcl_map_smoother.build(robot, advised)
+    else:
+        raise InputError(
+            "plans is 'first' and start_draws 1, but so no plan is used: give start_draws of 2 or "
+            "more, or plans = 'all'."
+        )
+    return Hedge(
+        advised=judging(shown),
+        protected=judging(mcl_map_smoother.build(robot, protected)),
+        switching=switching,
+        trust=trust,
+        mutual=mutual,
+    )

@@ -26,7 +26,7 @@ from localizers.methods.deq_mcl import (
 )
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
-from localizers.methods.plan_aware import mcl_h, mcl_pilots, mcl_plan
+from localizers.methods.plan_aware import mcl_h, mcl_pilots, mcl_plan, mcl_plan_hedged
 from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
@@ -96,6 +96,7 @@ _FACTORIES: dict[str, Factory] = {
     "mcl-h": mcl_h,
     "mcl-pilots": mcl_pilots,
     "mcl-plan": mcl_plan,
+    "mcl-plan-hedged": mcl_plan_hedged,
     "dead-reckoning": dead_reckoning,
     "grid": grid,
     "amcl": amcl,

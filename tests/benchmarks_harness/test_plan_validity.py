@@ -13,21 +13,21 @@ from benchmarks.tables.csv_files import plans_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.plan_validity import RECENT, validities
 from benchmarks.trials.scoring import ErrorCurve
-from benchmarks.trials.trace import PLAN_COLUMNS, SIGNALS, plan_columns, plan_row
+from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
 
 AHEAD = np.tile([5.0, 0.0], (8, 1))  # 40 px straight on
 IN_THE_OPEN, AT_THE_WALL = np.array([30.0, 50.0, 0.0]), np.array([30.0, 50.0, math.pi])
 
 
-def read(pose, **reading):
-    belief = SimpleNamespace(plan_reading=PlanReading(AHEAD, AHEAD, **reading))
+def read(pose, trusted=math.nan, **reading):
+    belief = SimpleNamespace(trusted=trusted, plan_reading=PlanReading(AHEAD, AHEAD, **reading))
     return plan_row(belief, pose, TASK)
 
 
 def test_a_plan_conflicts_if_it_collides_from_the_true_pose():
-    signals = {"tempering": 0.5, "feasible": 0.25, "log_evidence": -2.0, "valid": 0.75}
-    kept = [signals[name] for name in SIGNALS]
+    signals = {"tempering": 0.5, "feasible": 0.25, "log_evidence": -2.0, "trusted": 0.75}
+    kept = [signals[name] for name in PLAN_COLUMNS[1:]]
     assert read(IN_THE_OPEN, **signals) == [0.0, *kept]
     assert read(AT_THE_WALL, **signals) == [1.0, *kept]
 
@@ -89,6 +89,6 @@ def test_a_sweep_without_plans_or_without_conflict_has_no_table():
 def test_readings_of_plans_have_all_columns_and_a_value_for_each_step():
     record, plan = finished("mcl", 0, 1.0), {name: [0.5, None] for name in PLAN_COLUMNS}
     assert planned(record, plan).plan == plan
-    for other in (plan | {"valid": [0.5]}, {"feasible": [0.5]}, plan | {"more": []}):
+    for other in (plan | {"trusted": [0.5]}, {"feasible": [0.5, 0.5]}, plan | {"more": []}):
         with pytest.raises(ValueError, match="readings of the plan of another length"):
             planned(record, other)

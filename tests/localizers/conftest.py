@@ -50,7 +50,7 @@ def make(request, robot):
 
     def made(name: str, **params):
         beta = {"beta": 2.0} if "beta" in localizers.parameters(name) else {}
-        return localizers.make(name, robot, particles=60, **(request.param | beta | params))
+        return localizers.make(name, robot, **({"particles": 60} | request.param | beta | params))
 
     return made
 

@@ -19,7 +19,6 @@ import numpy as np
 from localizers.inference.futures import RenewedFuture, Sometimes
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
-    DoubtedPlans,
     Pilots,
     PlanEvidence,
     Tabulated,
@@ -144,17 +143,10 @@ def transition(command: int, beta: float) -> np.ndarray:
     return one_step * np.exp(-beta * COLLIDES)
 
 
-def gamma(
-    t: int,
-    commands: Plan,
-    beta: float,
-    shown: np.ndarray | None = None,
-    switching: float | None = None,
-) -> np.ndarray:
+def gamma(t: int, commands: Plan, beta: float, shown: np.ndarray | None = None) -> np.ndarray:
     """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
 
-    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5). With ``switching``, V_s is summed over,
-    too: plans are of x_s or of any state, and switch between both.
+    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5).
     """
     moved = transition(0, beta=0.0)  # p(x + k | x)
     g = np.exp(-beta * COLLIDES)
@@ -166,26 +158,10 @@ def gamma(
             weight *= moved[before, (after - command) % STATES] * g[before, after]
             if s <= t:
                 weight *= SENSOR[after, OBSERVED[s - 1]]
-        if shown is not None and switching is None:
+        if shown is not None:
             weight *= shown[range(t + 1), path[: t + 1]].prod()
-        elif shown is not None:
-            weight *= sum(
-                chance(valid, switching)
-                * math.prod(
-                    shown[s, path[s]] if v else shown[s].mean() for s, v in enumerate(valid)
-                )
-                for valid in product((True, False), repeat=t + 1)
-            )
         total[range(len(path)), path] += weight
     return total
-
-
-def chance(valid: tuple[bool, ...], switching: float) -> float:
-    """p(V_0 … V_t); before the start plans are valid."""
-    return math.prod(
-        switching if before != after else 1 - switching
-        for before, after in pairwise((True, *valid))
-    )
 
 
 def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
@@ -242,14 +218,6 @@ def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> Parti
     return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
 
 
-def with_doubt(beta: float, switching=0.2, **parts) -> ParticleFilter:
-    everywhere = np.arange(STATES)[None]
-    doubted = DoubtedPlans(
-        sensor=RingPlans(beta), anywhere=everywhere, switching=switching, steps=FUTURE
-    )
-    return ring_filter(beta, past=PAST, lookahead=doubted, **parts)
-
-
 def started_by_plan(beta: float, draws=5, **parts) -> ParticleFilter:
     """With plans as evidence, or without: the start alone."""
     start = InformedStart(evidence=PlanEvidence(sensor=RingPlans(beta)), draws=draws)
@@ -280,7 +248,6 @@ PLANS = {
     "plans": with_plans,
     "plans, to their end": partial(with_plans, steps=None),
     "plans, when new": partial(with_plans, steps=3, known=steps_known),
-    "plans, doubted": with_doubt,
     "start": started_by_plan,
     "start, two draws": partial(started_by_plan, draws=2),
     "start and plans": informed_throughout,
@@ -290,7 +257,7 @@ PLANS = {
 
 def looked_ahead(ring: ParticleFilter) -> int:
     """F: of the queue, or of the part that does without one."""
-    if isinstance(ring.lookahead, PlanEvidence | DoubtedPlans):  # the present is all it is about
+    if isinstance(ring.lookahead, PlanEvidence):  # the present is all it is about
         return 0
     return ring.future or getattr(ring.lookahead, "steps", 0)
 
@@ -298,8 +265,6 @@ def looked_ahead(ring: ParticleFilter) -> int:
 def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
     """p(π_s | x_s) at s = 0 … 4 as this filter is meant to take it, (5, 5); None: it is not."""
     evidence, start, beta = ring.lookahead, ring.start, ring.feasibility.beta
-    if isinstance(evidence, DoubtedPlans):
-        return np.array([likely(plan[: evidence.steps], beta) for plan in drive.plans])
     if not isinstance(evidence, PlanEvidence) and not isinstance(start, InformedStart):
         return None
     figures = np.ones((STEPS + 1, STATES))
@@ -352,9 +317,8 @@ def z_scores(
     """
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores, shown = {}, plans_shown(meant or ring, drive)
-    switching = getattr((meant or ring).lookahead, "switching", None)
     paths = [
-        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, switching)
+        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown)
         for t in range(STEPS + 1)
     ]
     for t, offset in runs[0]:

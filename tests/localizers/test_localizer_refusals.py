@@ -82,10 +82,6 @@ RNG = np.random.default_rng
         ("mcl-map", {"scan_keep": 1.5}, "scan_keep"),
         ("mcl-map", {"recovery_alpha_fast": 2.0}, "recovery_alpha_fast"),
         ("mcl-map", {"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
-        ("mcl-plan", {"validity": 0.01}, "keep = 0"),
-        ("mcl-plan", {"validity": 0.01, "keep": 0.0, "charge": "new"}, "always"),
-        ("mcl-plan", {"validity": 0.6, "keep": 0.0}, "validity"),
-        ("mcl-plan", {"validity": "often", "keep": 0.0}, "validity"),
     ],
 )
 def test_a_bad_parameter_is_refused_with_what_is_allowed(robot, name, params, words):

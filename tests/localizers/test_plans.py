@@ -1,4 +1,4 @@
-"""The plan as an observation: what it is charged, where it moves mass, when mcl-plan doubts it."""
+"""The plan as an observation: what it is charged, where it moves mass."""
 
 import math
 from dataclasses import replace
@@ -301,24 +301,3 @@ def test_a_start_that_no_plan_fits_is_the_prior_and_is_counted(robot, prior):
     assert start.events.infeasible_plans == 1
     assert start.events.weight_collapses == 1
     assert start.points()[1].tolist() == [1 / 50] * 50
-
-
-def test_plans_that_are_never_doubted_are_exact_evidence(robot, prior, drive):
-    sure, doubted = (
-        follow(localizers.make("mcl-plan", robot, particles=50, keep=0.0, **more), prior, drive)
-        for more in ({}, {"validity": 0.0})
-    )
-    for one, other in zip(sure, doubted, strict=True):
-        assert one.weights == pytest.approx(other.weights, rel=1e-9)
-    assert [b.plan_reading.valid for b in doubted[:-1]] == pytest.approx([1.0] * (len(drive[0])))
-
-
-def test_a_stale_plan_is_noticed_where_the_sensor_holds_the_cloud(robot, prior, drive):
-    # through the wall at every step, while the scans say where the robot is
-    actions, _ = drive
-    stale = [np.tile([60.0, 0.0], (20, 1)) for _ in range(len(actions) + 1)]
-    doubting = localizers.make("mcl-plan", robot, particles=200, keep=0.0, validity=0.05)
-    told = [b.plan_reading.valid for b in follow(doubting, prior, drive, plans=stale)]
-    own = [b.plan_reading.valid for b in follow(doubting, prior, drive)][:-1]
-    assert told[-1] < 0.05
-    assert min(own) > 0.5

@@ -78,7 +78,9 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
     before, factor = given_logs
     belief = cloud(before)
     logs = np.array(factor)
-    after = belief.scanned(Scan.of(np.zeros(1), 1.0), logs) if is_scan else belief.reweighted(logs)
+    after = (
+        belief.scanned(Scan.of(np.zeros(1), 1.0), logs, 256) if is_scan else belief.reweighted(logs)
+    )
     expected = shares_of([a + b for a, b in zip(before, factor, strict=True)])
     assert after.events.weight_collapses == (not expected)
     if expected:

@@ -106,9 +106,12 @@ def _deq(lag: int) -> Side:
     return Side(f"deq-mcl, L = {lag}", partial(our_job, "deq-mcl", particles=MANY, lag=lag))
 
 
-def _replanned(figure: str, name: str, particles: int, target: float | None = None) -> Figure:
+def _replanned(
+    figure: str, name: str, particles: int, target: float | None = None, members: int = 1
+) -> Figure:
     what = f"step in scenario guided, a new plan at every step, N = {particles:,}, B = 1"
-    ours = Side(f"{name}, L = 20", partial(replanned_job, name, particles))
+    each = f", {members} x N" if members > 1 else ""
+    ours = Side(f"{name}, L = 20{each}", partial(replanned_job, name, members * particles))
     other = Side("mcl-map", partial(replanned_job, "mcl-map", particles))
     named = f"{figure}_vs_map_step{particles // 1000}k"
     return Figure(named, what, "µs/step", ours, other, target)
@@ -144,13 +147,14 @@ FIGURES = (
         Side("no beam clipped", partial(scan_job, clipped=False)),
     ),
     *(
-        _replanned(figure, name, particles, target)
+        _replanned(figure, name, particles, target, members)
         for particles in (FEW, MANY)
-        for figure, name, target in (
-            ("plan", "mcl-plan", 5.0),
-            ("replanned_deq", "deq-mcl", None),
-            ("replanned_pilots", "mcl-pilots", None),
-            ("replanned_h", "mcl-h", None),
+        for figure, name, target, members in (
+            ("plan", "mcl-plan", 5.0, 1),
+            ("hedged", "mcl-plan-hedged", 4.0, 2),
+            ("replanned_deq", "deq-mcl", None, 1),
+            ("replanned_pilots", "mcl-pilots", None, 1),
+            ("replanned_h", "mcl-h", None, 1),
         )
     ),
 )

@@ -1,0 +1,303 @@
+"""A filter that follows advice of unknown quality, and one that does not: which predicts the scans?
+
+Two filters run on the same commands and scans. The *advised* one, A, is shown the plans; the
+*protected* one, B, never sees any. V_t = 1 if A's picture is right; q_t = P(V_t = 1 | o_{1:t}):
+
+    q_t⁻ = (1 - s) q_{t-1} + s (1 - q_{t-1})
+    A ← (1 - f) A + f B,   f = s (1 - q_{t-1}) / q_t⁻
+    a_t, b_t = Σ w p(o_t | x_t, m) under A and under B, before they take in the scan
+    q_t = q_t⁻ a_t / (q_t⁻ a_t + (1 - q_t⁻) b_t)
+
+The belief is q A + (1 - q) B. Only scans judge: A's cloud has moved to where its plans are
+feasible, so they cannot testify for themselves.
+
+For any plans, and run by run, with p_t = q_t⁻ a_t + (1 - q_t⁻) b_t,
+
+    Σ log p_t ≥ Σ log b_t - log 1/(1 - q₀) - T log 1/(1 - s)
+
+(fixed share, Herbster & Warmuth 1998), and the same against A with q₀. As an interacting multiple
+model (Blom & Bar-Shalom 1988; of particles: Boers & Driessen 2003) B would also take over from A
+with its share of the weight. Then a wrong plan reaches B before a scan can object, so by default it
+does not: this is insurance, not the posterior of the two-mode model.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.validation import InputError, boolean, number
+from localizers.api import Belief, Localizer, Points, Prior
+from localizers.beliefs import quality_of
+from localizers.inference.bayes_filter import Filter, FilterLocalizer
+from localizers.inference.belief import Events, ParticleBelief, PlanReading
+from localizers.inference.particle_filter import ParticleFilter
+from localizers.inference.parts import Action, Actions
+from localizers.inference.queue import Queue
+from localizers.inference.resampling import pointed_at
+from localizers.inference.weights import log_sum_exp
+from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
+
+F = TypeVar("F", bound=Filter[Any])
+
+
+class Predictive(Belief, Protocol):
+    """A belief that tells how well it predicted the latest scan."""
+
+    @property
+    def scan_log_evidence(self) -> float:
+        """Log Σ w p(o_t | x_t, m) under the belief before o_t; NaN if it is unknown."""
+
+
+class HedgedBelief(NamedTuple):
+    """q A + (1 - q) B, as two weighted clouds.
+
+    Attributes:
+        advised, protected: the beliefs A and B.
+        log_odds: log q / (1 - q).
+        scan_log_evidence: log p_t of the latest scan; NaN before it.
+        events: counts since reset, of both members.
+    """
+
+    advised: Predictive
+    protected: Predictive
+    log_odds: float
+    scan_log_evidence: float = float("nan")
+    events: Events = Events()
+
+    @property
+    def trusted(self) -> float:
+        """q, the probability that A's picture is right."""
+        return share_of(self.log_odds)
+
+    def points(self, offset: int = 0) -> Points | None:
+        """Return the poses of both, their weights times q and 1 - q; of one where q is 1 or 0.
+
+        None for an offset that either does not hold.
+        """
+        trusted = self.trusted
+        if trusted in (0.0, 1.0):
+            return (self.advised if trusted else self.protected).points(offset)
+        advised, protected = self.advised.points(offset), self.protected.points(offset)
+        if advised is None or protected is None:
+            return None
+        poses = np.concatenate([advised[0], protected[0]])
+        shares = trusted * advised[1], (1.0 - trusted) * protected[1]
+        return poses, np.concatenate(shares)
+
+    @property
+    def quality(self) -> float | None:
+        """P(not lost | o_{1:t}), in [0, 1]; None if a member has none."""
+        advised, protected = quality_of(self.advised), quality_of(self.protected)
+        if advised is None or protected is None:
+            return None
+        return self.trusted * advised + (1.0 - self.trusted) * protected
+
+    @property
+    def plan_reading(self) -> PlanReading | None:
+        """What the latest plan said to A."""
+        return getattr(self.advised, "plan_reading", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hedge:
+    """q A + (1 - q) B over a filter A that may be misled and a filter B that cannot.
+
+    Attributes:
+        advised: A.
+        protected: B, shown empty plans.
+        switching: s, the probability per step that A's picture becomes right or wrong.
+        trust: q₀.
+        mutual: whether B takes over from A as well: the exact two-mode model.
+    """
+
+    advised: Filter[Any]
+    protected: Filter[Any]
+    switching: float = 0.001
+    trust: float = 0.5
+    mutual: bool = False
+
+    def __post_init__(self) -> None:
+        number("switching", self.switching, low=0, high=0.5)
+        number("trust", self.trust, low=0, high=1)
+        boolean("mutual", self.mutual)
+
+    def initial(self, prior: Any, plan: Actions, rng: np.random.Generator) -> HedgedBelief:
+        """Return the belief at t = 0. B draws what it would alone; A has a stream of its own."""
+        protected = self.protected.initial(prior, plan[:0], rng)
+        advised = self.advised.initial(prior, plan, rng.spawn(1)[0])
+        events = _events(Events(), advised, protected)
+        with np.errstate(divide="ignore"):
+            log_odds = float(arrays.log([self.trust])[0] - arrays.log([1.0 - self.trust])[0])
+        return HedgedBelief(advised, protected, log_odds, events=events)
+
+    def step(
+        self,
+        belief: HedgedBelief,
+        scan: Scan,
+        action: Action,
+        plan: Actions,
+        rng: np.random.Generator,
+    ) -> HedgedBelief:
+        """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
+        s, stream = self.switching, rng.spawn(1)[0]
+        log_odds = switched(belief.log_odds, s)
+        advised, protected = belief.advised, belief.protected
+        if s > 0.0:
+            share = s * share_of(-belief.log_odds) / share_of(log_odds)
+            advised = mixed(advised, share, belief.protected, stream)
+        if s > 0.0 and self.mutual:
+            share = s * share_of(belief.log_odds) / share_of(-log_odds)
+            protected = mixed(protected, share, belief.advised, stream)
+        advised = self.advised.step(advised, scan, action, plan, stream)
+        protected = self.protected.step(protected, scan, action, plan[:0], rng)
+        log_odds, evidence = absorbed(log_odds, _evidence(advised), _evidence(protected))
+        events = _events(belief.events, advised, protected)
+        return HedgedBelief(advised, protected, log_odds, evidence, events)
+
+
+@compiled
+def share_of(log_odds: float) -> float:
+    """Return q of log q / (1 - q)."""
+    if log_odds > 0.0:
+        return float(1.0 / (1.0 + exp64(-log_odds)))
+    odds = exp64(log_odds)
+    return float(odds / (1.0 + odds))
+
+
+@compiled
+def switched(log_odds: float, switching: float) -> float:
+    """Return the log-odds of q (1 - s) + (1 - q) s."""
+    if switching == 0.0:
+        return log_odds
+    less = exp64(-abs(log_odds))  # odds of the less likely
+    back = log64((1.0 - switching + less * switching) / (switching + less * (1.0 - switching)))
+    return float(back if log_odds > 0.0 else -back)
+
+
+@compiled
+def absorbed(log_odds: float, log_a: float, log_b: float) -> tuple[float, float]:
+    """Return the log-odds after evidence a for A and b for B, and log (q a + (1 - q) b).
+
+    Odds instead of q, because 1 - q of a q near 1 is rounded off. They stay as they are, and the
+    evidence is NaN, where it is unknown to one member or impossible to both.
+    """
+    ratio = log_a - log_b
+    if np.isnan(ratio) or max(log_a, log_b) == np.inf:
+        return log_odds, np.nan
+    rest = log64(1.0 + exp64(-abs(log_odds)))
+    first = min(log_odds, 0.0) - rest + log_a
+    second = min(-log_odds, 0.0) - rest + log_b
+    top = max(first, second)
+    evidence = top
+    if top > -np.inf:
+        evidence = top + log64(exp64(first - top) + exp64(second - top))
+    return log_odds if np.isinf(log_odds) else log_odds + ratio, evidence
+
+
+def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) -> Any:
+    """Replace each particle, with probability ``share``, by a draw from another belief.
+
+    With it goes its path: every state that the other belief holds as well. The new particles get
+    the mean weight of all, so that in expectation the belief is the mixture. What is no cloud, or
+    has a queued future, to which such a present would not lead, is returned as it is.
+    """
+    if share == 0.0 or not isinstance(belief, ParticleBelief) or belief.queue.ahead > 0:
+        return belief
+    chosen = np.flatnonzero(rng.random(belief.log_weights.size) < share)
+    if chosen.size == 0:
+        return belief
+    drawn, states = None, belief.queue.since(-belief.queue.present)
+    for offset, held in zip(range(0, -len(states), -1), reversed(states), strict=True):
+        if (points := other.points(offset)) is None:
+            break
+        if drawn is None:
+            drawn = pointed_at(points[1], (np.arange(chosen.size) + rng.random()) / chosen.size)
+        held[:, chosen] = points[0][drawn].T
+    log_weights = belief.log_weights.copy()
+    log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
+    return belief._replace(queue=Queue.of(states), log_weights=log_weights)
+
+
+def _evidence(belief: Any) -> float:
+    try:
+        return float(belief.scan_log_evidence)
+    except AttributeError:
+        raise InputError(
+            f"a belief of type {type(belief).__name__} has no scan_log_evidence, but both members "
+            "of a hedge must tell log Σ w p(scan | pose), from their weights before the scan."
+        ) from None
+
+
+def _events(before: Events, *members: Any) -> Events:
+    """Return the counts of both members; unusable beams, which both get, are counted once."""
+    told = [getattr(belief, "events", None) for belief in members]
+    counts = {one.name: sum(getattr(own, one.name, 0) for own in told) for one in fields(Events)}
+    counts["skipped_beams"], counts["blind_scans"] = before.skipped_beams, before.blind_scans
+    return Events(**counts)
+
+
+@dataclass(frozen=True)
+class Plugged:
+    """A localizer as a member; it keeps its own state, and is never re-seeded."""
+
+    localizer: Localizer
+
+    def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> Belief:
+        """Reset it."""
+        return self.localizer.reset(prior, plan, rng)
+
+    def step(
+        self, belief: Belief, scan: Scan, action: Action, plan: Actions, rng: np.random.Generator
+    ) -> Belief:
+        """Update it."""
+        return self.localizer.update(scan.ranges, action, plan)
+
+
+def judging(member: F) -> F:
+    """Return a filter all of whose particles tell how well a scan was predicted."""
+    if isinstance(member, ParticleFilter):
+        return replace(member, predictive=member.particles)
+    return member
+
+
+def hedged(
+    robot: RobotModel,
+    advised: Localizer,
+    protected: Localizer,
+    *,
+    switching: float = 0.001,
+    trust: float = 0.5,
+    mutual: bool = False,
+) -> FilterLocalizer[HedgedBelief]:
+    """Return q A + (1 - q) B of two localizers for one robot: a plan that misleads A costs little.
+
+    Their beliefs must have ``scan_log_evidence``, log Σ w p(scan | pose) by their weights before
+    the scan, with the same scan model; those of built-in localizers but ``dead-reckoning`` and
+    ``amcl`` have it. Particles of a built-in A are re-seeded from B; a plug-in's are not.
+
+    Args:
+        robot: which both were made for.
+        advised: A, which is shown the plans.
+        protected: B, which is not.
+        switching, trust, mutual: see ``Hedge``.
+    """
+    members = [
+        judging(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
+        for one in (advised, protected)
+    ]
+    return FilterLocalizer(
+        robot,
+        Hedge(
+            advised=members[0],
+            protected=members[1],
+            switching=switching,
+            trust=trust,
+            mutual=mutual,
+        ),
+    )
