@@ -35,11 +35,12 @@ def run(options: argparse.Namespace) -> str:
 def _parameters(name: str) -> str:
     """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
     from benchmarks.execution.apart import parameters
+    from deqmcl_gym.validation import one_line
 
     try:
         known = parameters(name)
     except Exception as error:
-        return f"cannot be loaded: {' '.join(str(error).split())}"
+        return f"cannot be loaded: {one_line(str(error))}"
     return "any parameters" if known is None else ", ".join(known)
 
 

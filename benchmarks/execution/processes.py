@@ -180,7 +180,7 @@ def work(line: Connection) -> None:
 
     It ends when the line breaks, and does not outlive its parent.
     """
-    enter()
+    enter(line)
     load()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")

@@ -18,7 +18,7 @@ from benchmarks.report.words import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.results import Results, failed_sentence
+from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
 from benchmarks.trials.spec import Method
@@ -131,9 +131,9 @@ def run_replay(
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
-    if results.failures:
+    if lacking := incomplete_sentence(results):
         print("\n\n".join(texts))
-        raise TrialsFailedError(failed_sentence(results))
+        raise TrialsFailedError(lacking)
     return "\n\n".join(texts)
 
 

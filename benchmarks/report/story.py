@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import matplotlib as mpl
-
+from benchmarks.pictures.style import styled
 from benchmarks.report import charts, error_tables, tables, tracks, words
 from benchmarks.report.animations import Drawn, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
@@ -204,7 +203,7 @@ def story_of(
     panels = results.panels
     look = looks(tables.all_labels(panels))
     animated = panels[:ANIMATED]
-    with drawn.given() if drawn else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
+    with drawn.given() if drawn else drawing() as promised, styled(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, written
+from benchmarks.files import own_folder, refuse_changed, write_part, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.plan_validity import validities
@@ -89,8 +89,15 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
 
 
 def _written(out: Path, part: str, results: Results, drawn: "Drawn | None") -> list[Path]:
-    source = _source(results, drawn)
-    return written(out, part, source, lambda: _contents(results, drawn))
+    def contents() -> dict[str, bytes]:
+        tables = _tables(results)
+        try:
+            return tables | _told(results, drawn)
+        except Exception:
+            write_part(out, part, tables)  # the numbers, whatever keeps the pictures away
+            raise
+
+    return written(out, part, _source(results, drawn), contents)
 
 
 def _source(results: Results, drawn: "Drawn | None") -> str:
@@ -106,7 +113,7 @@ def _source(results: Results, drawn: "Drawn | None") -> str:
     return digest.hexdigest()
 
 
-def _contents(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
+def _tables(results: Results) -> dict[str, bytes]:
     compared = results.panels
     tables = {
         "results.csv": results_csv(compared),
@@ -117,8 +124,13 @@ def _contents(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
         tables["gaps.csv"] = gaps_csv(compared)
     if read := validities(compared):
         tables["plans.csv"] = plans_csv(read)
+    return {name: utf8(text) for name, text in tables.items()}
+
+
+def _told(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
+    """Return the page, the Markdown and its pictures; nothing without what draws them."""
     if no_report() is not None:
-        return {name: utf8(text) for name, text in tables.items()}
+        return {}
     load()
     from benchmarks.report.animations import IMAGES
     from benchmarks.report.pages import html, images, markdown
@@ -127,4 +139,4 @@ def _contents(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
     story = story_of(results, drawn)
     told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
     pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
-    return {name: utf8(text) for name, text in (tables | told).items()} | pictures
+    return {name: utf8(text) for name, text in told.items()} | pictures

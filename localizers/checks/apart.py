@@ -85,7 +85,7 @@ def _try_laws(
     line: Connection, name: str, robot: RobotModel | None, timeout: float, params: dict[str, Any]
 ) -> None:
     """Answer questions until killed: the number of a law, or None for the time of a step."""
-    enter()
+    enter(line)
     try:
         here = Here(subject_of(name, robot, timeout=timeout, **params))
     except BaseException as error:

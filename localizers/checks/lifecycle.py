@@ -121,7 +121,7 @@ def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
 
 def _answer(there: Connection, task: bytes) -> None:
     """Run in the spawned process."""
-    enter()
+    enter(there)
     answer: list[Snapshot] | str
     try:
         sent, name, params, robot, drive = pickle.loads(task)

@@ -87,7 +87,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
 def record_of(errors, seed=0, localizer="mcl", **how):
     """The record of such a run."""
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
-    scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors)))}
+    scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
     journey, track = kept_at(errors, **how).kept()
     return Finished(
         trial=trial,
@@ -386,6 +386,8 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--param", "amcl.pf_err=-1"), "pf_err"),
         (("--param", "amcl.pf_z=much"), "pf_z"),
         (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
+        (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
+        (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
         (("--jobs", "0"), "--jobs"),
         (("--localizers", "mlc"), "'mcl'"),
         (("--localizers", "mcl,mcl"), "named twice"),

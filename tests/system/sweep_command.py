@@ -1,5 +1,6 @@
 """Small sweeps by ``deqmcl sweep``."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
@@ -10,7 +11,7 @@ from benchmarks.report import writing
 
 SMALL = """
 title = "small"
-localizers = ["mcl", "dead-reckoning"]
+localizers = {localizers}
 trials = {trials}
 lag = 4
 
@@ -28,10 +29,11 @@ def without_report():
         yield patched
 
 
-def write_small(folder, trials=2, particles=15, more=""):
-    """Write a sweep file; return its path."""
+def write_small(folder, trials=2, particles=15, more="", others=()):
+    """Write a sweep file, with other localizers beside two; return its path."""
     path = folder / "small.toml"
-    path.write_text(SMALL.format(trials=trials, particles=particles) + more)
+    named = json.dumps(["mcl", "dead-reckoning", *others])
+    path.write_text(SMALL.format(trials=trials, particles=particles, localizers=named) + more)
     return path
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -15,6 +14,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
 from benchmarks.pictures.figures import png_of
+from benchmarks.pictures.style import styled
 from benchmarks.studies.phase.cycles import Cycles, PlaceFields, Precession, title_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
@@ -40,7 +40,7 @@ def phase_figure(
 ) -> bytes:
     """Return the figure as PNG: the perfect queue's lap with the map, then a row per method."""
     (perfect, *others), unit = laps.values(), fields.unit
-    with mpl.rc_context(_STYLE):
+    with styled(_STYLE):
         figure = Figure(figsize=(11, 1.3 + 2.15 * len(laps)), dpi=100, layout="constrained")
         shares: Any = {"width_ratios": (2.1, 1, 1.15), "height_ratios": [*[1.0] * len(laps), 0.09]}
         axes = figure.subplots(len(laps) + 1, 3, squeeze=False, **shares)

@@ -12,6 +12,7 @@ import numpy as np
 from tabulate import tabulate
 
 from benchmarks.pictures.figures import png_of
+from benchmarks.pictures.style import styled
 from benchmarks.studies.speed import numpy_baseline, peers, rays, work
 from benchmarks.studies.speed.figure import (
     Effort,
@@ -231,6 +232,7 @@ def scaling_tables(measured: Sequence[Scaling]) -> str:
     return "\n\n".join(tables)
 
 
+@styled()
 def scaling_plot(measured: Sequence[Scaling]) -> bytes:
     """Return one picture per task, as PNG; axes are logarithmic where values span a decade."""
     from matplotlib.figure import Figure
