@@ -280,8 +280,8 @@ def _methods(*labels: str) -> dict[str, tuple[str, dict[str, object]]]:
 
 IN_GUIDED = _methods(
     "`mcl-plan`, `keep` = 0", '`mcl-plan`, `charge` = "new"', "`mcl-plan`", "`mcl-plan-hedged`",
-    "`deq-mcl-rejuvenated`", "`deq-mcl`", "`mcl-pilots`", "`mcl-h`", "`mcl-map`", "`mcl`", "`grid`", OWN, "`ekf`", AMCL,
-    "dead reckoning",
+    "`deq-mcl-rejuvenated`", "`deq-mcl`", "`mcl-pilots`", "`mcl-h`", "`mcl-map`", "`mcl`", "`grid`",
+    OWN, "`ekf`", AMCL, "dead reckoning",
 )  # fmt: skip
 IN_PAPER = _methods(
     "dead reckoning", "`mcl-plan`", "`mcl-plan`, `keep` = 0", "`mcl-plan-hedged`",
