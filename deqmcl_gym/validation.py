@@ -18,7 +18,7 @@ LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
 _MOST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence
-_LONGEST = 2_000  # characters of a sentence
+_MOST = 2_000  # characters of a sentence
 
 
 class LogWarning(UserWarning):
@@ -38,7 +38,7 @@ def one_line(text: str) -> str:
     line = " ".join(text.split())
     if not line.isprintable():
         line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
-    return line if len(line) <= _LONGEST else _shortened(line, _LONGEST)
+    return line if len(line) <= _MOST else _shortened(line, _MOST)
 
 
 def _shortened(text: str, most: int) -> str:

@@ -14,7 +14,7 @@ from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import GROUPS, Group
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,5 +264,4 @@ def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:
     except InputError as error:
         return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        why = f"{type(error).__name__}: {error}"
-        return {"no_animation": f"its trials could not be run again ({why})"}
+        return {"no_animation": f"its trials could not be run again ({in_words(error)})"}
