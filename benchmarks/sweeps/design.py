@@ -5,13 +5,14 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup.changes import NOTHING, Changes, jsonable
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.tables.pairing import BASELINE
-from benchmarks.trials.spec import Method, Trial, changes_of
+from benchmarks.trials.spec import Method, Run, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
@@ -168,6 +169,19 @@ class Sweep:
         return points * (runs + sum(limit.trials * limit.filter_seeds for limit in self.limits))
 
     @property
+    def planned(self) -> int:
+        """How many trials it runs, counted by cells: equal combinations are one."""
+        points = math.prod(len(axis) for axis in self.vary)
+        sizes = [(self.trials, self.filter_seeds)] * (points * len(self.localizers))
+        for limit in self.limits:
+            sizes += [(limit.trials, limit.filter_seeds)] * points
+        known: dict[str, frozenset[Run]] = {}
+        for first, size in zip(self.cells(), sizes, strict=True):
+            name = json.dumps(first.canonical())
+            known[name] = known.get(name, frozenset()) | {size}
+        return sum(map(_runs_within, known.values()))
+
+    @property
     def names(self) -> list[str]:
         """Every localizer that it names."""
         limits = [name for limit in self.limits for name in (limit.method.name, *limit.of)]
@@ -234,6 +248,13 @@ class Sweep:
         for number in range(trials):
             for filter_seed in range(filter_seeds):
                 yield Trial(**same, trial=number, filter_seed=filter_seed)
+
+
+@cache
+def _runs_within(sizes: frozenset[Run]) -> int:
+    """Count the runs within one or more numbers of worlds and filter seeds."""
+    worlds = range(max(trials for trials, _ in sizes))
+    return sum(max(seeds for trials, seeds in sizes if trials > world) for world in worlds)
 
 
 def _absolute(axis: Axis) -> Axis:

@@ -118,7 +118,7 @@ def ran(sweep):
 
 
 def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
-    assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
+    assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct()) == SWEEP.planned
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
     assert {t.params for t in limits} == {Changes(MANY)}
@@ -132,11 +132,13 @@ def test_an_axis_over_what_the_limit_fixes_runs_it_once():
     sweep = sweep_of(SWEEP.canonical() | varied, title="varied")
     assert len({t.params for t in sweep.limiting(*sweep.limits)}) == 1
     assert sweep.combinations - len(sweep.distinct()) == 2 * 8 + 2 * 15  # and dead reckoning
+    assert sweep.planned == len(sweep.distinct())
 
 
 def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
     sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
     apart = of_sweep(sweep, results(ran(sweep)))
+    assert sweep.planned == len(sweep.distinct())
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]
 

@@ -91,7 +91,7 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     for name in scenario_names():
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
-    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
+    assert re.search(r"^  plan-sensor +32,720 trials on 200 worlds: ", said, re.MULTILINE)
 
 
 ROOT = Path(__file__).parents[2]
