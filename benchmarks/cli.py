@@ -122,6 +122,8 @@ def _explain(error: Exception) -> int:
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    completing = "_ARGCOMPLETE" in os.environ  # set by a shell in which Tab was pressed
+    words = os.environ.get("COMP_LINE", "").split() if completing else arguments
     parser = _Parser(
         prog="deqmcl",
         description="Benchmark of self-localization for robots with a known plan.",
@@ -131,7 +133,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
         own = subparsers.add_parser(name, allow_abbrev=False, help=words)
-        if name not in arguments:
+        if name not in words:
             continue
         command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
         own.description = command.__doc__
@@ -139,6 +141,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         traced = "show a traceback when something fails"
         own.add_argument("--debug", action="store_true", help=traced)
         own.set_defaults(run=command.run)
+    if completing:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)  # ends the process
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags
