@@ -129,6 +129,9 @@ CONTENTS = {
     + _tree(
         "Reference",
         "docs/site/api",
+        "docs/site/api-wrappers",
+        "docs/site/api-benchmarks",
+        "docs/faq",
         "docs/equations",
         "docs/decisions/README",
         "docs/README",
