@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import errno
 import gc
 import io
 import os
@@ -113,7 +114,7 @@ def _explain(error: Exception) -> int:
     if isinstance(error, OSError) and error.strerror:
         words = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
         print(f"deqmcl: {words}.", file=sys.stderr)
-        return FAILED
+        return BAD_INPUT if error.errno == errno.ENAMETOOLONG else FAILED
     words = " ".join(str(error).split()) if isinstance(error, RuntimeError) else ""
     code: int = getattr(error, "exit_code", FAILED)
     where = " (--debug shows where)" if code == FAILED else ""

@@ -15,9 +15,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
 
-import yaml
-
-from deqmcl_gym.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.validation import InputError, one_of
 from localizers.naming.digests import content_digest
 
@@ -149,7 +147,7 @@ class Changes(Mapping[str, Any]):
         """
         flat: dict[str, Any] = {}
         for key, value in table(what, given, "a table").items():
-            nested = isinstance(value, Mapping)
+            nested = isinstance(value, Mapping) and bool(value)  # {} is a value
             for name, leaf in cls.told(what, value).items() if nested else (("", value),):
                 whole = f"{key}.{name}" if nested else key
                 if whole in flat:
@@ -269,17 +267,18 @@ def _absolute(folder: Path, value: Any) -> Any:
 
 def from_folder(folder: Path, path: str) -> str:
     """Return a path from a folder as an absolute one; ~ is the home folder."""
-    return os.path.abspath(folder / Path(path).expanduser())
+    return os.path.abspath(folder / os.path.expanduser(path))
 
 
 def _parts(path: Path) -> list[Path]:
-    if path.is_dir():
-        return sorted(part for part in path.rglob("*") if part.is_file())
+    if os.path.isdir(path):  # a bag of ROS 2, whose files stand side by side
+        whole = path.glob("*") if (path / "metadata.yaml").is_file() else ()
+        return sorted(part for part in whole if part.is_file())
     if path.suffix.lower() not in (".yaml", ".yml"):
         return [path]
     try:
-        said = yaml.safe_load(path.read_bytes())
+        said = yaml_of(content_of(path))
         image = said.get("image") if isinstance(said, dict) else None
-    except (OSError, ValueError, yaml.YAMLError):  # whoever loads the map says so
+    except (FileNotFoundError, UnreadableError):  # whoever loads the map says so
         image = None
     return [path, path.parent / image] if isinstance(image, str) else [path]

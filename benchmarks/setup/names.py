@@ -20,6 +20,7 @@ from localizers.naming.plugins import is_ctrl_c, is_reference, load, raised, ref
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
+_DEEPEST = 8  # files, each the base of the next
 _VERBS = ("plan_at_reset", "act")
 
 
@@ -137,6 +138,8 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
+    if len(within) > _DEEPEST:
+        raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
     if name.endswith(".toml"):
         found, folder = _read(Path(name), (*within, name)), Path(name).parent
     elif is_reference(name):

@@ -272,7 +272,9 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     for turn, distance in legs:
         actions += [(0.0, math.copysign(part, turn)) for part in _parts(abs(turn), lap.turn)]
         actions += [(part, 0.0) for part in _parts(distance, lap.step)]
-    return np.array(actions, dtype=np.float32).reshape(-1, 2)
+    made = np.array(actions, dtype=np.float32).reshape(-1, 2)
+    made.setflags(write=False)
+    return made
 
 
 def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:

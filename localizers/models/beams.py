@@ -12,7 +12,7 @@ from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, digits, number, one_of, part
+from deqmcl_gym.validation import InputError, digits, keep_plain, number, one_of, part
 from localizers.models import beam_kernels
 
 
@@ -62,6 +62,7 @@ class _Tempered:
 
     def __post_init__(self) -> None:
         number("scan.power", self.power, low=0, high=1, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,12 +12,13 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.models import lookahead_kernels as grid_kernels
 from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
 MAX_BYTES = 2**30
+_MOST_HEADINGS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,8 @@ class PoseGrid:
 
     def __post_init__(self) -> None:
         number("cell", self.cell, low=0, above=True)
-        integer("headings", self.headings, low=4)
+        integer("headings", self.headings, low=4, high=_MOST_HEADINGS)
+        keep_plain(self)
         x0, y0, x1, y1 = self.bounds
         cells = self.headings * math.ceil((x1 - x0) / self.cell) * math.ceil((y1 - y0) / self.cell)
         if cells * self.bytes_per_cell > MAX_BYTES:
@@ -127,7 +129,8 @@ class LookaheadGrid:
 
     def __post_init__(self) -> None:
         number("cell", self.cell, low=0, above=True)
-        integer("headings", self.headings, low=1)
+        integer("headings", self.headings, low=1, high=_MOST_HEADINGS)
+        keep_plain(self)
         if math.prod(self.shape) > MAX_NODES:
             raise InputError(
                 f"cells of {self.cell:g} {self.floor_plan.unit} and {self.headings} headings make "

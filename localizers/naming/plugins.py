@@ -167,7 +167,7 @@ def localizers_in(file: str) -> list[str]:
         InputError: the file cannot be read, or is not Python.
     """
     try:
-        tree = ast.parse(content_of(Path(file).expanduser()), file)
+        tree = ast.parse(content_of(Path(os.path.expanduser(file))), file)
     except FileNotFoundError as error:
         raise InputError(f"the file {file} cannot be read: {error.strerror}.") from None
     except UnreadableError as error:
@@ -205,7 +205,7 @@ def absolute_name(name: str) -> str:
     place, colon, attribute = name.rpartition(":")
     if not _is_path(place):
         return name
-    return f"{Path(place).expanduser().absolute()}{colon}{attribute}"
+    return f"{Path(os.path.expanduser(place)).absolute()}{colon}{attribute}"
 
 
 def load(reference: str, name: str, kind: str = "localizer") -> Any:
@@ -226,7 +226,7 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
             f"{named} leads to {reference!r}, but must be package.module:NAME or "
             "path/to/file.py:NAME."
         )
-    path = Path(place).expanduser().absolute() if _is_path(place) else None
+    path = Path(os.path.expanduser(place)).absolute() if _is_path(place) else None
     source = b"" if path is None else _source(path, named)
     try:
         with contextlib.chdir(os.curdir):  # comes back, wherever it goes

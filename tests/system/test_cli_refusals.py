@@ -53,6 +53,7 @@ BAD = [  # arguments, and what the sentence must name
     (["export", "."], ["holds no manifest.json"]),
     (["report", "."], ["holds no manifest.json"]),
     (["report", ""], ["folder"]),
+    ([*RUN[:-1], "a" * 300], ["File name too long"]),
 ]
 
 
