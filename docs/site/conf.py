@@ -115,6 +115,7 @@ CONTENTS = {
         "docs/your-map-your-log",
         "docs/gallery/index",
         "docs/learning",
+        "docs/faq",
     )
     + _tree(
         "Results",
@@ -131,7 +132,6 @@ CONTENTS = {
         "docs/site/api",
         "docs/site/api-wrappers",
         "docs/site/api-benchmarks",
-        "docs/faq",
         "docs/equations",
         "docs/decisions/README",
         "docs/README",
