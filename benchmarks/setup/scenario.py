@@ -100,8 +100,9 @@ class Agent(Protocol):
             info: the env's latest, without the truth.
 
         Returns:
-            The action to be carried out next, (distance px, turn rad), and the plan after it, (h, 2),
-            which the localizer gets with the next scan; None: the actions that the env then shows.
+            The action to be carried out next, (distance px, turn rad), and the plan after it,
+            (h, 2), which the localizer gets with the next scan; None: that which the env then
+            shows.
         """
 
 
