@@ -253,7 +253,6 @@ def changed(options: argparse.Namespace, sweeps: Mapping[str, "Sweep"]) -> dict[
             limits=tuple(
                 replace(
                     limit,
-                    trials=min(trials, limit.trials),
                     method=replace(
                         limit.method,
                         params=Changes(own.get(limit.method.name, {})) | limit.method.params,

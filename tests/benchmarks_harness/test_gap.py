@@ -127,6 +127,12 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
 
+def test_a_limit_has_as_many_worlds_as_the_sweep_at_most():
+    fewer = replace(SWEEP, trials=1)
+    assert {trial.trial for trial in fewer.limiting(*SWEEP.limits)} == {0}
+    assert fewer.combinations == 2 * 3 + 4 == len(fewer.distinct()) == fewer.planned
+
+
 def test_an_axis_over_what_the_limit_fixes_runs_it_once():
     varied = {"vary": [{"params.particles": [10, 20, 30]}]}
     sweep = sweep_of(SWEEP.canonical() | varied, title="varied")
@@ -155,7 +161,6 @@ def test_what_is_written_of_a_limit_is_read_again():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"limit": {"name": "mcl", "trials": 6}}, ["trials of the limit", "6", "5"]),
         ({"limit": {"name": "mcl", "filter_seeds": 0}}, ["filter_seeds of the limit", "0"]),
         ({"limit": {"name": "mlc"}}, ["'mlc'"]),
         ({"limit": {"trials": 2}}, ["limit has no name"]),

@@ -82,19 +82,19 @@ def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_the
     said = json.loads((out / "manifest.json").read_text())
     assert said["command"][-2:] == ["--param", 'mcl.resampler="multinomial"']
     own = "particles = 7, resampler = 'multinomial'"
-    text = file.read_text().replace("30\ntrials = 2", "30\nparams.resampler = 'multinomial'")
-    text = text.replace("trials = 2", "trials = 1\nseed = 3") + "trials = 1\n"
+    text = file.read_text().replace("= 30", "= 30\nparams.resampler = 'multinomial'")
+    text = text.replace("trials = 2", "trials = 1\nseed = 3", 1)
     file.write_text(text.replace('"mcl",', f'{{ name = "mcl", params = {{ {own} }} }},'))
     assert read_sweep(file).canonical() == said["identity"]["sweep"]
     assert len(ran) == 2 + 2  # mcl is the same at both points of the axis; its limit runs twice
 
 
 def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ran):
-    file, out = write_small(tmp_path), tmp_path / "out"
+    file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
     assert sweep(file, out, "--trials", "1") == 0
     file.write_text(file.read_text().replace('"small"', '"larger"'))
     assert sweep(file, out) == 0
-    assert len(ran) == 4
+    assert len(ran) == 2 * (2 + 1 + 2)  # mcl at two points, dead reckoning, the limit's runs
     assert json.loads((out / "manifest.json").read_text())["identity"]["sweep"]["title"] == "larger"
 
 
