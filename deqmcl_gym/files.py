@@ -10,13 +10,14 @@ import io
 import json
 import os
 import re
+import secrets
 import shlex
 import stat
 import tempfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, NoReturn, TypeVar
 
@@ -30,16 +31,16 @@ PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: first to a temporary file beside it, then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=PREFIX, suffix=SUFFIX)
+    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with beside.open("xb") as file:  # with the permissions of the umask
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
+        beside.replace(path)
     except BaseException as error:
-        Path(name).unlink(missing_ok=True)
+        with suppress(OSError):
+            beside.unlink()
         if isinstance(error, OSError):
             error.filename = str(path)  # for a full disk, Python names no file
         raise
@@ -53,6 +54,7 @@ T = TypeVar("T")
 
 _BLOCK = 2**20  # bytes
 _UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
+_OUTSIDE = re.compile(r"Expected `\w+` ([<>]=?|matching regex) .*|Number out of range")
 _LACKING = re.compile(r"Object missing required field `(.*)`")
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -88,7 +90,10 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
         os.close(handle)
         raise UnreadableError(f"is {_KINDS.get(kind, 'no file')}")
     with os.fdopen(handle, "rb") as file:
-        yield file
+        try:
+            yield file
+        except OSError as error:
+            raise UnreadableError(f"cannot be read ({error.strerror or error})") from None
 
 
 def content_of(path: Path) -> bytes:
@@ -190,6 +195,8 @@ def typed(value: Any, kind: type[T]) -> T:
         at = place.replace("`", "").replace("$.", "").replace("[...]", "[]")
         if unlike := _UNLIKE.fullmatch(what):
             what = f"has {unlike['given']} instead of {unlike['expected']}"
+        elif _OUTSIDE.fullmatch(what):
+            what = "has a value out of range"
         elif lacking := _LACKING.fullmatch(what):
             what = f"has no {lacking[1]}"
         else:
@@ -299,6 +306,11 @@ def writable_folder(path: Path) -> Path:
             f"the output folder {path} cannot be written to ({error.strerror}): give another one."
         ) from None
     return path
+
+
+def is_possible(path: Path) -> bool:
+    """Whether a file may have this path: file systems take names of up to 255 bytes."""
+    return all(len(os.fsencode(part)) <= 255 for part in path.parts)
 
 
 def is_temporary(path: Path) -> bool:

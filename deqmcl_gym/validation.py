@@ -16,8 +16,9 @@ T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
-_LONGEST = 2**128  # seeds of NumPy have as many bits
+_MOST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence
+_MOST = 2_000  # characters of a sentence
 
 
 class LogWarning(UserWarning):
@@ -29,7 +30,20 @@ class InputError(ValueError):
 
     def __init__(self, sentence: str) -> None:
         """Put ``sentence`` on one line, even if it contains an array."""
-        super().__init__(" ".join(sentence.split()))
+        super().__init__(one_line(sentence))
+
+
+def one_line(text: str) -> str:
+    """Return a text on one line, control characters escaped; a long one shortened in the middle."""
+    line = " ".join(text.split())
+    if not line.isprintable():
+        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    return line if len(line) <= _MOST else _shortened(line, _MOST)
+
+
+def _shortened(text: str, most: int) -> str:
+    half = most // 2 - 2
+    return f"{text[:half]} … {text[-half:]}"
 
 
 def shown(value: object) -> str:
@@ -38,14 +52,13 @@ def shown(value: object) -> str:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python writes
         return "a number of thousands of digits"
-    half = _SHOWN // 2
-    return text if len(text) <= _SHOWN else f"{text[:half]} … {text[-half:]}"
+    return text if len(text) <= _SHOWN else _shortened(text, _SHOWN)
 
 
 def in_words(error: BaseException) -> str:
     """Return an error on one line: "KeyError: 'offset'", or its type if it has no message."""
     try:
-        words = " ".join(str(error).split())
+        words = one_line(str(error))
     except BaseException as another:
         words = f"its message cannot be shown ({type(another).__name__})"
     return ": ".join(filter(None, [type(error).__name__, words]))
@@ -125,8 +138,8 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)
-    if high is None and given > _LONGEST:
-        allowed, high = f"from {low} to 2^128", _LONGEST
+    if high is None and given > _MOST:
+        allowed, high = f"from {low} to 2^128", _MOST
     if given < low or (high is not None and given > high):
         raise InputError(f"{what} is {shown(given)}, but must be a whole number {allowed}.")
     return given

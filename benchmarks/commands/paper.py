@@ -39,16 +39,17 @@ def run(options: argparse.Namespace) -> str:
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import PATIENCE, Processes
-    from benchmarks.files import write_part
+    from benchmarks.files import own_subfolder, write_part
     from benchmarks.pictures.figures import chosen, paper_figures
-    from benchmarks.report import load, write_report
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
     from benchmarks.report.words import conclusion
-    from benchmarks.sweeps.results import failed_sentence, summary
+    from benchmarks.report.writing import load, write_report
+    from benchmarks.sweeps.results import incomplete_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS
 
     out, named = options.out, options.localizers
+    figures = own_subfolder(out, "figures")
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
     sweep = shared.sweep_of(options, localizers, options.trials)
@@ -56,13 +57,13 @@ def run(options: argparse.Namespace) -> str:
         load()  # while the workers load theirs
     with begun(sweep, out, how, command=options.words) as running:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
-            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
+            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), figures)
             results = running.results()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Kept(out))
-            if results.failures:
+            files = write_report(out, results, Drawn(out))
+            if lacking := incomplete_sentence(results):
                 print(summary(sweep, results, out, files))
-                raise TrialsFailedError(failed_sentence(results))
+                raise TrialsFailedError(lacking)
             files += drawing.result()
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")

@@ -78,7 +78,7 @@ class Amcl:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What they say of a replay: see ``setting_of``."""
+        """What they say of a replay: see ``replay_of``."""
         words = {"kind": kind_of(self.motion), **vars(self.motion)}
         return {
             "every": self.every,

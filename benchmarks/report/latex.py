@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from importlib.resources import files
 
-import matplotlib as mpl
-
+from benchmarks.pictures.style import styled
 from benchmarks.report.error_tables import verdict_table
 from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, looks
@@ -81,7 +80,7 @@ def pdf_files(results: Results) -> dict[str, bytes]:
     """Return every chart of the report as figures/NAME.pdf."""
     panels = results.panels
     look = looks(all_labels(panels))
-    with mpl.rc_context(HOUSE_STYLE):
+    with styled(HOUSE_STYLE):
         pictures = charts_over(panels, look)
         for panel in panels:
             pictures += [p for part in blocks(panel, look, pictured=True) for p in part.pictures]

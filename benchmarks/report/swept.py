@@ -10,15 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.report.curves import (
-    DIFFERENCE,
-    ERROR,
-    Quantity,
-    coordinate_words,
-    place_of,
-    swept_charts,
-    swept_coordinates,
-)
+from benchmarks.report import curves
 from benchmarks.report.svg import Look, Picture, picture
 from benchmarks.report.words import done, estimated
 from benchmarks.tables.comparison import Comparison
@@ -41,8 +33,8 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
 
     Three numbers must vary: one is across, one upwards, and there is a square for each of the last.
     """
-    places = [place_of(panel) for panel in panels]
-    swept = swept_coordinates(places)
+    places = [curves.place_of(panel) for panel in panels]
+    swept = curves.swept_coordinates(places)
     if len(swept) != 3:
         return []
     *_, last = swept
@@ -77,7 +69,7 @@ def _drawn(
     width = _LEFT + len(squares) * (wide + _BETWEEN)
     height = _BELOW + high + _ABOVE
     figure = Figure(figsize=(width, height))
-    words = [coordinate_words(key) + (" …" if swept[key] else "") for key in swept]
+    words = [curves.coordinate_words(key) + (" …" if swept[key] else "") for key in swept]
     most = max(abs(_ahead(row, score)) for row, _ in cells.values() if score.name in row.journey)
     scale = Normalize(-1, 1)
     for number, square in enumerate(squares):
@@ -102,7 +94,8 @@ def _drawn(
 
 
 def _square_words(keys: Sequence[str], place: Mapping[str, Any]) -> str:
-    return ", ".join(f"{coordinate_words(key).rpartition('.')[2]} {place.get(key)}" for key in keys)
+    last = {key: curves.coordinate_words(key).rpartition(".")[2] for key in keys}
+    return ", ".join(f"{name} {place.get(key)}" for key, name in last.items())
 
 
 def _square(axes: Axes, across: Sequence[Any], upwards: Sequence[Any], *, first: bool) -> None:
@@ -166,14 +159,15 @@ def charts_over(panels: Sequence[Panel], looks: Mapping[str, Look]) -> list[Pict
     """
     aims = {panel.aim for panel in panels}
     aim = aims.pop() if len(aims) == 1 else None
-    quantities = (ERROR, DIFFERENCE) if aim is None else _shares(aim)
-    curves = (swept_charts(panels, looks, quantity) for quantity in quantities)
-    return regime_maps(panels) or [chart for charts in curves for chart in charts]
+    quantities = (curves.ERROR, curves.DIFFERENCE) if aim is None else _shares(aim)
+    return regime_maps(panels) or [
+        chart for quantity in quantities for chart in curves.swept_charts(panels, looks, quantity)
+    ]
 
 
-def _shares(aim: Score) -> tuple[Quantity, Quantity]:
+def _shares(aim: Score) -> tuple[curves.Quantity, curves.Quantity]:
     share = replace(
-        ERROR,
+        curves.ERROR,
         title=f"Runs {done(aim)}",
         axis=f"{done(aim)}, % of runs",
         caption="Bars: Wilson's 95 % intervals. A method without this parameter has the same share "
@@ -181,7 +175,7 @@ def _shares(aim: Score) -> tuple[Quantity, Quantity]:
         of=lambda row: row.standing.value.percent,
     )
     apart = replace(
-        DIFFERENCE,
+        curves.DIFFERENCE,
         axis="points above the baseline",
         caption="Above 0: more often than the baseline on the same worlds. Bars: 95 % bootstrap "
         "intervals over worlds.",

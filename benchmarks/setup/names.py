@@ -5,6 +5,7 @@ docs/scenarios.md has the table of a scenario file's keys.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -27,16 +28,6 @@ _VERBS = ("plan_at_reset", "act")
 def scenario_names() -> tuple[str, ...]:
     """Names of the built-in scenarios."""
     return (*SCENARIOS, *_OF_LOGS)
-
-
-def agent_names() -> tuple[str, ...]:
-    """Names of the built-in agents."""
-    return tuple(AGENTS)
-
-
-def agent_words(name: str) -> str:
-    """Return what a built-in agent does, in a line."""
-    return str(AGENTS[name].__doc__).partition("\n")[0]
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
@@ -90,10 +81,11 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
     return made
 
 
+@cache
 def plug_ins_of(name: str) -> tuple[str, ...]:
     """Return the plug-ins that a scenario leads to: itself, its bases, its agent.
 
-    Nothing is run to find out: one in Python stands for what it names, too.
+    Nothing is run to find out, a file is read once: one in Python stands for what it names, too.
 
     Raises:
         InputError: a file cannot be read.

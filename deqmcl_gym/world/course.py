@@ -239,8 +239,7 @@ def mid_corridor(floor_plan: Map) -> Floats:
             "go around it: give lap.waypoints."
         )
     steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
-    lap: Floats = np.round((hull + steps) / px, 2) * px
-    return lap
+    return np.round((hull + steps) / px, 2) * px
 
 
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:

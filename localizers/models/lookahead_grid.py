@@ -156,7 +156,7 @@ class LookaheadGrid:
         window = increments(window)
         headings, ny, nx = self.shape
         before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
-        turns, spreads = [], [self.motion.spread(action) for action in window]
+        turns, spreads, farthest = [], [self.motion.spread(action) for action in window], 0.0
         ways = [distance_and_bearing(action) for action in window]
         for (distance, _), turn, (sd, sd_turn) in zip(
             ways, window[:, 2].tolist(), spreads, strict=True
@@ -164,7 +164,10 @@ class LookaheadGrid:
             turns.append(_turn_weights(turn, sd_turn, headings))
             far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
             before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
-        widest, pad = before[-2] if len(before) > 1 else before[0], self._reach(window)
+            farthest = max(farthest, far)
+        widest = before[-2] if len(before) > 1 else before[0]
+        # more nodes than any drive goes to a side, counted to the border at most
+        pad = math.ceil(min(farthest, max(ny, nx) + 1.0)) + 1
         rows, columns = widest.high - widest.low, widest.right - widest.left
         h = np.full((headings, (rows + 2 * pad) * (columns + 2 * pad)), _SCALE)
         out = h.copy()
@@ -197,15 +200,6 @@ class LookaheadGrid:
         wanted = np.zeros(headings, np.bool_)
         wanted[[first % headings, (first + 1) % headings]] = True
         return Nodes(left, low, right + 2, high + 2, wanted)
-
-    def _reach(self, window: Floats) -> int:
-        """More nodes than any drive of a window goes to a side, counted to the border at most."""
-        farthest = 0.0
-        for action in window:
-            sd, _ = self.motion.spread(action)
-            farthest = max(farthest, abs(distance_and_bearing(action)[0]) + _SIGMAS[-1] * sd)
-        _, ny, nx = self.shape
-        return math.ceil(min(farthest / self.cell, max(ny, nx) + 1.0)) + 1
 
     @property
     def origin(self) -> tuple[float, float]:

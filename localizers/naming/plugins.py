@@ -23,7 +23,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -57,7 +57,7 @@ class EndedError(NoAnswerError):
         self.code = code
 
 
-class Isolated:
+class OwnProcess:
     """A process that calls ``enter`` and answers questions, and our end of the line to it."""
 
     def __init__(
@@ -101,11 +101,14 @@ class Isolated:
         self._line.close()
 
 
-def enter() -> None:
+def enter(line: Connection) -> None:
     """Prepare this process to be killed as a whole; call it first.
 
-    It leads its own session, prints to stderr, and does not outlive its parent.
+    It leads its own session, prints to stderr, and does not outlive its parent. What a plug-in
+    forks is not on the line: answers come from this process alone.
     """
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=line.close)
     with contextlib.suppress(AttributeError, OSError):  # not on Windows; it leads one already
         os.setsid()
     with contextlib.suppress(OSError):

@@ -18,6 +18,7 @@ from deqmcl_gym.validation import (
     InputError,
     array,
     digits,
+    in_words,
     integer,
     number,
     one_of,
@@ -88,6 +89,16 @@ def test_numbers_of_any_kind_up_to_the_limits_are_returned_as_pythons(value):
 
 def test_a_refusal_is_a_value_error():
     assert issubclass(InputError, ValueError)
+
+
+@pytest.mark.parametrize(
+    "say", [lambda text: str(InputError(text)), lambda t: in_words(OSError(t))]
+)
+def test_a_sentence_is_short_and_on_one_line_without_control_characters(say):
+    assert say("an\x1b[31m\a\n odd\0name\udce9").endswith(r"an\x1b[31m\x07 odd\x00name\udce9")
+    for text in ("x" * 10**7, "\x1b" * 10**4):
+        assert 1000 < len(say(text)) < 2100
+    assert say("Σ w = 1, 神经").endswith("Σ w = 1, 神经")
 
 
 def test_array_returns_fresh_float64_of_the_shape_asked_for():
