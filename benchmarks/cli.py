@@ -127,7 +127,7 @@ def _explain(error: Exception) -> int:
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     completing = "_ARGCOMPLETE" in os.environ  # set by a shell in which Tab was pressed
-    words = os.environ.get("COMP_LINE", "").split() if completing else arguments
+    typed = os.environ.get("COMP_LINE", "").split() if completing else arguments
     parser = _Parser(
         prog="deqmcl",
         description="Benchmark of self-localization for robots with a known plan.",
@@ -137,7 +137,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
         own = subparsers.add_parser(name, allow_abbrev=False, help=words)
-        if name not in words:
+        if name not in typed:
             continue
         command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
         own.description = command.__doc__
