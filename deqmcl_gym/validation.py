@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
-_MOST = 2**128  # seeds of NumPy have as many bits
+_LARGEST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence
 _MOST = 2_000  # characters of a sentence
 
@@ -138,8 +138,8 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)
-    if high is None and given > _MOST:
-        allowed, high = f"from {low} to 2^128", _MOST
+    if high is None and given > _LARGEST:
+        allowed, high = f"from {low} to 2^128", _LARGEST
     if given < low or (high is not None and given > high):
         raise InputError(f"{what} is {shown(given)}, but must be a whole number {allowed}.")
     return given

@@ -14,8 +14,8 @@ import cv2
 import PIL
 
 from benchmarks.files import written
+from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, png, side_by_side, webp
-from benchmarks.pictures.style import styled
 from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import state_error

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from importlib.resources import files
 
-from benchmarks.pictures.style import styled
+from benchmarks.pictures import styled
 from benchmarks.report.error_tables import verdict_table
 from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, looks

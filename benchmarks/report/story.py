@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from benchmarks.pictures.style import styled
+from benchmarks.pictures import styled
 from benchmarks.report import charts, error_tables, tables, tracks, words
 from benchmarks.report.animations import Drawn, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.pictures.style import styled
+from benchmarks.pictures import styled
 from benchmarks.tables.stats import Estimate
 
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written

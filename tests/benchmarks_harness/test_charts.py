@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_cases import THREE, changed, finished, trials
 
-from benchmarks.pictures.style import styled
+from benchmarks.pictures import styled
 from benchmarks.report import charts, curves
 from benchmarks.report.svg import HOUSE_STYLE, canvas, looks, picture
 from benchmarks.tables.pairing import profile

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from report_cases import changed, trials
 from test_journey_tables import run
 
-from benchmarks.pictures.style import styled
+from benchmarks.pictures import styled
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.report.swept import charts_over, regime_maps

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
+from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.pictures.style import styled
 from benchmarks.studies.phase.cycles import Cycles, PlaceFields, Precession, title_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats

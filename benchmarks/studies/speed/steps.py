@@ -11,8 +11,8 @@ from itertools import groupby
 import numpy as np
 from tabulate import tabulate
 
+from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.pictures.style import styled
 from benchmarks.studies.speed import numpy_baseline, peers, rays, work
 from benchmarks.studies.speed.figure import (
     Effort,
