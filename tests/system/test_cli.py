@@ -99,7 +99,7 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     ("line", "offered"),
     [
         ("deqmcl lea", {"leaderboard"}),
-        ("deqmcl new-map office --wi", {"--width", "--wings"}),
+        ("deqmcl new-map --co", {"--corridor", "--corridors"}),
         ("deqmcl x", {""}),
     ],
 )
