@@ -697,13 +697,19 @@ def sentences() -> Iterable[tuple[str, str]]:
     yield "README.md", f"{plan:.1f} px, map-based MCL {base:.1f}, the paper's filter {deq:.1f} (N"
     yield "README.md", f"with 1,000 has {n('error', sensor, 'guided', 'mcl-plan', 1000):.1f}"
     gained = [-n("diff", sensor, "paper", "mcl-plan", many) for many in (300, 1000)]
-    yield "README.md", f"`mcl-plan` is better by {gained[0]:.1f} and {gained[1]:.1f}."
+    yield (
+        "docs/reports/paper-200.md",
+        f"`mcl-plan` is better by {gained[0]:.1f} and {gained[1]:.1f}.",
+    )
     shares = [
         -n("diff", sensor, "paper", method, many)
         for method in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
         for many in (300, 1000)
     ]
-    yield "README.md", f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300"
+    yield (
+        "docs/reports/paper-200.md",
+        f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
+    )
     over_200 = filled(INTERVAL, row("paper-200/paper", "paper", "deq-mcl"))
     yield "README.md", _plain(f"than MCL ({over_200})").replace("+", "")
     yield "README.md", f"has the same {n('success_1m', 'amcl/lost', 'lost', 'mcl-map'):.0p} %"

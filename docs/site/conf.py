@@ -115,6 +115,7 @@ CONTENTS = {
         "docs/your-map-your-log",
         "docs/gallery/index",
         "docs/learning",
+        "docs/faq",
     )
     + _tree(
         "Results",
@@ -129,6 +130,8 @@ CONTENTS = {
     + _tree(
         "Reference",
         "docs/site/api",
+        "docs/site/api-wrappers",
+        "docs/site/api-benchmarks",
         "docs/equations",
         "docs/decisions/README",
         "docs/README",
