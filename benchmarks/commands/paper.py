@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> str:
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
-    return f"{table}\n{conclusion(results)}\n\nWritten to {out}: table.md, {named}."
+    return f"{table}\n{conclusion(results).text}\n\nWritten to {out}: table.md, {named}."
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:

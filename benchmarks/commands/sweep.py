@@ -102,7 +102,7 @@ def _swept(options: argparse.Namespace) -> str:
         with begun(sweep, out / part, how, command=options.words) as running:
             results = running.results()
             files = write_report(out / part, results)
-        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results)}")
+        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results).text}")
         failed += [failed_sentence(results)] if results.failures else []
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")

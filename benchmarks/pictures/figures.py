@@ -112,14 +112,14 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
         if method in seen:
             camera, episode = seen[method]
             half_way = episode[(len(episode) - 1) // 2]
-            contents[f"fig4_{method}.png"] = png(camera.frame(half_way, method))
+            contents[f"fig4_{method}.png"] = png(camera.frame(half_way, [method]))
     if FIG_5_METHOD in seen:
         contents |= _fig_5(*seen[FIG_5_METHOD])
     shown = [method for method in LAP_METHODS if method in seen]
     if shown:
         small = camera_of(stages[0], scale=1.2)
         laps = [
-            [small.frame(moment, method) for moment in seen[method][1][::LAP_STRIDE]]
+            [small.frame(moment, [method]) for moment in seen[method][1][::LAP_STRIDE]]
             for method in shown
         ]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
@@ -133,11 +133,12 @@ def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:
     if later >= len(episode):
         return {}
     images = {}
+    truth, unit = episode[FIG_5_STATE].truth, camera.view.floor_plan.unit
     for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
-        unit = camera.view.floor_plan.unit
-        seen = _error_and_spread(episode[step].belief, offset, episode[FIG_5_STATE].truth, unit)
-        note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
-        images[f"fig5_step{step}.png"] = png(camera.frame(episode[step], FIG_5_METHOD, note))
+        seen = _error_and_spread(episode[step].belief, offset, truth, unit)
+        words = [f"{FIG_5_METHOD}, state {FIG_5_STATE} seen at step {step}", seen]
+        frame = camera.frame(episode[step], words, truth if offset else None)
+        images[f"fig5_step{step}.png"] = png(frame)
     return images
 
 

@@ -6,6 +6,7 @@ from textwrap import wrap
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from benchmarks.report.curves import FAR, LOG_RATIO, left_out
 from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
@@ -247,6 +248,12 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
     profiles = {panel.labels[m]: profile(records) for m, records in panel.records.items()}
     if all(len(errors) < 2 for errors in profiles.values()):
         return None
+    base = min(row.error.mean for row in panel.present if row.method == row.baseline)
+    most = {label: max(one.mean for one in errors.values()) for label, errors in profiles.items()}
+    out = [label for label, error in most.items() if error > FAR * base]
+    if len(out) == len(profiles):
+        out = []
+    profiles = {label: errors for label, errors in profiles.items() if label not in out}
     figure, axes = canvas(4.8, 2.9, legend_of=profiles)
     for label, errors in profiles.items():
         estimates(axes, list(errors), list(errors.values()), looks[label], label)
@@ -259,7 +266,8 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
         name=f"offsets-{panel.number}",
         title="Along the queue",
         caption="Error of the belief at t about x[t+k], over the same states for every k; bars are "
-        "95 % bootstrap intervals over worlds. A method without a queue is a single mark.",
+        f"95 % bootstrap intervals over worlds. A method without a queue is a single mark."
+        f"{left_out(out)}",
         alt=f"Error against the offset of the state, {panel.title}",
     )
 
@@ -273,7 +281,10 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
     for row in timed:
         label = panel.labels[row.method]
         estimates(axes, [row.milliseconds], [row.error], looks[label], label, size=7)
-    axes.set(xlabel="localizer's time per step, ms (median over runs)", xlim=(0, None))
+    times = [row.milliseconds for row in timed]
+    wide = min(times) > 0 and max(times) > LOG_RATIO * min(times)
+    axes.set(xlabel="localizer's time per step, ms (median over runs)")
+    axes.set(**{"xscale": "log"} if wide else {"xlim": (0, None)})
     axes.set(ylabel="error e of x[t]", ylim=(0, None))
     return picture(
         figure,

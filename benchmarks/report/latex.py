@@ -90,7 +90,7 @@ def pdf_files(results: Results) -> dict[str, bytes]:
 
 def _table(panel: Panel) -> str:
     table = verdict_table(panel)
-    caption = f"{panel.title}. {spoken(panel)} {table.caption}"
+    caption = f"{panel.title}. {spoken(panel).text} {table.caption}"
     return "\n".join(
         (
             r"\begin{table*}",

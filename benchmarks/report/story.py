@@ -153,7 +153,8 @@ class Section:
 
     Attributes:
         panel: what its tables are of.
-        verdict, runner_up, findings, power: sentences.
+        verdict: who is best.
+        runner_up, findings, power: sentences.
         table: of its methods, the best first.
         blocks: tables and charts, part by part.
         animations: of the best, median and worst world.
@@ -161,7 +162,7 @@ class Section:
     """
 
     panel: Panel
-    verdict: str
+    verdict: words.Said
     runner_up: str
     findings: list[str]
     power: str
@@ -177,7 +178,8 @@ class Story:
 
     Attributes:
         results: what it is about.
-        conclusion, overview, progress: sentences.
+        conclusion: who is best, on all that was run.
+        overview, progress: sentences.
         glances: tables with a line for each section; empty if there is one section.
         validity: of plans, with a line for several sections.
         sections: panel by panel.
@@ -187,7 +189,7 @@ class Story:
     """
 
     results: Results
-    conclusion: str
+    conclusion: words.Said
     overview: str
     progress: str
     glances: list[Table]

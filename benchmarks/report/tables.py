@@ -6,13 +6,16 @@ from typing import NamedTuple
 
 from tabulate import tabulate
 
-from benchmarks.report.words import estimated
+from benchmarks.report.words import estimated, where
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent, state_name
+from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
+
+
+_LETTERS = 130  # of a table, across a page
 
 
 class Table(NamedTuple):
@@ -29,6 +32,12 @@ class Table(NamedTuple):
     lines: list[list[str]]
     strong: Collection[tuple[int, int]] = ()
     own: Collection[int] = ()
+
+    @property
+    def wide(self) -> bool:
+        """Whether its cells do not fit side by side on a page, each on one line."""
+        columns = zip(*self.lines, strict=True)
+        return sum(3 + max(map(len, column)) for column in columns) > _LETTERS
 
     def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
         """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
@@ -141,7 +150,7 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     for row in rows:
         first, *_ = row.panels
         told = {name: own for name, own in row.signals.items() if _tells(own)}
-        scenarios = ", ".join(panel.setting.scenario for panel in row.panels)
+        scenarios = ", ".join(short_name(panel.setting.scenario) for panel in row.panels)
         lines.append(
             [
                 ", ".join([scenarios, *first.title.split(", ")[1:]]),
@@ -186,4 +195,4 @@ def all_labels(panels: Sequence[Panel]) -> list[str]:
 
 def numbered(panel: Panel) -> str:
     """The title of a panel in a column of settings, behind its number."""
-    return f"{panel.number}. {panel.title.removeprefix('scenario ')}"
+    return f"{panel.number}. {where(panel)}"
