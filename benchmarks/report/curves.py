@@ -5,6 +5,8 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from matplotlib.axes import Axes
+
 from benchmarks.report.svg import INK, Look, Picture, canvas, estimates, picture
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
@@ -155,9 +157,16 @@ def _left_out(chart: _Chart, quantity: Quantity) -> list[str]:
     return list(dict.fromkeys(far))
 
 
-def left_out(labels: Sequence[str]) -> str:
+def spaced(axes: Axes, ticks: Sequence[float]) -> None:
+    """Give an axis a logarithmic scale with these ticks."""
+    axes.set_xscale("log")
+    axes.set_xticks(ticks, [f"{value:g}" for value in ticks])
+    axes.set_xticks([], minor=True)
+
+
+def left_out(labels: Sequence[str], of: str) -> str:
     """Say which methods are not drawn, as they are too far off; "" if all are."""
-    said = f" Left out, above {FAR} times the baseline's error: {', '.join(labels)}."
+    said = f" Left out, above {FAR} times {of}: {', '.join(labels)}."
     return said if labels else ""
 
 
@@ -176,9 +185,7 @@ def _drawn(
     if len(finite) <= _TICKS:
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
     if finite and finite[0] > 0 and finite[-1] / finite[0] >= LOG_RATIO:
-        axes.set_xscale("log")
-        axes.set_xticks(finite, [f"{value:g}" for value in finite])
-        axes.set_xticks([], minor=True)
+        spaced(axes, finite)
     words, *others = coordinate_words([chart.key, *chart.followers])
     axes.set(xlabel=words, ylabel=quantity.axis)
     margin = 0.05 * (max(ends) - min(ends))
@@ -187,7 +194,7 @@ def _drawn(
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     caption = quantity.caption
-    caption += left_out(_left_out(chart, quantity))
+    caption += left_out(_left_out(chart, quantity), "the baseline's error")
     if others:
         caption += f" Together with {words} change: {', '.join(others)}."
     return picture(figure, name=name, title=title, caption=caption, alt=title)

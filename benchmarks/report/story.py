@@ -259,7 +259,7 @@ def _failed(results: Results) -> Table:
         where = f"{trial.localizer} on {trial.scenario}, world {trial.trial}"
         lines.append([f"{where}, filter seed {trial.filter_seed}", failure.reason])
     caption = "Trials that raised an error; no mean includes them."
-    return Table(caption, ["trial", "reason"], lines)
+    return Table(caption, ["trial", "reason"], lines, words=True)
 
 
 def _left_out(results: Results) -> Table:
@@ -267,7 +267,8 @@ def _left_out(results: Results) -> Table:
     lines = [[name, why] for name, why in listed[:_LISTED]]
     if len(listed) > _LISTED:
         lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
-    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
+    caption = "Files in the folder that are no trials of this sweep."
+    return Table(caption, ["file", "why"], lines, words=True)
 
 
 def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:

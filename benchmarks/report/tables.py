@@ -16,6 +16,7 @@ from benchmarks.trials.metrics import LEVELS
 
 
 _LETTERS = 130  # of a table, across a page
+_NAME = 32  # letters of a method that stand on one line
 
 
 class Table(NamedTuple):
@@ -25,6 +26,7 @@ class Table(NamedTuple):
         caption, header, lines: words.
         strong: cells in bold, by line and column.
         own: lines of plug-ins, which are the reader's own methods.
+        words: whether its cells are words, which begin at the left.
     """
 
     caption: str
@@ -32,12 +34,18 @@ class Table(NamedTuple):
     lines: list[list[str]]
     strong: Collection[tuple[int, int]] = ()
     own: Collection[int] = ()
+    words: bool = False
 
     @property
-    def wide(self) -> bool:
-        """Whether its cells do not fit side by side on a page, each on one line."""
-        columns = zip(*self.lines, strict=True)
-        return sum(3 + max(map(len, column)) for column in columns) > _LETTERS
+    def looks(self) -> str:
+        """How a page shows it: wide if its cells do not fit side by side on one line each."""
+        most = [max(map(len, column)) for column in zip(*self.lines, strict=True)]
+        shown = {
+            "words": self.words,
+            "wide": not self.words and sum(most) + 3 * len(most) > _LETTERS,
+            "named": self.header[0] == "method" and most and most[0] <= _NAME,
+        }
+        return " ".join(name for name, so in shown.items() if so)
 
     def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
         """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
@@ -46,7 +54,7 @@ class Table(NamedTuple):
             self.header,
             tablefmt=style,
             disable_numparse=True,
-            colalign=("left", *["right"] * (len(self.header) - 1)),
+            colalign=("left", *["left" if self.words else "right"] * (len(self.header) - 1)),
         )
 
     def marked_up(self, words: Callable[[str], str], strong: str) -> list[list[str]]:

@@ -174,7 +174,9 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     said = []
     for label, own in outcomes.items():
         counts = Counter(own).items()
-        several = [f"{what} in {n}" if len(found) > 1 else what for what, n in counts]
+        several = [
+            f"{what} in {counted({n}, 'setting')}" if len(found) > 1 else what for what, n in counts
+        ]
         said.append(f"Plug-in {label}: {', '.join(several)}.")
     return " ".join(said)
 

@@ -184,7 +184,7 @@ CASES = {
     },
     "dead-reckoning is best: 9.00 px, 55 % below mcl (95 %: 55 to 55), smaller in 9 of "
     "9 worlds; costs 4.7 × the time. Of the methods that use scans, ekf is best: 16.0 px, 20 % below "
-    "MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × the time.": {
+    "mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × the time.": {
         "mcl": [20.0] * 9,
         "dead-reckoning": [9.0] * 9,
         "ekf": [16.0] * 9,
@@ -232,7 +232,7 @@ def test_a_plug_in_is_in_the_verdict_whoever_is_best():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
     assert " Plug-in Mine: 24.0 px, larger error than mcl." in spoken(panel_of(records)).text
     records += paired({"mcl": (20.0, ONE), own: (24.0, ONE)}, scenario="sharp")
-    assert " Plug-in Mine: larger error than mcl in 2." in conclusion(results(records)).text
+    assert " Plug-in Mine: larger error than mcl in 2 settings." in conclusion(results(records)).text
 
 
 def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
