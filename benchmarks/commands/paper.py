@@ -58,12 +58,12 @@ def run(options: argparse.Namespace) -> str:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
+            figures = [] if results.failures else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Kept(out))
+            files = write_report(out, results, Kept(out)) + figures
             if results.failures:
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(failed_sentence(results))
-            files += drawing.result()
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")

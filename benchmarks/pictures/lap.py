@@ -50,7 +50,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
-    film = Film(camera_of(stage, scale=1.6), title, LAP_STRIDE)
+    film = Film(camera_of(stage), title, LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
     trace = trace_of(episode, trial.offsets, stage.task)

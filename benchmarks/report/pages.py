@@ -93,7 +93,10 @@ def markdown(story: Story, folder: str) -> str:
         shown = [*story.glances, *([story.validity] if story.validity else [])]
         parts += ["## At a glance", *(table_text("", glance) for glance in shown)]
     for section in story.sections:
-        parts += _section(section, folder)
+        parts += _section(section, folder, known=bool(story.figures))
+    if story.figures:
+        shown = (f"![{f.title}]({folder}/{f.name})\n\n**{f.title}.** {f.caption}" for f in story.figures)
+        parts += ["## The paper's figures, of world 0", *shown]
     if story.curves:
         parts += ["## Over the swept parameters", *(_image(one, folder) for one in story.curves)]
     if story.failed.lines:
@@ -110,7 +113,7 @@ def markdown(story: Story, folder: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _section(section: Section, folder: str) -> list[str]:
+def _section(section: Section, folder: str, *, known: bool) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {plain(panel.title)}"]
     parts.append(f"{_bold(section.verdict)} {plain(section.runner_up)}".strip())
@@ -122,7 +125,7 @@ def _section(section: Section, folder: str) -> list[str]:
         parts += _block(block, folder)
     for one in section.animations:
         parts += [f"![{one.title}]({folder}/{one.name}.webp)", f"*{one.title}. {one.caption}*"]
-    if section.no_animation:
+    if section.no_animation and not known:
         parts.append(f"No animation: {plain(section.no_animation)}")
     return [part for part in parts if part]
 
@@ -157,7 +160,7 @@ def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
     animations = [one for section in story.sections for one in section.animations]
-    return drawn | animation_files(animations)
+    return drawn | animation_files(animations) | {one.name: one.content for one in story.figures}
 
 
 def _fenced(text: str, kind: str = "") -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib as mpl
 
 from benchmarks.report import error_tables, tables, tracks, words
-from benchmarks.report.animations import Kept, animations_of
+from benchmarks.report.animations import Figure, Kept, animations_of
 from benchmarks.report.charts import (
     WORDS,
     calibration_chart,
@@ -184,6 +184,7 @@ class Story:
         validity: of plans, with a line for several sections.
         sections: panel by panel.
         curves: over what was swept.
+        figures: the paper's, if they are kept.
         failed, left_out: trials without a result, files that are no trial.
         notes, warnings: further sentences, if whoever writes the report has some.
     """
@@ -196,6 +197,7 @@ class Story:
     validity: Table | None
     sections: list[Section]
     curves: list[Picture]
+    figures: Sequence[Figure]
     failed: Table
     left_out: Table
     notes: Sequence[str] = ()
@@ -240,6 +242,7 @@ def story_of(
             validity=tables.validity_table(several),
             sections=sections,
             curves=charts_over(panels, look),
+            figures=kept.figures if kept else (),
             failed=_failed(results),
             left_out=_left_out(results),
             notes=notes,

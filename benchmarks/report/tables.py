@@ -15,7 +15,7 @@ from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
 
 
-_LETTERS = 130  # of a table, across a page
+_LETTERS = 140  # of a table, across a page
 _NAME = 32  # letters of a method that stand on one line
 
 

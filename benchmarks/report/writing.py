@@ -97,6 +97,8 @@ def _source(results: Results, kept: "Kept | None") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
     lacking = kept.lacking({one.key for one in results.finished}) if kept else ""
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
+    for figure in kept.figures if kept else ():
+        digest.update(figure.content)
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
