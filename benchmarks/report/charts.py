@@ -59,7 +59,7 @@ _TESTS = (
 _CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
         "Localized against metres driven",
-        "localized for good, % of runs",
+        "localized to the end, % of runs",
         "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
         "end.",
     ),

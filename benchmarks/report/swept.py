@@ -48,7 +48,8 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
         return []
     *_, last = swept
     squares = {
-        place.get(last): valued({key: place.get(key) for key in (last, *swept[last])}) for place in places
+        place.get(last): valued({key: place.get(key) for key in (last, *swept[last])})
+        for place in places
     }
     cells: dict[str, dict[tuple[Any, ...], tuple[Comparison, Comparison]]] = {}
     for place, panel in zip(places, panels, strict=True):

@@ -130,7 +130,9 @@ def conclusion(results: Results) -> Said:
     settings, baseline = counted({len(found)}, "setting"), short_name(results.baseline)
     if all(len(panel.records) == 1 for panel, _ in found):
         ends = sorted(found, key=lambda one: one[1].first.worse)
-        told = (f"{_brief(panel, one.first)} in {where(panel)}" for panel, one in ends[:: len(ends) - 1])
+        told = (
+            f"{_brief(panel, one.first)} in {where(panel)}" for panel, one in ends[:: len(ends) - 1]
+        )
         return Said(f"{settings}, nothing to compare in them", " to ".join(told))
     best = Counter(p.labels[one.best.method] for p, one in found if one.best is not None)
     none = len(found) - best.total()

@@ -93,7 +93,13 @@ for module in (autodoc, typehints, docstring):
     module.stringify_annotation = _named
 
 HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
-SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))
+SPELLINGS = (
+    (r"\gt ", "> "),
+    (r"\lt ", "< "),
+    (r"\dots", r"\ldots"),
+    ("°", r"^{\circ}"),
+    ("½", r"\frac{1}{2}"),
+)
 
 
 def _tree(caption, *documents):

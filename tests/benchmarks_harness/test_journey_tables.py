@@ -204,7 +204,9 @@ def test_equally_good_methods_share_a_rank_of_the_leaderboard():
 
 
 NOT_CONFIRMED = {
-    "mcl alone, nothing to compare it with: recovered in 50 % of runs (95 %: 25 to 75).": {"mcl": 6},
+    "mcl alone, nothing to compare it with: recovered in 50 % of runs (95 %: 25 to 75).": {
+        "mcl": 6
+    },
     "No method is better than the baseline, mcl: recovered in 50 % of runs (95 %: 25 to 75).": {
         "mcl": 6,
         "amcl": 6,

@@ -232,7 +232,9 @@ def test_a_plug_in_is_in_the_verdict_whoever_is_best():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
     assert " Plug-in Mine: 24.0 px, larger error than mcl." in spoken(panel_of(records)).text
     records += paired({"mcl": (20.0, ONE), own: (24.0, ONE)}, scenario="sharp")
-    assert " Plug-in Mine: larger error than mcl in 2 settings." in conclusion(results(records)).text
+    assert (
+        " Plug-in Mine: larger error than mcl in 2 settings." in conclusion(results(records)).text
+    )
 
 
 def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
