@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import errno
 import gc
 import io
 import os
@@ -41,7 +42,9 @@ class _Parser(argparse.ArgumentParser):
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag
             flag = message.removeprefix("argument ").split(":")[0]
             sentence += f" (write {flag}=VALUE if it begins with -)"
-        print(f"{self.prog}: {sentence}; see {self.prog} --help.", file=sys.stderr)
+        from deqmcl_gym.validation import one_line
+
+        print(f"{self.prog}: {one_line(sentence)}; see {self.prog} --help.", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
 
 
@@ -52,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SIGINT or SIGTERM. 141: whoever read the output stopped reading, as after ``| head``.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
     with console.standard_streams() as output:
@@ -105,16 +109,16 @@ def _refuse_no_folder() -> None:
 
 
 def _explain(error: Exception) -> int:
-    from deqmcl_gym.validation import InputError, in_words
+    from deqmcl_gym.validation import InputError, in_words, one_line
 
     if isinstance(error, InputError):
         print(f"deqmcl: {error}", file=sys.stderr)
         return BAD_INPUT
     if isinstance(error, OSError) and error.strerror:
         words = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
-        print(f"deqmcl: {words}.", file=sys.stderr)
-        return FAILED
-    words = " ".join(str(error).split()) if isinstance(error, RuntimeError) else ""
+        print(f"deqmcl: {one_line(words)}.", file=sys.stderr)
+        return BAD_INPUT if error.errno == errno.ENAMETOOLONG else FAILED
+    words = one_line(str(error)) if isinstance(error, RuntimeError) else ""
     code: int = getattr(error, "exit_code", FAILED)
     where = " (--debug shows where)" if code == FAILED else ""
     print(f"deqmcl: {words or in_words(error)}{where}", file=sys.stderr)

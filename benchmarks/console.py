@@ -39,12 +39,15 @@ def doing(what: str) -> Iterator[None]:
         began = time.monotonic()
         if done.wait(PATIENCE):
             return
+        from deqmcl_gym.validation import one_line  # not before: --help loads nothing heavy
+
+        words = one_line(what)
         if not sys.stderr.isatty():
-            print(f"deqmcl: {what} …", file=sys.stderr, flush=True)
+            print(f"deqmcl: {words} …", file=sys.stderr, flush=True)
             return
         waiting = True
         while waiting:
-            line = f"{what} … {time.monotonic() - began:.0f} s"
+            line = f"{words} … {time.monotonic() - began:.0f} s"
             print(f"\r{line}", end="", file=sys.stderr, flush=True)
             waiting = not done.wait(1.0)
         print(f"\r{' ' * len(line)}\r", end="", file=sys.stderr, flush=True)

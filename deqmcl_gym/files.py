@@ -10,14 +10,16 @@ import io
 import json
 import os
 import re
+import secrets
 import shlex
 import stat
 import tempfile
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import IO, Any, NoReturn, TypeVar
 
 import msgspec
 
@@ -29,26 +31,30 @@ PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: first to a temporary file beside it, then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=PREFIX, suffix=SUFFIX)
+    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with beside.open("xb") as file:  # with the permissions of the umask
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
+        beside.replace(path)
     except BaseException as error:
-        Path(name).unlink(missing_ok=True)
+        with suppress(OSError):
+            beside.unlink()
         if isinstance(error, OSError):
             error.filename = str(path)  # for a full disk, Python names no file
         raise
 
 
 MOST_BYTES = 2**26  # far above any file of ours
+MOST_OF_LOGS = 2**30  # bytes, unpacked
+_DEEPEST = 20  # levels of a YAML file
 
 T = TypeVar("T")
 
+_BLOCK = 2**20  # bytes
 _UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
+_OUTSIDE = re.compile(r"Expected `\w+` ([<>]=?|matching regex) .*|Number out of range")
 _LACKING = re.compile(r"Object missing required field `(.*)`")
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -84,7 +90,10 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
         os.close(handle)
         raise UnreadableError(f"is {_KINDS.get(kind, 'no file')}")
     with os.fdopen(handle, "rb") as file:
-        yield file
+        try:
+            yield file
+        except OSError as error:
+            raise UnreadableError(f"cannot be read ({error.strerror or error})") from None
 
 
 def content_of(path: Path) -> bytes:
@@ -95,10 +104,22 @@ def content_of(path: Path) -> bytes:
         UnreadableError: it is not a regular file, is too large, or cannot be read.
     """
     with opened(path) as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise UnreadableError(f"is larger than {MOST_BYTES:,} bytes, the most that is read")
-    return content
+        return at_most(MOST_BYTES, file)
+
+
+def at_most(most: int, file: IO[bytes] | gzip.GzipFile) -> bytes:
+    """Return the rest of a file, unpacked if ``file`` unpacks, of at most so many bytes.
+
+    Raises:
+        UnreadableError: there are more.
+    """
+    parts, left = [], most + 1
+    while left and (part := file.read(min(left, _BLOCK))):
+        parts.append(part)
+        left -= len(part)
+    if not left:
+        raise UnreadableError(f"is larger than {most:,} bytes, the most that is read")
+    return b"".join(parts)
 
 
 def json_of(content: bytes) -> dict[str, Any]:
@@ -108,7 +129,8 @@ def json_of(content: bytes) -> dict[str, Any]:
         UnreadableError: the content is anything else.
     """
     try:
-        value = json.loads(content.decode(), parse_constant=_refuse_constant)
+        text = content.decode()
+        value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_once)
     except UnreadableError:
         raise
     except UnicodeDecodeError:
@@ -120,6 +142,44 @@ def json_of(content: bytes) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise UnreadableError("is not a JSON object")
     return value
+
+
+def yaml_of(content: bytes) -> Any:
+    """Return the content of a YAML file.
+
+    Raises:
+        UnreadableError: it is not YAML, or breaks one of these rules.
+    """
+    import yaml
+
+    try:
+        text = content.decode("utf-8-sig")
+        depth = 0
+        for event in yaml.parse(text):
+            if isinstance(event, yaml.AliasEvent):
+                raise UnreadableError("has an alias, which is not taken")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:
+                raise UnreadableError("is nested too deeply")
+        node = yaml.compose(text)
+        if isinstance(node, yaml.MappingNode):
+            for key, count in Counter(key.value for key, _ in node.value).items():
+                if count > 1:
+                    raise UnreadableError(f"has the key {key!r} twice")
+        return yaml.safe_load(text)
+    except UnreadableError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
+        raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
+
+
+def as_number(value: Any) -> Any:
+    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def typed(value: Any, kind: type[T]) -> T:
@@ -135,11 +195,21 @@ def typed(value: Any, kind: type[T]) -> T:
         at = place.replace("`", "").replace("$.", "").replace("[...]", "[]")
         if unlike := _UNLIKE.fullmatch(what):
             what = f"has {unlike['given']} instead of {unlike['expected']}"
+        elif _OUTSIDE.fullmatch(what):
+            what = "has a value out of range"
         elif lacking := _LACKING.fullmatch(what):
             what = f"has no {lacking[1]}"
         else:
             at = "$"  # its parts do not belong together
         raise UnreadableError(what if at == "$" else f"{what} at {at}") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise UnreadableError(f"has the name {twice!r} twice")
+    return found
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -170,14 +240,14 @@ def text_of(path: Path) -> str:
         InputError: the file is missing, cannot be read, is damaged gzip, or is binary.
     """
     with opened_log(path) as file:
-        packed = file.read()
-    if packed[:2] == b"\x1f\x8b":  # gzip
-        try:
-            packed = gzip.decompress(packed)
-        except (EOFError, zlib.error, OSError) as error:
-            raise InputError(
-                f"{path} is a truncated or damaged gzip file ({error}): fetch it again."
-            ) from None
+        packed = at_most(MOST_OF_LOGS, file)
+        if packed[:2] == b"\x1f\x8b":  # gzip
+            try:
+                packed = at_most(MOST_OF_LOGS, gzip.GzipFile(fileobj=io.BytesIO(packed)))
+            except (EOFError, zlib.error, OSError) as error:
+                raise InputError(
+                    f"{path} is a truncated or damaged gzip file ({error}): fetch it again."
+                ) from None
     if packed[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return packed.decode("utf-16", errors="replace")
     if b"\0" in packed[:4096]:
@@ -236,6 +306,11 @@ def writable_folder(path: Path) -> Path:
             f"the output folder {path} cannot be written to ({error.strerror}): give another one."
         ) from None
     return path
+
+
+def is_possible(path: Path) -> bool:
+    """Whether a file may have this path: file systems take names of up to 255 bytes."""
+    return all(len(os.fsencode(part)) <= 255 for part in path.parts)
 
 
 def is_temporary(path: Path) -> bool:

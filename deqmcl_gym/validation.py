@@ -8,14 +8,17 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.numerics.types import Floats
 
 T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
+SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
+_LARGEST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence
+_MOST = 2_000  # characters of a sentence
 
 
 class LogWarning(UserWarning):
@@ -27,7 +30,20 @@ class InputError(ValueError):
 
     def __init__(self, sentence: str) -> None:
         """Put ``sentence`` on one line, even if it contains an array."""
-        super().__init__(" ".join(sentence.split()))
+        super().__init__(one_line(sentence))
+
+
+def one_line(text: str) -> str:
+    """Return a text on one line, control characters escaped; a long one shortened in the middle."""
+    line = " ".join(text.split())
+    if not line.isprintable():
+        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    return line if len(line) <= _MOST else _shortened(line, _MOST)
+
+
+def _shortened(text: str, most: int) -> str:
+    half = most // 2 - 2
+    return f"{text[:half]} … {text[-half:]}"
 
 
 def shown(value: object) -> str:
@@ -36,14 +52,13 @@ def shown(value: object) -> str:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python writes
         return "a number of thousands of digits"
-    half = _SHOWN // 2
-    return text if len(text) <= _SHOWN else f"{text[:half]} … {text[-half:]}"
+    return text if len(text) <= _SHOWN else _shortened(text, _SHOWN)
 
 
 def in_words(error: BaseException) -> str:
     """Return an error on one line: "KeyError: 'offset'", or its type if it has no message."""
     try:
-        words = " ".join(str(error).split())
+        words = one_line(str(error))
     except BaseException as another:
         words = f"its message cannot be shown ({type(another).__name__})"
     return ": ".join(filter(None, [type(error).__name__, words]))
@@ -85,10 +100,13 @@ def number(
     try:
         given = float(value)
     except OverflowError:  # of an integer
-        given = math.inf if value > 0 else -math.inf  # type: ignore[operator]
+        given, finite = math.inf if value > 0 else -math.inf, True  # type: ignore[operator]
     if finite and abs(given) > LARGEST:
         allowed = _interval(max(low, -LARGEST), min(high, LARGEST), above, finite)
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
+    if above and 0.0 <= low < given < SMALLEST:
+        low, above = SMALLEST, False
+        allowed = _interval(low, high, above, finite)
     inside = low < given if above else low <= given
     if not (inside and given <= high):
         raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
@@ -120,8 +138,23 @@ def integer(what: str, value: object, *, low: int = 0, high: int | None = None) 
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)
+    if high is None and given > _LARGEST:
+        allowed, high = f"from {low} to 2^128", _LARGEST
     if given < low or (high is not None and given > high):
         raise InputError(f"{what} is {shown(given)}, but must be a whole number {allowed}.")
+    return given
+
+
+def real(what: str, value: ArrayLike | None, wanted: str = "rows of numbers") -> NDArray[Any]:
+    """Return real numbers of any type and shape, NaN among them, as an array, else refuse them."""
+    try:
+        given = np.asarray(value)
+    except ValueError:  # ragged
+        given = np.empty(0, object)
+    truths = isinstance(value, list | tuple) and any(isinstance(v, bool | np.bool_) for v in value)
+    # "1.5" and True are not numbers; nobody knows those that are masked
+    if given.dtype.kind not in "fiu" or truths or isinstance(value, np.ma.MaskedArray):
+        raise InputError(f"{what} is {shown(value)}, but must be {wanted}.")
     return given
 
 
@@ -130,12 +163,7 @@ def array(what: str, value: ArrayLike | None, shape: tuple[int | None, ...]) -> 
 
     NaN and magnitudes above ``LARGEST`` are refused.
     """
-    try:
-        given = np.asarray(value)
-    except ValueError:  # ragged
-        given = np.empty(0, object)
-    if given.dtype.kind not in "fiu":  # "1.5" and True are not numbers
-        raise InputError(f"{what} is {shown(value)}, but must be {_numbers(shape)}.")
+    given = real(what, value, _numbers(shape))
     with np.errstate(over="ignore"):  # of a wider float
         given = given.astype(np.float64)
     fits = (asked in (None, n) for asked, n in zip(shape, given.shape, strict=True))

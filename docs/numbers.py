@@ -98,10 +98,29 @@ DIFF = "{diff:+.1f} ({diff_low:.1f} to {diff_high:.1f})"
 DRAWS = {"start_draws": 20}
 
 
+def _wrong(method: str, **params: object) -> str:
+    """The difference if the plan is for another start."""
+    return filled(DIFF, row("hedge/ends", "guided-stale", method, **params))
+
+
+def _cost(scenario: str, method: str, **params: object) -> str:
+    return filled("{cost:.1f} × `mcl-map`", row("hedge/costs", scenario, method, **params))
+
+
 def _room() -> str:
     columns = ["{error:.1f} ({error_sd:.1f})", DIFF, "{lost_rate:.0p} %", "{ms_per_step:.2f}"]
+    hedged = row("hedge/rooms", "guided", "mcl-plan-hedged", 300)
+    rows = [
+        [
+            "**`mcl-plan-hedged`: the same, beside a filter that sees no plan**",
+            *(filled(c, hedged) for c in columns[:2]),
+            _wrong("mcl-plan-hedged"),
+            filled(columns[2], hedged),
+            _cost("guided", "mcl-plan-hedged"),
+        ]
+    ]
     labels = {
-        "**`mcl-plan`: each plan is an observation**": "mcl-plan",
+        "`mcl-plan`: each plan is an observation": "mcl-plan",
         "`deq-mcl`, the paper's filter": "deq-mcl",
         "`deq-mcl-rejuvenated`, future renewed": "deq-mcl-rejuvenated",
         "`mcl-pilots`: looks ahead by roll-outs": "mcl-pilots",
@@ -109,22 +128,25 @@ def _room() -> str:
         "`mcl-map`: penalizes steps through walls": "mcl-map",
         "`mcl`, Monte-Carlo localization": "mcl",
     }
-    rows = [
-        [label, *(filled(c, row("plan-sensor/results", "guided", method, 300)) for c in columns)]
-        for label, method in labels.items()
-    ]
+    for label, method in labels.items():
+        cells = [filled(c, row("plan-sensor/results", "guided", method, 300)) for c in columns]
+        wrong = "" if method.startswith("mcl-map") or method == "mcl" else _wrong(method)
+        rows.append([label, *cells[:2], wrong, *cells[2:]])
     for label, params in (
         ("`amcl` with the scan and motion models of all others", ROBOT),
         ("`amcl`, Nav2's, with Nav2's defaults", {}),
     ):
         found = row("amcl/rooms", "guided", "amcl", **params)
         cost = filled("{cost:.1f} × `mcl-map`", row("amcl/costs", "guided", "amcl", **params))
-        rows.append([label, *(filled(c, found) for c in columns[:3]), cost])
-    still = row("plan-sensor/results", "guided", "dead-reckoning", 300)
-    rows.append(["dead reckoning on the commands", *(filled(c, still) for c in columns)])
-    rows[0] = _bold(rows[0], 1)
-    head = "method | error, px (SD): | error − that of map-based MCL, 95 % interval: | lost:"
-    return _table(f"{head} | ms per step:", rows)
+        cells = [filled(c, found) for c in columns[:3]]
+        rows.append([label, *cells[:2], "", cells[2], cost])
+    still = [
+        filled(c, row("plan-sensor/results", "guided", "dead-reckoning", 300)) for c in columns
+    ]
+    rows.append(["dead reckoning on the commands", *still[:2], "", *still[2:]])
+    rows[0] = _bold(rows[0], 1, 3)
+    head = "method | error, px (SD): | error − that of map-based MCL, 95 % interval:"
+    return _table(f"{head} | with a plan for another start: | lost: | ms per step:", rows)
 
 
 def _lost_in_short() -> str:
@@ -232,8 +254,14 @@ def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object
             cells = [filled("{error:.1f}", found), filled(DIFF, found), "", ""]
             rows.append([label, *cells, *(filled(c, found) for c in late), ""])
             continue
-        few, many = (row("plan-sensor/results", scenario, method, n, **params) for n in (300, 1000))
+        hedged = method == "mcl-plan-hedged"
+        report = "hedge/rooms" if hedged else "plan-sensor/results"
+        few, many = (row(report, scenario, method, n, **params) for n in (300, 1000))
         cells = [filled(c, found) for found in (few, many) for c in ("{error:.1f}", DIFF)]
+        if hedged:
+            cost = _cost(scenario, method)
+            rows.append([label, *cells, *(filled(c, many) for c in late), cost])
+            continue
         rows.append([label, *cells, *(filled(c, many) for c in (*late, "{ms_per_step:.2f}"))])
     head = "method | error, N = 300: | difference: | error, N = 1,000: | difference: | inside 50 %:"
     return _table(f"{head} | inside 95 %: | NEES (3): | ms per step:", rows)
@@ -251,12 +279,13 @@ def _methods(*labels: str) -> dict[str, tuple[str, dict[str, object]]]:
 
 
 IN_GUIDED = _methods(
-    "`mcl-plan`, `keep` = 0", '`mcl-plan`, `charge` = "new"', "`mcl-plan`", "`deq-mcl-rejuvenated`",
-    "`deq-mcl`", "`mcl-pilots`", "`mcl-h`", "`mcl-map`", "`mcl`", "`grid`", OWN, "`ekf`", AMCL,
-    "dead reckoning",
+    "`mcl-plan`, `keep` = 0", '`mcl-plan`, `charge` = "new"', "`mcl-plan`", "`mcl-plan-hedged`",
+    "`deq-mcl-rejuvenated`", "`deq-mcl`", "`mcl-pilots`", "`mcl-h`", "`mcl-map`", "`mcl`", "`grid`",
+    OWN, "`ekf`", AMCL, "dead reckoning",
 )  # fmt: skip
 IN_PAPER = _methods(
-    "dead reckoning", "`mcl-plan`", "`mcl-plan`, `keep` = 0", '`mcl-plan`, `charge` = "new"',
+    "dead reckoning", "`mcl-plan`", "`mcl-plan`, `keep` = 0", "`mcl-plan-hedged`",
+    '`mcl-plan`, `charge` = "new"',
     "`deq-mcl-rejuvenated`", "`mcl-h`", "`mcl-pilots`", "`mcl-map`", "`deq-mcl`", "`mcl`", OWN,
     "`grid`", "`ekf`", AMCL,
 )  # fmt: skip

@@ -21,8 +21,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.files import own_folder, write_part
-    from benchmarks.report import load, require_report
+    from benchmarks.files import own_folder, own_subfolder, write_part
+    from benchmarks.report.writing import load, require_report
     from benchmarks.sweeps.results import results_in
     from deqmcl_gym.validation import InputError
 
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> str:
     if not results.panels:
         raise InputError(f"{options.folder} has no finished trial: run its sweep first.")
     everything = not (options.latex or options.pdf)
-    out = own_folder(options.out or options.folder / "export", "export")
+    out = own_folder(options.out or own_subfolder(options.folder, "export"), "export")
     load()
     from benchmarks.report.latex import latex_files, pdf_files
 

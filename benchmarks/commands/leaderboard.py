@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.files import own_folder, write_part
-    from benchmarks.report import require_report
+    from benchmarks.report.writing import require_report
 
     require_report()
     from benchmarks.report.leaderboard import leaderboard_files, sources

@@ -12,12 +12,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.setup.names import agent_names, agent_words, scenario, scenario_names
+    from benchmarks.agents import AGENTS
+    from benchmarks.setup.names import scenario, scenario_names
     from benchmarks.sweeps.suites import FAMILIES, SUITES
     from localizers import names
 
     with doing("loading the localizers"):
         localizers = [(name, _parameters(name)) for name in names()]
+    agents = [(name, str(agent.__doc__).partition("\n")[0]) for name, agent in AGENTS.items()]
     suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]
     suites += [(name, f"all of {', '.join(members)}") for name, members in FAMILIES.items()]
     return "\n\n".join(
@@ -25,7 +27,7 @@ def run(options: argparse.Namespace) -> str:
             f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",
             f"Localizers and their parameters\n{_lines(localizers)}",
             f"Scenarios\n{_lines((name, scenario(name).words) for name in scenario_names())}",
-            f"Agents\n{_lines((name, agent_words(name)) for name in agent_names())}",
+            f"Agents\n{_lines(agents)}",
         )
     )
 
@@ -33,11 +35,12 @@ def run(options: argparse.Namespace) -> str:
 def _parameters(name: str) -> str:
     """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
     from benchmarks.execution.apart import parameters
+    from deqmcl_gym.validation import one_line
 
     try:
         known = parameters(name)
     except Exception as error:
-        return f"cannot be loaded: {' '.join(str(error).split())}"
+        return f"cannot be loaded: {one_line(str(error))}"
     return "any parameters" if known is None else ", ".join(known)
 
 

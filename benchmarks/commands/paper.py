@@ -39,16 +39,17 @@ def run(options: argparse.Namespace) -> str:
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import PATIENCE, Processes
-    from benchmarks.files import write_part
+    from benchmarks.files import own_subfolder, write_part
     from benchmarks.pictures.figures import chosen, paper_figures
-    from benchmarks.report import load, write_report
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
     from benchmarks.report.words import conclusion
-    from benchmarks.sweeps.results import failed_sentence, summary
+    from benchmarks.report.writing import load, write_report
+    from benchmarks.sweeps.results import incomplete_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
     from benchmarks.sweeps.suites import PAPER_METHODS
 
     out, named = options.out, options.localizers
+    figures = own_subfolder(out, "figures")
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
     sweep = shared.sweep_of(options, localizers, options.trials)
@@ -56,14 +57,14 @@ def run(options: argparse.Namespace) -> str:
         load()  # while the workers load theirs
     with begun(sweep, out, how, command=options.words) as running:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
-            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
+            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), figures)
             results = running.results()
-            figures = [] if results.failures else drawing.result()
+            drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Kept(out)) + figures
-            if results.failures:
+            files = write_report(out, results, Drawn(out)) + drawn
+            if lacking := incomplete_sentence(results):
                 print(summary(sweep, results, out, files))
-                raise TrialsFailedError(failed_sentence(results))
+                raise TrialsFailedError(lacking)
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
@@ -72,9 +73,12 @@ def run(options: argparse.Namespace) -> str:
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:
     from benchmarks.tables.table_1 import reading, table_1
+    from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
-    title = f"Table 1, scenario {sweep.scenario}: {worlds}, {shared.setting_words(sweep)}"
+    title = (
+        f"Table 1, scenario {short_name(sweep.scenario)}: {worlds}, {shared.setting_words(sweep)}"
+    )
     mark = "# " if style == "github" else ""
     rows = [row for panel in results.panels for row in panel.rows]
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of the setting
+_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of a replay
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.options import reading_of, setting_of
+    from benchmarks.replay.options import reading_of, replay_of
     from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError
 
@@ -110,16 +110,16 @@ def run(options: argparse.Namespace) -> str:
         told = {**nav2.options, **told, "scan": scan}
     with doing("reading the log and the map"), shared.log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
-        setting = setting_of(
+        replay = replay_of(
             options.log, options.map, reference=options.reference, reading=reading, **told
         )
-    if "scan.power" not in setting.assumed:
+    if "scan.power" not in replay.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
-            setting = calibrated(setting)
+            replay = calibrated(replay)
     with answered_within(options.timeout):
         localizers = shared.localizers_named(options.localizers)
         sweep = sweep_of(
-            setting,
+            replay,
             localizers,
             particles=options.particles,
             seeds=options.seeds,
@@ -130,4 +130,4 @@ def run(options: argparse.Namespace) -> str:
         check(sweep)
         said += gated(sweep, told.get("every"))
         notes = said if nav2 is None else [*said, *nav2.notes]
-        return run_replay(setting, sweep, options.out, Options(where=where), options.words, notes)
+        return run_replay(replay, sweep, options.out, Options(where=where), options.words, notes)

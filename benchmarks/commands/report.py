@@ -19,8 +19,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.report import require_report, rewrite_report
     from benchmarks.report.words import conclusion, progress
+    from benchmarks.report.writing import require_report, rewrite_report
     from benchmarks.sweeps.results import left_out_lines, results_in
 
     require_report()

@@ -53,12 +53,13 @@ def run(options: argparse.Namespace) -> str:
 
 
 def _swept(options: argparse.Namespace) -> str:
+    from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
-    from benchmarks.report import no_report, write_report
     from benchmarks.report.words import conclusion
+    from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, taken_over
-    from benchmarks.sweeps.results import failed_sentence, summary
+    from benchmarks.sweeps.results import incomplete_sentence, summary
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
@@ -85,6 +86,8 @@ def _swept(options: argparse.Namespace) -> str:
     how.where.check()
     with shared.checking():
         sweeps = sweeps_named(options.suite, added)
+        for name in added:
+            parameters(name)
         for sweep in sweeps.values():
             refuse_too_many(sweep, yes=options.yes)
             check(sweep)
@@ -92,7 +95,8 @@ def _swept(options: argparse.Namespace) -> str:
         with doing("measuring trials"):
             return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
     out = options.out or Path("results") / Path(options.suite).stem
-    texts, failed = [], []
+    texts: list[str] = []
+    failed: list[str] = []
     for part, sweep in sweeps.items():
         ours = of_sweep(sweep, options.words)
         if options.adopt and (said := adopt(out / part, ours, how.where)):
@@ -103,7 +107,8 @@ def _swept(options: argparse.Namespace) -> str:
             results = running.results()
             files = write_report(out / part, results)
         texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results).text}")
-        failed += [failed_sentence(results)] if results.failures else []
+        if results.failures or how.shard is None:
+            failed += filter(None, [incomplete_sentence(results)])
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
     if failed:

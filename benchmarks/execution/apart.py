@@ -17,8 +17,8 @@ from typing import TypeVar
 
 import localizers
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
-from benchmarks.setup.names import scenario_digest
-from benchmarks.trials.plugins import guest_of, provenance_of, setup_guests
+from benchmarks.setup.names import plug_ins_of, scenario_digest
+from benchmarks.trials.plugins import guest_of, provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -153,7 +153,7 @@ def _check_settings(trials: Collection[Trial]) -> None:
 
 def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) -> T:
     """Return ``function(*arguments)``, which sets up a scenario; apart if it has plug-ins."""
-    guests = " with ".join(map(repr, setup_guests(scenario)))
+    guests = " with ".join(map(repr, plug_ins_of(scenario)))
     if not guests:
         return function(*arguments)
     try:

@@ -7,6 +7,7 @@ machine, Dask's (a cluster that runs already, or processes), or one of the user'
 import contextlib
 import importlib
 import logging
+import math
 import os
 import signal
 import time
@@ -25,7 +26,7 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
-_CLOSE_SECONDS = 1
+_CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
 
 
 def check(scheduler: str | None) -> None:
@@ -57,12 +58,13 @@ def require() -> Any:
             "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
             "--executor dask."
         ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
     return distributed
 
 
 @contextmanager
-def cluster(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    """Give the executor of a cluster and how many threads it has.
+def cluster(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int, Any]]:
+    """Give the executor of a cluster, how many threads it has, and the client.
 
     Args:
         workers: processes to start, if there is no scheduler.
@@ -76,7 +78,7 @@ def cluster(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
-        yield client.get_executor(retries=0), threads
+        yield client.get_executor(retries=0), threads, client
 
 
 @contextmanager
@@ -142,11 +144,13 @@ class Engine:
         executor: any ``concurrent.futures.Executor``.
         slots: trials in flight at a time.
         timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
+        lost: says why nothing more will come of it; "" if it works.
     """
 
     executor: Executor
     slots: int
     timeout: float | None = None
+    lost: Callable[[], str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,8 +205,15 @@ class Where:
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":
-            with cluster(self.jobs or available_cpus(), self.scheduler) as (executor, threads):
-                yield Engine(executor=executor, slots=self.jobs or threads, timeout=timeout)
+            place = cluster(self.jobs or available_cpus(), self.scheduler)
+            with place as (executor, threads, client):
+
+                def lost() -> str:
+                    gone = client.status not in ("running", "connecting")
+                    return "the Dask scheduler is lost" if gone else ""
+
+                slots = self.jobs or threads
+                yield Engine(executor=executor, slots=slots, timeout=timeout, lost=lost)
         elif self.executor == "process":
             workers = max(1, min(self.jobs or available_cpus(), len(trials)))
             with Processes(
@@ -294,13 +305,18 @@ def outcomes(
 
 def _landed(in_flight: _InFlight, engine: Engine) -> set[Future[Outcome]]:
     """Wait for futures that are done, or have been in flight for too long."""
-    if engine.timeout is None:
-        return wait(in_flight, return_when=FIRST_COMPLETED).done
-    first = min(started for _, _, started in in_flight.values())
-    patience = max(0.0, first + engine.timeout - time.monotonic())
-    done = wait(in_flight, timeout=patience, return_when=FIRST_COMPLETED).done
-    late = time.monotonic() - engine.timeout
-    return done or {future for future, (_, _, started) in in_flight.items() if started <= late}
+    first, longest = min(began for _, _, began in in_flight.values()), engine.timeout or math.inf
+    while True:
+        left = max(0.0, first + longest - time.monotonic())
+        patience = min(left, math.inf if engine.lost is None else _LOOK_SECONDS)
+        limit = None if math.isinf(patience) else patience
+        if done := wait(in_flight, timeout=limit, return_when=FIRST_COMPLETED).done:
+            return done
+        late = time.monotonic() - longest
+        if over := {future for future, (_, _, began) in in_flight.items() if began <= late}:
+            return over
+        if engine.lost is not None and (why := engine.lost()):
+            raise RuntimeError(f"{why}; finished trials are kept, run the command again.")
 
 
 def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:

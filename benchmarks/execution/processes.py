@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.execution.starting import CONTEXT, sheltered
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.plugins import EndedError, Isolated, NoAnswerError, enter
+from localizers.naming.plugins import EndedError, NoAnswerError, OwnProcess, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
@@ -142,7 +142,7 @@ class Processes(Executor):
         worker.close()
 
 
-class _Worker(Isolated):
+class _Worker(OwnProcess):
     """A process that makes calls."""
 
     def __init__(self) -> None:
@@ -180,7 +180,7 @@ def work(line: Connection) -> None:
 
     It ends when the line breaks, and does not outlive its parent.
     """
-    enter()
+    enter(line)
     load()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
@@ -16,6 +17,8 @@ ONE_THREAD = {
     "BLIS_NUM_THREADS": "1",
     "VECLIB_MAXIMUM_THREADS": "1",
 }
+
+_SOCKET, _SOCKET_NAME = 107, "/pymp-xxxxxxxx/listener-xxxxxxxx"  # bytes of a path; what is appended
 
 # Where forking is safe, workers are forked from a process that has loaded all that they need.
 if sys.platform == "linux":
@@ -32,6 +35,18 @@ def prepare() -> None:
             forkserver.ensure_running()
 
 
+def _refuse_long_folder() -> None:
+    """Refuse a TMPDIR in which the socket of worker processes has too long a path."""
+    folder = tempfile.gettempdir()
+    if sys.platform == "linux" and len(os.fsencode(folder)) > _SOCKET - len(_SOCKET_NAME):
+        from deqmcl_gym.validation import InputError
+
+        raise InputError(
+            f"TMPDIR is {folder}, which is too long for the sockets of worker processes: set it to "
+            f"a folder of at most {_SOCKET - len(_SOCKET_NAME)} bytes."
+        )
+
+
 @contextmanager
 def sheltered() -> Iterator[None]:
     """Let processes started here have one thread, and leave Ctrl-C to this one.
@@ -40,6 +55,7 @@ def sheltered() -> Iterator[None]:
     one inherits the signal mask of the thread that starts it. The first start of a process also
     starts multiprocessing's resource tracker, which would clear the mask.
     """
+    _refuse_long_folder()
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     masked = hasattr(signal, "pthread_sigmask")

@@ -14,6 +14,7 @@ import cv2
 import PIL
 
 from benchmarks.files import written
+from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import cloud_of, joined, moments
 from benchmarks.trials.episode import Moment
@@ -44,6 +45,7 @@ def require_plots() -> None:
         )
 
 
+@styled()
 def error_plot(curves: Mapping[str, tuple[Indices, Floats]], title: str, words: str) -> bytes:
     """Return error curves over the state's step as PNG; ``words`` say what error and its unit."""
     from matplotlib.figure import Figure

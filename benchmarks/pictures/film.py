@@ -236,8 +236,7 @@ def laid(pose: Reals, plan: Reals) -> Floats:
     distance, turn = np.asarray(plan, np.float64).T
     heading = pose[2] + np.cumsum(turn)
     steps = np.column_stack([distance * np.cos(heading), distance * np.sin(heading)])
-    way: Floats = np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
-    return way
+    return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
 
 
 def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:

@@ -10,13 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.files import own_folder, write_part
-from benchmarks.pictures.figures import (
-    LAP_MILLISECONDS,
-    LAP_STRIDE,
-    camera_of,
-    error_plot,
-    require_plots,
-)
+from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
 from benchmarks.setup.scenario import TrialEnv
 from benchmarks.tables.text import TITLES, csv_text, state_name
@@ -41,7 +35,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
 
     ``log`` is where to write the lap as a log, if anywhere.
     """
-    require_plots()
+    figures.require_plots()
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -50,7 +44,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
-    film = Film(camera_of(stage), title, LAP_STRIDE)
+    film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
     trace = trace_of(episode, trial.offsets, stage.task)
@@ -61,8 +55,8 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     files = {
-        "lap.webp": webp(film.frames, LAP_MILLISECONDS),
-        "error.png": error_plot(curves, heading, words),
+        "lap.webp": webp(film.frames, figures.LAP_MILLISECONDS),
+        "error.png": figures.error_plot(curves, heading, words),
         "error.csv": _curves_csv(trace).encode(),
         "trace.npz": npz(trace),
     } | trajectories(trace)

@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 
-from benchmarks.replay.options import NAME, Setting
+from benchmarks.replay.options import NAME, Replay
 from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
 from benchmarks.trials.spec import Trial
@@ -30,19 +30,19 @@ _NEAR = 1.0  # m: a filter farther off follows nothing
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
-def calibrated(setting: Setting) -> Setting:
+def calibrated(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
     It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
     those with which it follows the robot. None can be fitted without a reference at enough of the
     first records, or where the filter follows it with no power.
     """
-    count = _part(setting.log)
+    count = _part(replay.log)
     if count is None:
-        return setting
-    here = {name: own for name, own in setting.assumed.items() if not name.startswith("prior.")}
-    world = setting.world | {"start": _first(setting)}
-    begun = replace(setting, assumed=Changes(here), world=world)
+        return replay
+    here = {name: own for name, own in replay.assumed.items() if not name.startswith("prior.")}
+    world = replay.world | {"start": _first(replay)}
+    begun = replace(replay, assumed=Changes(here), world=world)
     tried: list[tuple[float, float]] = []
     for power in _POWERS:
         covered, off = _covered(begun, power, count)
@@ -52,12 +52,12 @@ def calibrated(setting: Setting) -> Setting:
         if covered >= LEVEL / 100:
             break
     if not tried:
-        return setting
+        return replay
     covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
     return replace(
-        setting,
-        world=setting.world | {"judged": int(setting.log.referenced[0]) + count},
-        assumed=setting.assumed | {"scan.power": power},
+        replay,
+        world=replay.world | {"judged": int(replay.log.referenced[0]) + count},
+        assumed=replay.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
         f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
@@ -75,20 +75,20 @@ def _part(log: Log) -> int | None:
     return count if count > 1 and known >= _LEAST else None
 
 
-def _first(setting: Setting) -> int:
+def _first(replay: Replay) -> int:
     """Return which record of the whole log is the first that is played with a reference."""
-    whole, log = setting.scenario.whole, setting.log
+    whole, log = replay.scenario.whole, replay.log
     at = log.referenced[0]
     same = (whole.times == log.times[at]) & (whole.odometry == log.odometry[at]).all(axis=1)
     return int(np.flatnonzero(same)[0])
 
 
-def _covered(setting: Setting, power: float, count: int) -> tuple[float, float]:
+def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
     """Return the share covered, and the 95 % quantile of the position errors, m."""
     trial = Trial(
         scenario=NAME,
-        world=setting.world,
-        assumed=setting.assumed | {"scan.power": power},
+        world=replay.world,
+        assumed=replay.assumed | {"scan.power": power},
         localizer="mcl",
         params=Changes({"particles": _PARTICLES}),
         lag=0,

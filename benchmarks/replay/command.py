@@ -11,14 +11,14 @@ import numpy as np
 from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
 from benchmarks.files import write_part
-from benchmarks.replay.options import EVERY, NAME, Setting
-from benchmarks.report import load, no_report
-from benchmarks.report.animations import Kept
+from benchmarks.replay.options import EVERY, NAME, Replay
+from benchmarks.report.animations import Drawn
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
+from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.results import Results, failed_sentence
+from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
 from benchmarks.trials.spec import Method
@@ -38,7 +38,7 @@ _WORLDS = (
 
 
 def sweep_of(
-    setting: Setting,
+    replay: Replay,
     localizers: Sequence[str],
     *,
     particles: int | None,
@@ -68,12 +68,12 @@ def sweep_of(
         for name in localizers
     }
     return Sweep(
-        title=f"Replay of {Path(setting.world['log']).name}",
+        title=f"Replay of {Path(replay.world['log']).name}",
         localizers=tuple(Method(name, Changes(params[name])) for name in localizers),
         scenario=NAME,
         lag=0,
-        world=setting.world,
-        assumed=setting.assumed,
+        world=replay.world,
+        assumed=replay.assumed,
         seed=root,
         trials=seeds,
         baseline=localizers[0],
@@ -96,7 +96,7 @@ def gated(sweep: Sweep, every: object) -> list[str]:
 
 
 def run_replay(
-    setting: Setting,
+    replay: Replay,
     sweep: Sweep,
     out: Path,
     options: Options,
@@ -106,7 +106,7 @@ def run_replay(
     """Run what is missing, write the folder; return what to print.
 
     Args:
-        setting: what is played.
+        replay: what is played.
         sweep: of ``sweep_of``, checked.
         out: folder; refused if it holds what is not of this sweep.
         options: how the runs run.
@@ -117,23 +117,23 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     with begun(sweep, out, options, command=command) as running:
-        said = warn([*warnings, setting.sideways, _disagreement(setting)])
+        said = warn([*warnings, replay.sideways, _disagreement(replay)])
         results = running.results()
-        rows = _rows(setting, sweep, results)
-        said += warn([_misfit(setting, rows)])
+        rows = _rows(replay, sweep, results)
+        said += warn([_misfit(replay, rows)])
         with doing(f"writing the report in {out}"):
-            files = write_part(out, "replay", _contents(setting, rows, results, said))
+            files = write_part(out, "replay", _contents(replay, rows, results, said))
     apart = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(rows)
-    texts = [conclusion(results).text, *accuracy(rows), setting.overview]
-    texts += [*(one.text("simple") for one in (first, *apart, *others)), *setting.facts]
+    texts = [conclusion(results).text, *accuracy(rows), replay.overview]
+    texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
-    if results.failures:
+    if lacking := incomplete_sentence(results):
         print("\n\n".join(texts))
-        raise TrialsFailedError(failed_sentence(results))
+        raise TrialsFailedError(lacking)
     return "\n\n".join(texts)
 
 
@@ -153,9 +153,9 @@ def misfit_words(share: float, where: str) -> str | None:
     )
 
 
-def _disagreement(setting: Setting) -> str | None:
+def _disagreement(replay: Replay) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
-    log, floor_plan = setting.scenario.recording()
+    log, floor_plan = replay.scenario.recording()
     known = log.referenced
     if not known.size:
         return None
@@ -164,46 +164,46 @@ def _disagreement(setting: Setting) -> str | None:
     return misfit_words(agreement(part, floor_plan, part.reference)[1], "from the reference poses")
 
 
-def _misfit(setting: Setting, rows: Sequence[Row]) -> str | None:
+def _misfit(replay: Replay, rows: Sequence[Row]) -> str | None:
     """Return the warning that log and map do not fit, by the best run if there is no reference."""
     shares = [run.scores["agreement_03"] for row in rows for run in row.runs]
-    if setting.log.referenced.size or not shares:
+    if replay.log.referenced.size or not shares:
         return None
     return misfit_words(max(shares), "from the poses that the best run estimates")
 
 
-def _rows(setting: Setting, sweep: Sweep, results: Results) -> list[Row]:
+def _rows(replay: Replay, sweep: Sweep, results: Results) -> list[Row]:
     """Return a row per localizer, in the order in which they were named."""
     names = [method.name for method in sweep.localizers]
     records = {
         name: [one for one in results.records if one.trial.localizer == name] for name in names
     }
     failed = [failure.trial.localizer for failure in results.failures]
-    return rows_of(records, {name: failed.count(name) for name in names}, setting.log)
+    return rows_of(records, {name: failed.count(name) for name in names}, replay.log)
 
 
 def _contents(
-    setting: Setting, rows: Sequence[Row], results: Results, warnings: Sequence[str]
+    replay: Replay, rows: Sequence[Row], results: Results, warnings: Sequence[str]
 ) -> dict[str, bytes]:
     contents = {
         "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
         "trials.csv": utf8(trials_csv(rows)),
-        **_tracks(setting, rows),
+        **_tracks(replay, rows),
     }
     if no_report() is None and results.panels:
         load()
         from benchmarks.report.pages import html
         from benchmarks.report.story import story_of
 
-        notes = [*accuracy(rows), setting.overview, _WORLDS, *setting.facts]
-        story = story_of(results, Kept(Path()), notes=notes, warnings=warnings)
+        notes = [*accuracy(rows), replay.overview, _WORLDS, *replay.facts]
+        story = story_of(results, Drawn(Path()), notes=notes, warnings=warnings)
         contents["report.html"] = utf8(html(story))
     return contents
 
 
-def _tracks(setting: Setting, rows: Sequence[Row]) -> dict[str, bytes]:
+def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
-    log, files = setting.log, {}
+    log, files = replay.log, {}
     if log.reference is not None and log.referenced.size:
         known = log.referenced
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum

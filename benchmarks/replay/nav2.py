@@ -11,11 +11,9 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from deqmcl_gym.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, as_number, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.validation import InputError, boolean, number, one_of
+from deqmcl_gym.validation import InputError, boolean, number, one_of, pose
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -80,7 +78,7 @@ class Amcl:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What they say of a replay: see ``setting_of``."""
+        """What they say of a replay: see ``replay_of``."""
         words = {"kind": kind_of(self.motion), **vars(self.motion)}
         return {
             "every": self.every,
@@ -97,8 +95,8 @@ class Amcl:
         motion = {"kind": kind_of(self.motion), **vars(self.motion)}
         at = [] if self.start is None else [self.start]
         lines = [
-            f"# {self.source}",
-            *(f"# not used: {name}: {why}" for name, why in self.unused.items()),
+            _comment(self.source),
+            *(_comment(f"not used: {name}: {why}") for name, why in self.unused.items()),
             *(f"# initial_pose: deqmcl replay --start={x},{y},{heading}" for x, y, heading in at),
             'scenario = "log"',
             'localizers = ["amcl"]',
@@ -119,6 +117,12 @@ class Amcl:
             *(f"{name} = {json.dumps(value)}" for name, value in self.params.items()),
         ]
         return "\n".join(lines)
+
+
+def _comment(words: str) -> str:
+    return "# " + "".join(
+        word if word.isprintable() else "\N{REPLACEMENT CHARACTER}" for word in words
+    )
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
@@ -176,6 +180,7 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
         return value
     if isinstance(default, bool):
         return boolean(name, value)
+    value = as_number(value)
     read = type(default)(number(name, value, **_RANGES.get(name, {})))
     if read != value:
         raise InputError(f"{name} is {value!r}, but must be an integer.")
@@ -201,22 +206,20 @@ def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:
     if not isinstance(at, Mapping):
         raise InputError(f"initial_pose is {at!r}, but must be a table with x, y, z and yaw.")
     dotted = {n.removeprefix(_POSE): v for n, v in given.items() if n.startswith(_POSE)}
-    pose = {**at, **dotted}
-    for name in pose:
+    given = {**at, **dotted}
+    for name in given:
         one_of("name in initial_pose", name, ("x", "y", "z", "yaw"))
-    x, y, heading = (number(f"{_POSE}{name}", pose.get(name, 0.0)) for name in ("x", "y", "yaw"))
-    return x, y, heading
+    values = [as_number(given.get(name, 0.0)) for name in ("x", "y", "yaw")]
+    return pose("initial_pose", values)
 
 
 def _document(path: Path) -> Mapping[str, Any]:
     try:
-        found = yaml.safe_load(content_of(path))
+        found = yaml_of(content_of(path))
     except FileNotFoundError:
         raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
     except UnreadableError as error:
         raise InputError(f"{path} {error}: give another file.") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}.") from None
     if not isinstance(found, Mapping):
         raise InputError(f"{path} has no nodes, but must be Nav2's parameter file.")
     return found

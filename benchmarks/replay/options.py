@@ -37,7 +37,7 @@ _UNKNOWN = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class Replay:
     """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them.
 
     Attributes:
@@ -119,7 +119,7 @@ class Setting:
         return f"Start: known to 0.2 m and 0.1 rad, around ({x:.2f}, {y:.2f}, {heading:.2f} rad)."
 
 
-def setting_of(
+def replay_of(
     log: str | Path,
     floor_plan: str | Path,
     *,
@@ -133,7 +133,7 @@ def setting_of(
     scan: str = "",
     radius: float | None = None,
     unknown: str = "obstacle",
-) -> Setting:
+) -> Replay:
     """Return what is to be replayed.
 
     Args:
@@ -201,7 +201,7 @@ def setting_of(
             )
         assumed["prior.mean"] = at
     said = _reference(whole.segment(world.get("start", 0)), played)
-    return Setting(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
+    return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
 
 
 def reading_of(words: Sequence[str]) -> dict[str, Any]:
@@ -212,17 +212,19 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for word in words:
-        name, equals, value = word.partition("=")
+        name, equals, value = map(str.strip, word.partition("="))
         if not equals:
             raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
-        if name.strip() == "scanner":
+        if name == "scanner":
             raise InputError(
                 "--read takes no scanner: write it into the file, as "
                 '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
             )
-        numbers = None if name.strip().endswith(("_topic", "_frame")) else _numbers(value)
+        if name in found:
+            raise InputError(f"--read gives {name} twice: give it once.")
+        numbers = None if name.endswith(("_topic", "_frame")) else _numbers(value)
         one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
-        found[name.strip()] = value.strip() if one is None else one
+        found[name] = value if one is None else one
     return found
 
 
@@ -303,6 +305,8 @@ def _assumed(part: str, given: str) -> dict[str, Any]:
         numbers = None if name == "kind" else _numbers(value)
         if not equals or (name != "kind" and numbers is None):
             raise InputError(f"--{part} has {word}, but must be name=number, comma-separated.")
+        if f"{part}.{name}" in found:
+            raise InputError(f"--{part} gives {name} twice: give it once.")
         found[f"{part}.{name}"] = value if numbers is None else numbers[0]
     return found
 

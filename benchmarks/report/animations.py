@@ -45,7 +45,7 @@ class Figure(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Kept:
+class Drawn:
     """Takes the pictures that a sweep has drawn in its folder, if they are of the same trials."""
 
     folder: Path
@@ -104,7 +104,7 @@ class Kept:
 
 
 def animation_files(shown: Sequence[Animation]) -> dict[str, bytes]:
-    """Return the pictures of animations by file name, and the index that ``Kept`` reads."""
+    """Return the pictures of animations by file name, and the index that ``Drawn`` reads."""
     if not shown:
         return {}
     index = {one.name: {"trials": list(one.keys)} for one in shown}

@@ -6,8 +6,7 @@ Captions are short; what the report says of a table is a comment above it.
 from collections.abc import Sequence
 from importlib.resources import files
 
-import matplotlib as mpl
-
+from benchmarks.pictures import styled
 from benchmarks.report.error_tables import glance_table, verdict_table
 from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
@@ -98,7 +97,7 @@ def pdf_files(results: Results) -> dict[str, bytes]:
     """Return every chart of the report as figures/NAME.pdf, and figures.tex, which shows them."""
     panels = results.panels
     look = looks(all_labels(panels))
-    with mpl.rc_context(HOUSE_STYLE):
+    with styled(HOUSE_STYLE):
         pictures = charts_over(panels, look)
         for panel in panels:
             pictures += [p for part in blocks(panel, look, pictured=True) for p in part.pictures]

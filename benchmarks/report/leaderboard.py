@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.report.error_tables import marked_label
-from benchmarks.report.pages import page, plain, table_text
+from benchmarks.report.pages import fenced, page, plain, table_text
 from benchmarks.report.tables import Table
 from benchmarks.report.words import capital, done, estimated, significant
 from benchmarks.setup.changes import Changes
@@ -17,7 +17,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import fixed, percent
 from benchmarks.trials.spec import Method, Run, Setting
 from deqmcl_gym.files import command_line
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, one_line
 
 TITLE = "Leaderboard"
 NOTE = (
@@ -105,7 +105,7 @@ def leaderboard_files(read: Sequence[Source], command: Sequence[str]) -> dict[st
         runs=runs,
         command=said,
     )
-    text = "\n\n".join([*parts, f"Made by `{said}`."]) + "\n"
+    text = "\n\n".join([*parts, "Made by:", fenced(said)]) + "\n"
     return {"leaderboard.html": html.encode(), "leaderboard.md": text.encode()}
 
 
@@ -153,7 +153,7 @@ def _runs(read: Sequence[Source]) -> Table:
         lines.append(
             [
                 str(source.number),
-                source.folder.name,
+                one_line(source.folder.name),
                 command_line(made.command),
                 ", ".join(f"{name} {number}" for name, number in versions.items()),
                 "; ".join([made.made.code, *source.results.verified]),
@@ -193,8 +193,17 @@ def _refuse_other_worlds(first: Source, other: Source) -> None:
             "folders of one sweep that differ in their localizers only."
         )
     known, found = _of_baseline(first), _of_baseline(other)
+    if known.keys() != found.keys():
+        of, now = (
+            " and ".join(dict.fromkeys(str(method) for _, method, _ in one))
+            for one in (known, found)
+        )
+        raise InputError(
+            f"{other.folder} is not comparable with {first.folder}: its baseline is {now}, but "
+            f"must be {of}; give both sweeps one baseline with the same parameters."
+        )
     for place, scores in known.items():
-        if place in found and found[place] != scores:
+        if found[place] != scores:
             raise InputError(
                 f"{other.folder} is not comparable with {first.folder}: the baseline "
                 f"{first.results.baseline} has other scores on world {place[2][0]}, so the worlds "

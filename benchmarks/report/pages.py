@@ -108,8 +108,8 @@ def markdown(story: Story, folder: str) -> str:
         parts += ["## Files left out", table_text("", story.left_out)]
     parts += [
         "## How to reproduce it",
-        _fenced(command_line(results.command)),
-        _fenced(json.dumps(results.environment, indent=2), "json"),
+        fenced(command_line(results.command)),
+        fenced(json.dumps(results.environment, indent=2), "json"),
         *([results.made_by] if results.made_by else []),
     ]
     return "\n\n".join(parts) + "\n"
@@ -165,7 +165,7 @@ def images(story: Story) -> dict[str, bytes]:
     return drawn | animation_files(animations) | {one.name: one.content for one in story.figures}
 
 
-def _fenced(text: str, kind: str = "") -> str:
+def fenced(text: str, kind: str = "") -> str:
     """Return text as a code block that it cannot end."""
     longest = max((len(run) for run in re.findall("`+", text)), default=0)
     fence = "`" * max(3, longest + 1)

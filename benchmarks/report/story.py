@@ -4,20 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import matplotlib as mpl
-
-from benchmarks.report import error_tables, tables, tracks, words
-from benchmarks.report.animations import Figure, Kept, animations_of
-from benchmarks.report.charts import (
-    WORDS,
-    calibration_chart,
-    journey_charts,
-    journey_table,
-    offset_chart,
-    points_chart,
-    speed_chart,
-    time_charts,
-)
+from benchmarks.pictures import styled
+from benchmarks.report import charts, error_tables, tables, tracks, words
+from benchmarks.report.animations import Drawn, Figure, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -25,7 +14,7 @@ from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.journeys import GROUPS, Group
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, in_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +65,8 @@ class Part:
 
 
 def _of_journeys(group: Group) -> Part:
-    return Part(heading=WORDS[group.name][0], tables=lambda panel: [journey_table(panel, group)])
+    heading, _ = charts.WORDS[group.name]
+    return Part(heading=heading, tables=lambda panel: [charts.journey_table(panel, group)])
 
 
 TRACKS: Sequence[Part] = (
@@ -103,11 +93,11 @@ PARTS: Sequence[Part] = (
     *map(_of_journeys, GROUPS),
     Part(
         pictures=lambda panel, looks: [
-            *journey_charts(panel, looks),
-            points_chart(panel, looks),
-            offset_chart(panel, looks),
-            calibration_chart(panel, looks),
-            speed_chart(panel, looks),
+            *charts.journey_charts(panel, looks),
+            charts.points_chart(panel, looks),
+            charts.offset_chart(panel, looks),
+            charts.calibration_chart(panel, looks),
+            charts.speed_chart(panel, looks),
         ]
     ),
     Part(
@@ -117,7 +107,7 @@ PARTS: Sequence[Part] = (
             "baseline's mean"
             + (f"; dotted: x[t-{lag}], a past state." if (lag := panel.setting.lag) else ".")
         ),
-        pictures=time_charts,
+        pictures=charts.time_charts,
         small=True,
     ),
     Part(heading="Against the paper's methods", tables=error_tables.rival_tables, folded=True),
@@ -184,7 +174,7 @@ class Story:
         validity: of plans, with a line for several sections.
         sections: panel by panel.
         curves: over what was swept.
-        figures: the paper's, if they are kept.
+        figures: the paper's, if the folder has them.
         failed, left_out: trials without a result, files that are no trial.
         notes, warnings: further sentences, if whoever writes the report has some.
     """
@@ -211,13 +201,13 @@ class Story:
 
 
 def story_of(
-    results: Results, kept: Kept | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
+    results: Results, drawn: Drawn | None, notes: Sequence[str] = (), warnings: Sequence[str] = ()
 ) -> Story:
     """Draw everything, but for the animations if they are kept."""
     panels = results.panels
     look = looks(tables.all_labels(panels))
     animated = panels[:ANIMATED]
-    with kept.given() if kept else drawing() as promised, mpl.rc_context(HOUSE_STYLE):
+    with drawn.given() if drawn else drawing() as promised, styled(HOUSE_STYLE):
         waiting = [[promised(one) for one in animations_of(panel)] for panel in animated]
         sections = [
             Section(
@@ -242,7 +232,7 @@ def story_of(
             validity=tables.validity_table(several),
             sections=sections,
             curves=charts_over(panels, look),
-            figures=kept.figures if kept else (),
+            figures=drawn.figures if drawn else (),
             failed=_failed(results),
             left_out=_left_out(results),
             notes=notes,
@@ -280,5 +270,4 @@ def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:
     except InputError as error:
         return {"no_animation": str(error)}
     except Exception as error:  # a plug-in that is no longer there is no reason to say nothing
-        why = f"{type(error).__name__}: {error}"
-        return {"no_animation": f"its trials could not be run again ({why})"}
+        return {"no_animation": f"its trials could not be run again ({in_words(error)})"}

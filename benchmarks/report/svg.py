@@ -10,11 +10,11 @@ from textwrap import wrap
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.pictures import styled
 from benchmarks.tables.stats import Estimate
 
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written
@@ -71,7 +71,7 @@ def looks(labels: Iterable[str]) -> dict[str, Look]:
 
 
 _LETTER, _MARK = 0.082, 0.46  # inches: of a letter in a legend, of a mark with its spacing
-HOUSE_STYLE: Any = {  # matplotlib's parameters while charts are made
+HOUSE_STYLE: Any = {  # over matplotlib's defaults, while charts are made
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -93,6 +93,8 @@ HOUSE_STYLE: Any = {  # matplotlib's parameters while charts are made
     "axes.axisbelow": True,
     "lines.linewidth": 1.6,
 }
+_ANY_SCRIPT = ["DejaVu Sans", "Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei"]
+_PRINT = {"pdf.fonttype": 42, "font.sans-serif": _ANY_SCRIPT}  # the fonts that are there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +138,7 @@ class Picture:
             for line in (*axes.get_xgridlines(), *axes.get_ygridlines()):
                 line.set_color("#dddddd")
         buffer = io.BytesIO()
-        with mpl.rc_context(HOUSE_STYLE | {"pdf.fonttype": 42}):
+        with styled(HOUSE_STYLE | _PRINT):
             self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
         return buffer.getvalue()
 
@@ -144,7 +146,7 @@ class Picture:
     def source(self) -> str:
         """The SVG in stand-in colours: drawn once, when it is first asked for."""
         buffer = io.StringIO()
-        with mpl.rc_context(HOUSE_STYLE | {"svg.hashsalt": self.name}):
+        with styled(HOUSE_STYLE | {"svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
         svg = buffer.getvalue()
         svg = svg[svg.index("<svg") :]

@@ -10,16 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.report.curves import (
-    DIFFERENCE,
-    ERROR,
-    Quantity,
-    coordinate_words,
-    place_of,
-    swept_charts,
-    swept_coordinates,
-    valued,
-)
+from benchmarks.report import curves
 from benchmarks.report.svg import Look, Picture, picture
 from benchmarks.report.words import done, estimated
 from benchmarks.tables.comparison import Comparison
@@ -42,13 +33,13 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
 
     Three numbers must vary: one is across, one upwards, and there is a square for each of the last.
     """
-    places = [place_of(panel) for panel in panels]
-    swept = swept_coordinates(places)
+    places = [curves.place_of(panel) for panel in panels]
+    swept = curves.swept_coordinates(places)
     if len(swept) != 3:
         return []
     *_, last = swept
     squares = {
-        place.get(last): valued({key: place.get(key) for key in (last, *swept[last])})
+        place.get(last): curves.valued({key: place.get(key) for key in (last, *swept[last])})
         for place in places
     }
     cells: dict[str, dict[tuple[Any, ...], tuple[Comparison, Comparison]]] = {}
@@ -81,7 +72,7 @@ def _drawn(
     width = _LEFT + len(squares) * (wide + _BETWEEN)
     height = _BELOW + high + _ABOVE
     figure = Figure(figsize=(width, height))
-    words = [", ".join(coordinate_words([key, *swept[key]])) for key in swept]
+    words = [", ".join(curves.coordinate_words([key, *swept[key]])) for key in swept]
     most = max(abs(_ahead(row, score)) for row, _ in cells.values() if score.name in row.journey)
     scale = Normalize(-1, 1)
     for number, square in enumerate(squares):
@@ -166,14 +157,15 @@ def charts_over(panels: Sequence[Panel], looks: Mapping[str, Look]) -> list[Pict
     """
     aims = {panel.aim for panel in panels}
     aim = aims.pop() if len(aims) == 1 else None
-    quantities = (ERROR, DIFFERENCE) if aim is None else _shares(aim)
-    curves = (swept_charts(panels, looks, quantity) for quantity in quantities)
-    return regime_maps(panels) or [chart for charts in curves for chart in charts]
+    quantities = (curves.ERROR, curves.DIFFERENCE) if aim is None else _shares(aim)
+    return regime_maps(panels) or [
+        chart for quantity in quantities for chart in curves.swept_charts(panels, looks, quantity)
+    ]
 
 
-def _shares(aim: Score) -> tuple[Quantity, Quantity]:
+def _shares(aim: Score) -> tuple[curves.Quantity, curves.Quantity]:
     share = replace(
-        ERROR,
+        curves.ERROR,
         title=f"Runs {done(aim)}",
         axis=f"{done(aim)}, % of runs",
         caption="Bars: Wilson's 95 % intervals. A method without this parameter has the same share "
@@ -181,7 +173,7 @@ def _shares(aim: Score) -> tuple[Quantity, Quantity]:
         of=lambda row: row.standing.value.percent,
     )
     apart = replace(
-        DIFFERENCE,
+        curves.DIFFERENCE,
         axis="points above the baseline",
         caption="Above 0: more often than the baseline on the same worlds. Bars: 95 % bootstrap "
         "intervals over worlds.",

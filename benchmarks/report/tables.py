@@ -14,7 +14,6 @@ from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
 
-
 _LETTERS = 140  # of a table, across a page
 _NAME = 32  # letters of a method that stand on one line
 

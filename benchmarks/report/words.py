@@ -6,16 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from benchmarks.sweeps.results import Results
+from benchmarks.tables import stats
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import (
-    ALPHA,
-    Estimate,
-    least_p,
-    least_worlds,
-    worlds_to_see,
-    worth_seeing,
-)
+from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import reading
 from benchmarks.tables.text import full_name, percent, short_name
 from benchmarks.tables.verdict import BLIND, Verdict
@@ -207,13 +201,11 @@ def power_hint(panel: Panel) -> str:
     if not rows or panel.aim is not None:
         return ""
     base = panel.baseline_of(rows[0])
-    small = worth_seeing(base.error.mean)
+    small = stats.worth_seeing(base.error.mean)
     if math.isnan(small):
         return ""
-    needed = ", ".join(
-        f"{rounded(worlds_to_see(small, row.diff_sd, panel.tests))} for {panel.labels[row.method]}"
-        for row in rows
-    )
+    worlds = {row.method: stats.worlds_to_see(small, row.diff_sd, panel.tests) for row in rows}
+    needed = ", ".join(f"{rounded(n)} for {panel.labels[method]}" for method, n in worlds.items())
     return (
         f"Worlds needed to detect a difference of {small:g} {panel.unit} to "
         f"{panel.labels[base.method]} with 80 % power: about {needed}."
@@ -290,11 +282,11 @@ def _against(row: Comparison, base: str = "") -> str:
 
 def _doubt(worlds: int, p_holm: float, tests: int) -> str:
     """Why what is better is not confirmed."""
-    if least_p(worlds, tests) < ALPHA:
+    if stats.least_p(worlds, tests) < ALPHA:
         return f"p = {p_value(p_holm)}"
     return (
         f"{worlds} worlds cannot give p < {ALPHA:g} in "
-        f"{tests} {'test' if tests == 1 else 'tests'}, {least_worlds(tests)} can"
+        f"{tests} {'test' if tests == 1 else 'tests'}, {stats.least_worlds(tests)} can"
     )
 
 
@@ -344,7 +336,7 @@ def _few(rows: Sequence[Comparison]) -> str:
     corrected = len(tested) if max(worlds) < FEW else 1  # of the smallest p, or maybe the largest
     detected = (
         "no difference, however large, can have p < 0.05"
-        if least_p(max(few), corrected) >= ALPHA
+        if stats.least_p(max(few), corrected) >= ALPHA
         else "only large differences can be detected"
     )
     return (

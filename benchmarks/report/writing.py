@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, written
+from benchmarks.files import own_folder, refuse_changed, write_part, written
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
 from benchmarks.tables.plan_validity import validities
@@ -22,7 +22,7 @@ from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError
 
 if TYPE_CHECKING:
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
 
 
 def no_report() -> str | None:
@@ -54,7 +54,7 @@ def load() -> None:
         from benchmarks.report import pages  # noqa: F401
 
 
-def write_report(out: Path, results: Results, kept: "Kept | None" = None) -> list[Path]:
+def write_report(out: Path, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
     Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
@@ -66,7 +66,7 @@ def write_report(out: Path, results: Results, kept: "Kept | None" = None) -> lis
         InputError: a file in the folder is in the way that is not ours.
     """
     with doing(f"writing the report in {out}"):
-        return _written(out, "report", results, kept)
+        return _written(out, "report", results, drawn)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -75,7 +75,7 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     Raises:
         InputError: ``out`` cannot be written to, or holds what is not ours.
     """
-    from benchmarks.report.animations import Kept
+    from benchmarks.report.animations import Drawn
 
     if out.exists() and out.samefile(folder):
         if any(record.track is not None for record in results.records):
@@ -84,20 +84,27 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
                 "another --out."
             )
         refuse_changed(out)
-        return _written(out, "report", results, Kept(folder))
-    return _written(own_folder(out, "copy"), "copy", results, Kept(folder))
+        return _written(out, "report", results, Drawn(folder))
+    return _written(own_folder(out, "copy"), "copy", results, Drawn(folder))
 
 
-def _written(out: Path, part: str, results: Results, kept: "Kept | None") -> list[Path]:
-    source = _source(results, kept)
-    return written(out, part, source, lambda: _contents(results, kept))
+def _written(out: Path, part: str, results: Results, drawn: "Drawn | None") -> list[Path]:
+    def contents() -> dict[str, bytes]:
+        tables = _tables(results)
+        try:
+            return tables | _told(results, drawn)
+        except Exception:
+            write_part(out, part, tables)  # the numbers, whatever keeps the pictures away
+            raise
+
+    return written(out, part, _source(results, drawn), contents)
 
 
-def _source(results: Results, kept: "Kept | None") -> str:
+def _source(results: Results, drawn: "Drawn | None") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = kept.lacking({one.key for one in results.finished}) if kept else ""
+    lacking = drawn.lacking({one.key for one in results.finished}) if drawn else ""
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
-    for figure in kept.figures if kept else ():
+    for figure in drawn.figures if drawn else ():
         digest.update(figure.content)
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
@@ -108,7 +115,7 @@ def _source(results: Results, kept: "Kept | None") -> str:
     return digest.hexdigest()
 
 
-def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
+def _tables(results: Results) -> dict[str, bytes]:
     compared = results.panels
     tables = {
         "results.csv": results_csv(compared),
@@ -119,14 +126,19 @@ def _contents(results: Results, kept: "Kept | None") -> dict[str, bytes]:
         tables["gaps.csv"] = gaps_csv(compared)
     if read := validities(compared):
         tables["plans.csv"] = plans_csv(read)
+    return {name: utf8(text) for name, text in tables.items()}
+
+
+def _told(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
+    """Return the page, the Markdown and its pictures; nothing without what draws them."""
     if no_report() is not None:
-        return {name: utf8(text) for name, text in tables.items()}
+        return {}
     load()
     from benchmarks.report.animations import IMAGES
     from benchmarks.report.pages import html, images, markdown
     from benchmarks.report.story import story_of
 
-    story = story_of(results, kept)
+    story = story_of(results, drawn)
     told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
     pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
-    return {name: utf8(text) for name, text in (tables | told).items()} | pictures
+    return {name: utf8(text) for name, text in told.items()} | pictures

@@ -5,6 +5,7 @@ They come from TOML documents, which are read and taken apart here; bad values a
 
 import codecs
 import io
+import json
 import math
 import os
 import tomllib
@@ -15,11 +16,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
 
-import yaml
-
-from deqmcl_gym.files import UnreadableError, content_of
-from deqmcl_gym.validation import InputError, one_of
+from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.naming.digests import content_digest
+
+_LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 
 # byte order marks, the longer ones first
 _MARKS = {
@@ -77,6 +78,8 @@ def errors_name(path: Path) -> Iterator[None]:
     """Let what is refused in here name the file."""
     try:
         yield
+    except RecursionError:
+        raise InputError(f"{path}: its values are nested too deeply.") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -117,21 +120,23 @@ def _refuse_nan(value: Any, at: str) -> None:
         raise InputError(f"{at} is {value!a}, but must be text without control characters.")
     elif isinstance(value, float) and math.isnan(value):
         raise InputError(f"{at} is nan, but must be a number.")
+    elif isinstance(value, int | float) and _LARGEST < abs(value) < math.inf:
+        raise InputError(f"{at} is {shown(value)}, but must be at most {_LARGEST:g}, or inf.")
 
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
-_WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity
+_WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text is "'inf"
 
 
 class Changes(Mapping[str, Any]):
     """An immutable mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names.
 
-    It is made of a mapping or pairs, as a dict is, of TOML by ``told``, and of what ``json`` gave.
-    Lists in it become tuples, tables become ``Changes``, and the word "inf" the number. It can be
-    hashed if its values can.
+    It is made of a mapping or pairs, as a dict is, of TOML by ``told``, and by ``of_json`` of what
+    ``json`` gave. Lists in it become tuples, tables ``Changes``. Equal are those with the same
+    JSON, which names results: 1, 1.0 and True differ.
     """
 
-    __slots__ = ("_values",)
+    __slots__ = ("_text", "_values")
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
         if isinstance(values, Changes):
@@ -149,7 +154,7 @@ class Changes(Mapping[str, Any]):
         """
         flat: dict[str, Any] = {}
         for key, value in table(what, given, "a table").items():
-            nested = isinstance(value, Mapping)
+            nested = isinstance(value, Mapping) and bool(value)  # {} is a value
             for name, leaf in cls.told(what, value).items() if nested else (("", value),):
                 whole = f"{key}.{name}" if nested else key
                 if whole in flat:
@@ -169,9 +174,22 @@ class Changes(Mapping[str, Any]):
         """Count the names."""
         return len(self._values)
 
+    def __eq__(self, other: object) -> bool:
+        """Compare the JSON of names and values."""
+        if not isinstance(other, Mapping):
+            return NotImplemented
+        return self.text == Changes(other).text
+
     def __hash__(self) -> int:
-        """Hash names and values."""
-        return hash(tuple(self._values.items()))
+        """Hash the JSON of names and values."""
+        return hash(self.text)
+
+    @property
+    def text(self) -> str:
+        """Names and values as JSON."""
+        if not hasattr(self, "_text"):
+            self._text = spelt(self)
+        return self._text
 
     def __repr__(self) -> str:
         """Return the values as a dict's."""
@@ -247,7 +265,7 @@ def _kept(value: Any) -> Any:
         return tuple(map(_kept, value))
     if isinstance(value, Mapping):
         return value if isinstance(value, Changes) else Changes(value)
-    return _WORDS.get(value, value) if isinstance(value, str) else value
+    return value
 
 
 def jsonable(value: Any) -> Any:
@@ -256,7 +274,25 @@ def jsonable(value: Any) -> Any:
         return list(map(jsonable, value))
     if isinstance(value, Changes):
         return value.json()
+    if isinstance(value, str) and value.lstrip("'") in _WORDS:
+        return f"'{value}"
     return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def of_json(value: Any) -> Any:
+    """Return the value of which ``jsonable`` has made this one, but for lists and dicts."""
+    if isinstance(value, list):
+        return list(map(of_json, value))
+    if isinstance(value, dict):
+        return {name: of_json(inner) for name, inner in value.items()}
+    if isinstance(value, str) and value.lstrip("'") in _WORDS:
+        return _WORDS.get(value, value[1:])
+    return value
+
+
+def spelt(value: Any) -> str:
+    """Return a value as JSON: what tells it apart, as 1, 1.0 and True are equal to Python."""
+    return json.dumps(jsonable(value), sort_keys=True, default=repr)
 
 
 def _absolute(folder: Path, value: Any) -> Any:
@@ -269,17 +305,18 @@ def _absolute(folder: Path, value: Any) -> Any:
 
 def from_folder(folder: Path, path: str) -> str:
     """Return a path from a folder as an absolute one; ~ is the home folder."""
-    return os.path.abspath(folder / Path(path).expanduser())
+    return os.path.abspath(folder / os.path.expanduser(path))
 
 
 def _parts(path: Path) -> list[Path]:
-    if path.is_dir():
-        return sorted(part for part in path.rglob("*") if part.is_file())
+    if os.path.isdir(path):  # a bag of ROS 2, whose files stand side by side
+        whole = path.glob("*") if (path / "metadata.yaml").is_file() else ()
+        return sorted(part for part in whole if part.is_file())
     if path.suffix.lower() not in (".yaml", ".yml"):
         return [path]
     try:
-        said = yaml.safe_load(path.read_bytes())
+        said = yaml_of(content_of(path))
         image = said.get("image") if isinstance(said, dict) else None
-    except (OSError, ValueError, yaml.YAMLError):  # whoever loads the map says so
+    except (FileNotFoundError, UnreadableError):  # whoever loads the map says so
         image = None
     return [path, path.parent / image] if isinstance(image, str) else [path]

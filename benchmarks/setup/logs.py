@@ -258,8 +258,7 @@ def _over(values: Floats, ends: Indices) -> Floats:
 
 def _explained(errors: Floats, by: Floats) -> Floats:
     """Return the least-squares fit of errors (k,) by columns (k, j) without a constant, (k,)."""
-    found: Floats = by @ np.linalg.lstsq(by, errors, rcond=None)[0]
-    return found
+    return by @ np.linalg.lstsq(by, errors, rcond=None)[0]
 
 
 def motion_noise(log: Log, kind: str = "differential") -> MotionModel:

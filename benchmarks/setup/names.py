@@ -5,6 +5,7 @@ docs/scenarios.md has the table of a scenario file's keys.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -20,22 +21,13 @@ from localizers.naming.plugins import is_ctrl_c, is_reference, load, raised, ref
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
+_DEEPEST = 8  # files, each the base of the next
 _VERBS = ("plan_at_reset", "act")
 
 
 def scenario_names() -> tuple[str, ...]:
     """Names of the built-in scenarios."""
     return (*SCENARIOS, *_OF_LOGS)
-
-
-def agent_names() -> tuple[str, ...]:
-    """Names of the built-in agents."""
-    return tuple(AGENTS)
-
-
-def agent_words(name: str) -> str:
-    """Return what a built-in agent does, in a line."""
-    return str(AGENTS[name].__doc__).partition("\n")[0]
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
@@ -89,10 +81,11 @@ def make_agent(name: str, robot: RobotModel) -> Agent:
     return made
 
 
+@cache
 def plug_ins_of(name: str) -> tuple[str, ...]:
     """Return the plug-ins that a scenario leads to: itself, its bases, its agent.
 
-    Nothing is run to find out: one in Python stands for what it names, too.
+    Nothing is run to find out, a file is read once: one in Python stands for what it names, too.
 
     Raises:
         InputError: a file cannot be read.
@@ -137,6 +130,8 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
+    if len(within) > _DEEPEST:
+        raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
     if name.endswith(".toml"):
         found, folder = _read(Path(name), (*within, name)), Path(name).parent
     elif is_reference(name):

@@ -302,7 +302,7 @@ class Scenario:
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:
     """Change values of what is assumed; another kind keeps those that both kinds have."""
     kinds = _KINDS.get(part, {})
-    if not isinstance(keys, dict):
+    if not isinstance(keys, Mapping):
         raise InputError(
             f"{part} is {keys!r}, but must name a key: {', '.join(_names(part, current))}."
         )

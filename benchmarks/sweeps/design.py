@@ -42,7 +42,7 @@ class Limit:
     def json(self) -> dict[str, Any]:
         """Return it as JSON-able values."""
         runs = {"trials": self.trials, "filter_seeds": self.filter_seeds}
-        return self.method.json() | {"of": list(self.of)} | runs
+        return self.method.json() | {"of": jsonable(self.of)} | runs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +204,7 @@ class Sweep:
         said["localizers"] = [method.json() for method in self.localizers]
         said["vary"] = [axis.values.json() for axis in self.vary]
         if self.baseline != BASELINE:
-            said["baseline"] = self.baseline
+            said["baseline"] = jsonable(self.baseline)
         if self.limits:
             said["limit"] = [limit.json() for limit in self.limits]
         return said

@@ -12,6 +12,7 @@ from msgspec import Struct, field, to_builtins
 
 from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, refuse_changed
+from benchmarks.setup.changes import spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Environment, Provenance, environment
@@ -128,7 +129,7 @@ def is_of_other_code(folder: Path, ours: Manifest) -> bool:
     if is_empty(folder):
         return False
     held, made = _compared(folder, ours)
-    return held["sweep"] == made.sweep and held != made.identity
+    return not any(differences(held["sweep"], made.sweep)) and held != made.identity
 
 
 def _compared(folder: Path, ours: Manifest) -> tuple[dict[str, Any], Manifest]:
@@ -190,7 +191,7 @@ def _less(theirs: Any, ours: dict[str, Any]) -> Any:
         more = {
             name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
         }
-        if all(method in asked["localizers"] for method in held["localizers"]):
+        if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:
             more["localizers"] = asked["localizers"]
             theirs = theirs | {"plug-ins": ours["plug-ins"] | theirs["plug-ins"]}
         return theirs | {"sweep": held | more}
@@ -268,7 +269,7 @@ def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:
     elif isinstance(theirs, list) and isinstance(ours, list) and len(theirs) == len(ours):
         for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
             yield from differences(*pair, f"{at}[{number}]")
-    elif theirs != ours:
+    elif spelt(theirs) != spelt(ours):
         was, now = _shown(theirs, ours)
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
 

@@ -18,7 +18,7 @@ from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, one_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,14 +159,13 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         return None if known is None else tuple(known)
 
     with changes.errors_name(folder / manifest.NAME):
-        return sweep_of(made.sweep, title="", takes=takes)
+        return sweep_of(changes.of_json(made.sweep), title="", takes=takes)
 
 
 def left_out_lines(results: Results, out: Path) -> list[str]:
     """Say which files of a folder are in no table, and why."""
-    lines = [
-        f"deqmcl: {out / name} {why}; it is left out." for name, why in results.left_out.items()
-    ]
+    named = (one_line(f"{out / name} {why}") for name, why in results.left_out.items())
+    lines = [f"deqmcl: {words}; it is left out." for words in named]
     more = [f"deqmcl: … and {len(lines) - _SHOWN:,} more files are left out."]
     return lines if len(lines) <= _SHOWN else lines[:_SHOWN] + more
 
@@ -202,8 +201,11 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     return ["Not complete:", *lines[:_SHOWN], *more]
 
 
-def failed_sentence(results: Results) -> str:
-    """Say how many trials failed, and the first reason."""
+def incomplete_sentence(results: Results) -> str:
+    """Say how many trials failed, and the first reason, or how many are missing; "" if none is."""
+    if not results.failures:
+        lost = f"{results.missing} of {results.planned} trials are missing: run the command again."
+        return lost if results.missing else ""
     first = results.failures[0]
     return (
         f"{len(results.failures)} of {results.planned} trials failed, the rest is kept; first: "

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import math
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,7 +17,7 @@ from tqdm import tqdm
 from benchmarks.console import beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files.inventory import locked
+from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
@@ -25,7 +26,7 @@ from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, one_line, shown
 
 MANY = 100_000  # trials; more are run only with --yes
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
@@ -183,7 +184,7 @@ def counted(
     Yields:
         A function of whether the trial failed.
     """
-    name = out.resolve().name
+    name = one_line(out.resolve().name)
     failed, lines = 0, shown and not sys.stderr.isatty()
     kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
     if lines:  # what tqdm would print goes nowhere; it counts and estimates
@@ -243,7 +244,8 @@ def shard_of(text: str) -> tuple[int, int]:
     Raises:
         InputError: it is not of that form, or i is not one of 1 … n.
     """
-    number, _, of = text.partition("/")
-    if number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of) <= 100_000:
-        return int(number), int(of)
-    raise InputError(f"--shard is {text!r}, but must be i/n with i from 1 to n, like 2/8.")
+    if given := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text):
+        number, of = map(int, given.groups())
+        if 1 <= number <= of <= 100_000:
+            return number, of
+    raise InputError(f"--shard is {shown(text)}, but must be i/n with i from 1 to n, like 2/8.")

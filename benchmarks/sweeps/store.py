@@ -5,10 +5,10 @@ import json
 import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from benchmarks.trials.scoring import Finished, Record
 from benchmarks.trials.spec import Trial
@@ -21,7 +21,7 @@ from deqmcl_gym.files import (
     writable_folder,
     write_text,
 )
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, one_line
 
 SCHEMA = 4
 
@@ -37,7 +37,7 @@ class _Kept(Record, frozen=True, kw_only=True):
 class _Timed(Struct, frozen=True):
     """A file of timings/."""
 
-    seconds: float
+    seconds: Annotated[float, Meta(ge=0, le=1e9)]
 
 
 class _Failed(Struct, frozen=True):
@@ -139,7 +139,7 @@ class Store:
                         why = f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
                     except (UnreadableError, FileNotFoundError) as error:
                         why = str(error)
-                yield f"{_FOLDER[kind]}/{path.name}", why
+                yield one_line(f"{_FOLDER[kind]}/{path.name}"), why
 
     def _path(self, kind: type, key: str) -> Path:
         return self.out / _FOLDER[kind] / f"{key}.json"

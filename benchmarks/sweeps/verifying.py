@@ -15,7 +15,7 @@ import msgspec
 
 from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files.inventory import locked
+from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.manifest import Manifest, Verified, differences
 from benchmarks.sweeps.results import recorded_sweep

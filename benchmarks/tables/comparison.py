@@ -5,29 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from benchmarks.tables import pairing, stats
 from benchmarks.tables.auroc import Auroc, auroc_of
 from benchmarks.tables.journeys import JourneyScore, Outcomes
-from benchmarks.tables.pairing import (
-    Runs,
-    agree,
-    by_world,
-    differences,
-    milliseconds_per_step,
-    over_worlds,
-    runs_of,
-    shared,
-)
-from benchmarks.tables.stats import (
-    UNKNOWN,
-    Estimate,
-    estimate,
-    holm,
-    relative_change,
-    sample_sd,
-    wilcoxon,
-    wilson,
-    win_rate,
-)
+from benchmarks.tables.pairing import Runs
+from benchmarks.tables.stats import UNKNOWN, Estimate
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method
@@ -128,25 +110,25 @@ def compared(
         baseline: localizer that the others are compared with.
         whole: their whole runs, with those that failed.
     """
-    times = {method: milliseconds_per_step(records) for method, records in methods.items()}
+    times = {method: pairing.milliseconds_per_step(records) for method, records in methods.items()}
     rows = []
     for method, records in methods.items():
         reference = baseline_of(method, methods, baseline)
-        present = runs_of(methods[reference], "error")
+        present = pairing.runs_of(methods[reference], "error")
         for offset in dict.fromkeys(k for record in records for k in record.offsets):
-            errors = runs_of(records, "error", offset)
-            lost = float(over_worlds(runs_of(records, "lost", offset)).mean())
-            worlds = by_world(errors)
+            errors = pairing.runs_of(records, "error", offset)
+            lost = float(pairing.over_worlds(pairing.runs_of(records, "lost", offset)).mean())
+            worlds = pairing.by_world(errors)
             row = Comparison(
                 method=method,
                 offset=offset,
                 worlds=len(worlds),
                 runs=len(errors),
                 errors=worlds,
-                error=estimate(over_worlds(errors)),
-                error_sd=sample_sd(over_worlds(errors)),
+                error=stats.estimate(pairing.over_worlds(errors)),
+                error_sd=stats.sample_sd(pairing.over_worlds(errors)),
                 scores={name: _score(records, name, offset) for name in AVERAGED},
-                lost=Estimate(lost, *wilson(lost, len(worlds))),
+                lost=Estimate(lost, *stats.wilson(lost, len(worlds))),
                 detection=Auroc() if offset else auroc_of(records),
                 milliseconds=times[method],
                 baseline=reference,
@@ -164,24 +146,24 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     """
     listed = list(methods)
     variants = [other for other in listed if other.name == name] or listed[:1]
-    return next((one for one in variants if agree(one.params, method.params)), variants[0])
+    return next((one for one in variants if pairing.agree(one.params, method.params)), variants[0])
 
 
 def _score(records: Sequence[Finished], name: str, offset: int) -> Estimate:
-    values = over_worlds(runs_of(records, name, offset))
-    return estimate(values) if name in RANGED else Estimate(float(values.mean()))
+    values = pairing.over_worlds(pairing.runs_of(records, name, offset))
+    return stats.estimate(values) if name in RANGED else Estimate(float(values.mean()))
 
 
 def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
-    apart = differences(errors, baseline)
+    apart = pairing.differences(errors, baseline)
     return replace(
         row,
         paired_worlds=apart.size,
-        diff=estimate(apart),
-        diff_sd=sample_sd(apart),
-        relative=relative_change(apart, shared(errors, baseline)),
-        win_rate=win_rate(apart),
-        p=_six_digits(wilcoxon(apart)),
+        diff=stats.estimate(apart),
+        diff_sd=stats.sample_sd(apart),
+        relative=stats.relative_change(apart, pairing.shared(errors, baseline)),
+        win_rate=stats.win_rate(apart),
+        p=_six_digits(stats.wilcoxon(apart)),
     )
 
 
@@ -196,7 +178,7 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
         places = [i for i, row in enumerate(rows) if row.offset == offset]
         tests = {(i, ""): rows[i].p for i in places}
         tests |= {(i, name): own.p for i in places for name, own in rows[i].journey.items()}
-        adjusted = dict(zip(tests, map(_six_digits, holm([*tests.values()])), strict=True))
+        adjusted = dict(zip(tests, map(_six_digits, stats.holm([*tests.values()])), strict=True))
         for i in places:
             journey = {
                 name: replace(own, p=_six_digits(own.p), p_holm=adjusted[i, name])

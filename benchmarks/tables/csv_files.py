@@ -1,12 +1,11 @@
 """results.csv, gaps.csv, trials.csv, timings.csv: exact numbers; named parts are JSON."""
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import fields
-from operator import attrgetter
 from typing import Any
 
-from benchmarks.tables.comparison import AVERAGED, RANGED, Comparison
+from benchmarks.tables.comparison import AVERAGED, RANGED
 from benchmarks.tables.journeys import scores_in, value_in
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import Validity
@@ -14,8 +13,6 @@ from benchmarks.tables.text import csv_text
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method, Setting, Trial
-
-Column = Callable[[Comparison], Any]
 
 _SETTING = tuple(field.name for field in fields(Setting))
 _METHOD = ("method", "params")
@@ -30,7 +27,7 @@ def results_csv(panels: Iterable[Panel]) -> str:
     for score in scores_in(record for p in listed for own in p.records.values() for record in own):
         columns |= _of_journey(score)
     lines = (
-        [*_panel(panel), *_method(row.method), *(value(row) for value in columns.values())]
+        [*_panel(panel), *_method(row.method), *(_at(row, path) for path in columns.values())]
         for panel in listed
         for row in panel.rows
     )
@@ -123,8 +120,12 @@ def _json(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def _plain(*names: str) -> dict[str, Column]:
-    return {name: attrgetter(name) for name in names}
+def _at(value: Any, path: str) -> Any:
+    """Return what a dotted path of attributes and keys leads to; None: there is no such key."""
+    for part in path.split("."):
+        if value is not None:
+            value = value.get(part) if isinstance(value, dict) else getattr(value, part)
+    return value
 
 
 def _ends(name: str, path: str, mean: str = "") -> dict[str, str]:
@@ -133,44 +134,32 @@ def _ends(name: str, path: str, mean: str = "") -> dict[str, str]:
     return {column: f"{path}.{end}" for column, end in columns.items()}
 
 
-def _interval(name: str, path: str, mean: str = "") -> dict[str, Column]:
-    return {column: attrgetter(end) for column, end in _ends(name, path, mean).items()}
-
-
-def _of_score(name: str, end: str) -> Column:
-    return lambda row: getattr(row.scores[name], end)
-
-
-def _of_journey(score: Score) -> dict[str, Column]:
+def _of_journey(score: Score) -> dict[str, str]:
     """Columns of a score of whole runs: its value, and the comparison if methods are compared."""
-    paths = _ends(score.name, "value")
+    name, at = score.name, f"journey.{score.name}"
+    columns = _ends(name, f"{at}.value")
     if score.censored:
-        paths[f"{score.name}_restricted"] = "restricted"
+        columns[f"{name}_restricted"] = f"{at}.restricted"
     if score.tested:
-        paths |= _ends(f"{score.name}_diff", "diff")
-        paths |= {f"{score.name}_{test}": test for test in ("p", "p_holm")}
-    return {column: _in_journey(score.name, path) for column, path in paths.items()}
+        columns |= _ends(f"{name}_diff", f"{at}.diff")
+        columns |= {f"{name}_{test}": f"{at}.{test}" for test in ("p", "p_holm")}
+    return columns
 
 
-def _in_journey(name: str, path: str) -> Column:
-    read = attrgetter(path)
-    return lambda row: read(row.journey[name]) if name in row.journey else None
-
-
-_COLUMNS: dict[str, Column] = {
-    **_plain("offset", "worlds", "runs"),
-    **_interval("error", "error"),
-    **_plain("error_sd"),
-    **{name: _of_score(name, "mean") for name in AVERAGED},
-    **_interval("lost", "lost", "lost_rate"),
-    "baseline": attrgetter("baseline.name"),
-    **_plain("paired_worlds"),
-    **_interval("diff", "diff"),
-    **_plain("win_rate", "p", "p_holm"),
-    **_interval("auroc", "detection.auroc"),
-    "far_steps": attrgetter("detection.far_steps"),
-    "far_worlds": attrgetter("detection.far_worlds"),
-    **{f"{name}_{end}": _of_score(name, end) for name in RANGED for end in ("low", "high")},
-    **_plain("diff_sd"),
-    **_interval("relative", "relative"),
+_COLUMNS = {  # where they are to be read in a ``Comparison``
+    **{name: name for name in ("offset", "worlds", "runs")},
+    **_ends("error", "error"),
+    "error_sd": "error_sd",
+    **{name: f"scores.{name}.mean" for name in AVERAGED},
+    **_ends("lost", "lost", "lost_rate"),
+    "baseline": "baseline.name",
+    "paired_worlds": "paired_worlds",
+    **_ends("diff", "diff"),
+    **{name: name for name in ("win_rate", "p", "p_holm")},
+    **_ends("auroc", "detection.auroc"),
+    "far_steps": "detection.far_steps",
+    "far_worlds": "detection.far_worlds",
+    **{f"{name}_{end}": f"scores.{name}.{end}" for name in RANGED for end in ("low", "high")},
+    "diff_sd": "diff_sd",
+    **_ends("relative", "relative"),
 }

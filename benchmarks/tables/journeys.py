@@ -7,22 +7,15 @@ mean). A run that failed counts as one in which nothing happened.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.tables import stats
 from benchmarks.tables.pairing import Runs, differences, grouped, over_worlds
-from benchmarks.tables.stats import (
-    UNKNOWN,
-    Estimate,
-    confirmed,
-    estimate,
-    sign_test,
-    wilcoxon,
-    wilson,
-)
+from benchmarks.tables.stats import UNKNOWN, Estimate
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Run
@@ -53,7 +46,7 @@ class JourneyScore:
     @property
     def significant(self) -> bool:
         """Whether the interval of the difference excludes 0, and ``p_holm`` is below 0.05."""
-        return confirmed(self.diff, self.p_holm)
+        return stats.confirmed(self.diff, self.p_holm)
 
 
 class ShareCurve(NamedTuple):
@@ -105,9 +98,9 @@ class Outcomes:
             return JourneyScore(value=median_estimate(worlds), restricted=float(restricted.mean()))
         values = over_worlds(runs)
         if score.unit != "share":
-            return JourneyScore(value=estimate(values))
+            return JourneyScore(value=stats.estimate(values))
         share = float(values.mean())
-        return JourneyScore(value=Estimate(share, *wilson(share, values.size)))
+        return JourneyScore(value=Estimate(share, *stats.wilson(share, values.size)))
 
     def beside(self, baseline: "Outcomes") -> dict[str, JourneyScore]:
         """Return all scores by name beside the baseline's, which may be its own."""
@@ -123,8 +116,8 @@ class Outcomes:
             return own
         read = Outcomes.restricted if score.censored else Outcomes.runs
         apart = differences(read(self, score), read(baseline, score))
-        p = sign_test(apart) if score.unit == "share" else wilcoxon(apart)
-        return JourneyScore(value=own.value, restricted=own.restricted, diff=estimate(apart), p=p)
+        p = stats.sign_test(apart) if score.unit == "share" else stats.wilcoxon(apart)
+        return replace(own, diff=stats.estimate(apart), p=p)
 
 
 def longest_ways(records: Iterable[Finished]) -> dict[int, float]:
@@ -163,7 +156,7 @@ def curve_of(worlds: Mapping[int, Sequence[float]]) -> ShareCurve:
     metres = np.array(sorted({0.0} | finite))
     found = np.array([[np.mean(np.array(own) <= m) for own in worlds.values()] for m in metres])
     share = found.mean(axis=1)
-    low, high = np.array([wilson(float(one), len(worlds)) for one in share]).T
+    low, high = np.array([stats.wilson(float(one), len(worlds)) for one in share]).T
     return ShareCurve(metres, share, low, high)
 
 

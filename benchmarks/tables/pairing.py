@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, spelt
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Run
@@ -19,7 +19,7 @@ BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says
 
 def agree(some: Changes, others: Changes) -> bool:
     """Whether the parameters that both have are the same."""
-    return all(some[name] == others[name] for name in some.keys() & others.keys())
+    return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
 
 
 def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:

@@ -7,7 +7,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.comparison import Comparison, compared
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
@@ -174,7 +174,7 @@ def _swept(methods: Sequence[Method]) -> list[Changes]:
     for method in methods:
         for name, value in method.params.items():
             if is_number(value):
-                seen.setdefault((method.name, name), set()).add(value)
+                seen.setdefault((method.name, name), set()).add(spelt(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
         Changes({name: value for name, value in method.params.items() if name in names})
@@ -202,10 +202,14 @@ def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
     long as they are uninteresting.
     """
     same = [other.params for other in methods if other.name == method.name]
-    apart = [(n, v) for n, v in method.params.items() if any(other.get(n) != v for other in same)]
+    apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]
-    alike = [other for other in same if all(other.get(name) == value for name, value in words)]
+    alike = [other for other in same if all(_has(other, *word) for word in words)]
     return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
+
+
+def _has(params: Changes, name: str, value: Any) -> bool:
+    return name in params and spelt(params[name]) == spelt(value)
 
 
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:

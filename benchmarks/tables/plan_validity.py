@@ -58,8 +58,10 @@ def _validity(
     by_world = [own for _, own in sorted(worlds.items())]
     names = [name for name in by_world[0][0] if name != "conflict"]
     signals = {name: auroc_of_steps([_steps(own, name) for own in by_world]) for name in names}
-    if "trusted" in names:
-        signals["trusted_lap"] = auroc_of_steps([_laps(own) for own in by_world])
+    told = signals.pop("trusted", None)
+    if told is not None and told.far_worlds is not None:  # else of a method that doubts no plan
+        laps = auroc_of_steps([_laps(own) for own in by_world])
+        signals |= {"trusted": told, "trusted_lap": laps}
     return Validity(panels=group, label=label, method=method, signals=signals)
 
 

@@ -21,8 +21,9 @@ from deqmcl_gym.validation import InputError, digits
 
 Scalar = Any  # a float64 inside a kernel
 
-# Particles whose mutual distances stand for those of the whole cloud in the energy score.
-PAIRED = 128
+# Particles whose mutual distances stand for those of the whole cloud in the energy score. Points of
+# one weight may be a designed set, of which some are no sample: of up to so many, all pairs count.
+PAIRED, DESIGNED = 128, 512
 
 
 @compiled
@@ -99,7 +100,8 @@ def calibration_of(
         if own.size == 1:
             out[k, 1], out[k, 2] = math.nan, math.nan
         else:
-            out[k, 0] -= _apart(x, y, own)
+            designed = own.size <= DESIGNED and own.min() == own.max()
+            out[k, 0] -= _apart(x, y, own) if designed else _apart_of_some(x, y, own)
             heading = poses[2, start:end].astype(np.float64)
             out[k, 1], out[k, 2] = _rank_and_nees(x, y, heading, own, means[k], truth[k], floor)
         start = end
@@ -119,6 +121,25 @@ def _near(x: Floats, y: Floats, weights: Floats, truth: Floats) -> Scalar:
 
 @compiled
 def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
+    """½ E|X - X'| = Σ_{k<j} w_j w_k |x_j - x_k|, in (x, y).
+
+    In float32, from the first point: good to 1e-6, and a quarter of the time.
+    """
+    n = weights.size
+    east, north = (x - x[0]).astype(np.float32), (y - y[0]).astype(np.float32)
+    spread, weight = np.zeros(n, np.float32), weights.astype(np.float32)
+    for j in range(1, n):  # one sum per k, so that the inner loop is SIMD code
+        for k in range(j):
+            dx, dy = east[j] - east[k], north[j] - north[k]
+            spread[k] += weight[j] * np.sqrt(dx * dx + dy * dy)
+    apart = 0.0
+    for k in range(n):
+        apart += weights[k] * spread[k]
+    return apart
+
+
+@compiled
+def _apart_of_some(x: Floats, y: Floats, weights: Floats) -> Scalar:
     """½ the mean distance of pairs of particles at the cumulative weights (j + ½) / PAIRED."""
     n = weights.size
     some_x, some_y, spread = np.empty(PAIRED), np.empty(PAIRED), np.zeros(PAIRED)
@@ -132,7 +153,7 @@ def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
             particle += 1
             reached += weights[particle]
         some_x[j], some_y[j] = x[particle], y[particle]
-    for j in range(1, PAIRED):  # one sum per k, so that the inner loop is SIMD code
+    for j in range(1, PAIRED):
         for k in range(j):
             dx, dy = some_x[j] - some_x[k], some_y[j] - some_y[k]
             spread[k] += math.sqrt(dx * dx + dy * dy)
@@ -319,9 +340,9 @@ def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
     With X, X' drawn from the belief and z the truth, in (x, y):
 
     - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
-      particles; the second of the pairs of ``PAIRED`` of them, at equal steps of the
-      cumulative weight: of one cloud it is right to a few per cent, its mean over a lap to 1 %. Of
-      one point the score is its distance to the truth.
+      particles; the second of all pairs of up to ``DESIGNED`` of equal weight, else of the pairs of
+      ``PAIRED`` of them, at equal steps of the cumulative weight: of one cloud it is right to a few
+      per cent, its mean over a lap to 1 %. Of one point the score is its distance to the truth.
     - rank P(D(X) < D(z)), D the Mahalanobis distance to the belief's mean under its covariance. The
       credible region of level p, the p of the weight nearest to the mean, covers the truth if
       rank ≤ p. No shape is assumed: the distances are ranked among the belief's own.

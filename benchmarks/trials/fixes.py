@@ -43,14 +43,12 @@ class Fixes:
     def localized(self, near: str) -> Bools:
         """Whether the best cluster is within a distance and an angle of ``NEAR``, (k,)."""
         distance, angle = NEAR[near]
-        is_near: Bools = (self.distance <= distance) & (self.angle <= angle)
-        return is_near
+        return (self.distance <= distance) & (self.angle <= angle)
 
     @property
     def last(self) -> Bools:
         """Whether a step is one of the last 25 %, (k,)."""
-        late: Bools = self.steps >= math.floor((1 - LAST) * self.count)
-        return late
+        return self.steps >= math.floor((1 - LAST) * self.count)
 
     def success(self, near: str) -> float:
         """1 if localized in every step of the last 25 %, else 0; NaN if none of them is known."""
@@ -75,14 +73,12 @@ class Fixes:
     @property
     def rated(self) -> Bools:
         """Whether a step t ≥ 1 has a quality, (k,)."""
-        rated: Bools = np.isfinite(self.quality) & (self.steps >= 1)
-        return rated
+        return np.isfinite(self.quality) & (self.steps >= 1)
 
     @property
     def false(self) -> Bools:
         """Whether the belief commits itself, quality > 0.5, while more than 2 m off, (k,)."""
-        false: Bools = (self.quality > COMMITTED) & (self.distance > FAR)
-        return false
+        return (self.quality > COMMITTED) & (self.distance > FAR)
 
     def metres_to_recover(self, carried: int) -> float:
         """Metres from the kidnap to 20 consecutive steps within 0.45 m of the truth; inf: never.

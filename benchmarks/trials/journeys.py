@@ -8,15 +8,17 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import Annotated
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Fixes
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
 ARRIVED = 0.5  # m from the goal
+_ROUNDING = 1e-6  # of shares: weights add up to 1 but for it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +114,10 @@ def _success(near: str, *, tested: bool = False) -> Score:
     return Score(name, "share", words, lambda run: run.fixes.success(near), 0.0, tested)
 
 
+def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
+    return Score(name, "m", f"{words}, median", of, math.inf, tested=True)
+
+
 def _committed(run: Journey) -> float:
     late = run.fixes.rated & run.fixes.last
     return float(run.fixes.false[late].any()) if late.any() else math.nan
@@ -145,13 +151,8 @@ _SCORES: dict[str, tuple[Score, ...]] = {
     "lost": (
         _success("1m", tested=True),
         _success("05m"),
-        Score(
-            "metres_to_localize",
-            "m",
-            "metres to localize, median",
-            lambda run: run.fixes.metres_to_localize,
-            math.inf,
-            tested=True,
+        _metres(
+            "metres_to_localize", "metres to localize", lambda run: run.fixes.metres_to_localize
         ),
         Score("false_commitment", "share", "false commitment at the end", _committed),
         Score("false_steps", "", "false commitment, share of steps", _committed_steps),
@@ -170,14 +171,7 @@ _SCORES: dict[str, tuple[Score, ...]] = {
             0.0,
             tested=True,
         ),
-        Score(
-            "metres_to_recover",
-            "m",
-            "metres to recover, median",
-            _to_recover,
-            math.inf,
-            tested=True,
-        ),
+        _metres("metres_to_recover", "metres to recover", _to_recover),
     ),
     "log": (
         Score(
@@ -201,6 +195,9 @@ GROUPS = tuple(Group(*own) for own in _SCORES.items())
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
 
+Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
+
+
 class WholeRun(Struct, frozen=True, kw_only=True):
     """What a trial's record has of its whole run.
 
@@ -209,12 +206,17 @@ class WholeRun(Struct, frozen=True, kw_only=True):
         curves: by name, each at the same steps; "way" is what was driven until then, m.
     """
 
-    scores: dict[str, float | None]
-    curves: dict[str, list[float]]
+    scores: dict[str, Number | None]
+    curves: dict[str, list[Number]]
 
     def __post_init__(self) -> None:
         if other := self.scores.keys() - JOURNEY_SCORES.keys():
             raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
+        for name, value in self.scores.items():
+            if not isinstance(value, float) or JOURNEY_SCORES[name].unit != "share":
+                continue
+            if not -_ROUNDING <= value <= 1 + _ROUNDING:
+                raise ValueError(f"has {value:g} as {name}, which is a share")
         if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
             raise ValueError("has curves of the whole run of different lengths")
 
@@ -227,8 +229,8 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
         scores: by name; None is not available.
     """
 
-    best: tuple[list[float], list[float], list[float]]
-    scores: dict[str, float | None]
+    best: tuple[list[Number], list[Number], list[Number]]
+    scores: dict[str, Number | None]
 
 
 def finite(scores: Mapping[str, float]) -> dict[str, float | None]:

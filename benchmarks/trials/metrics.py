@@ -95,8 +95,7 @@ def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
     """
     _, exponents = np.frexp(np.abs(rows).max(axis=1))
     squares = np.square(np.ldexp(rows, -exponents[:, None]))
-    roots: Floats = np.ldexp(np.sqrt(total(squares, axis=1)), exponents)
-    return roots
+    return np.ldexp(np.sqrt(total(squares, axis=1)), exponents)
 
 
 def directions(means: Floats) -> Floats:
@@ -106,8 +105,7 @@ def directions(means: Floats) -> Floats:
 
 def heading_error(means: Floats, truth: Floats) -> Floats:
     """Angle between the direction of the mean (cos θ, sin θ) and the true heading, rad, (k,)."""
-    error: Floats = np.abs((directions(means) - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
-    return error
+    return np.abs((directions(means) - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
 
 
 def entropy(variances: Floats, unit: str) -> Floats:

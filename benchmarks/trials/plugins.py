@@ -47,7 +47,7 @@ def provenance_of(
 def guest_of(trial: Trial) -> str:
     """Return the names of a trial's plug-ins: localizer, scenario, agent; "" if all is ours."""
     localizer = (trial.localizer,) if is_plug_in(trial.localizer) else ()
-    return " ".join((*localizer, *setup_guests(trial.scenario)))
+    return " ".join((*localizer, *plug_ins_of(trial.scenario)))
 
 
 def source_digest(name: str) -> str:
@@ -56,9 +56,3 @@ def source_digest(name: str) -> str:
         return localizers.source_digest(name) or ""
     except InputError:  # it cannot be found: its trials fail with the reason
         return ""
-
-
-@cache
-def setup_guests(scenario: str) -> tuple[str, ...]:
-    """Return the names of the plug-ins of a scenario: see ``plug_ins_of``; a file is read once."""
-    return plug_ins_of(scenario)

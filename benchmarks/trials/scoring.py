@@ -1,12 +1,12 @@
 """From a trace to the record of one trial: its scores, one row per offset, and its curves."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.journeys import RecordedTrack, WholeRun, finite
+from benchmarks.trials.journeys import Number, RecordedTrack, WholeRun, finite
 from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import (
@@ -19,12 +19,15 @@ from benchmarks.trials.trace import (
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
+Count = Annotated[int, Meta(ge=0, le=10**9)]
+Offset = Annotated[int, Meta(ge=-(10**9), le=10**9)]
+
 
 class ErrorCurve(Struct, frozen=True):
     """Error e of the beliefs at one offset, by state; None where the truth is not known."""
 
-    first_state: int
-    error: list[float | None]
+    first_state: Count
+    error: list[Number | None]
 
 
 class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -47,16 +50,16 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         ValueError: its parts do not belong together.
     """
 
-    unit: str
+    unit: Annotated[str, Meta(pattern="^(px|m)$")]
     thresholds: Thresholds
-    scores: list[dict[str, int | float | None]]
-    curves: dict[int, ErrorCurve]
-    quality: list[float | None] | None
-    profile: dict[int, float]
-    steps_done: int
-    scans_used: int
-    events: dict[str, int]
-    plan: dict[str, list[float | None]] | None = None
+    scores: list[dict[str, Offset | Number | None]]
+    curves: dict[Offset, ErrorCurve]
+    quality: list[Number | None] | None
+    profile: dict[Offset, Number]
+    steps_done: Count
+    scans_used: Count
+    events: dict[str, Count]
+    plan: dict[str, list[Number | None]] | None = None
     journey: WholeRun | None = None
     track: RecordedTrack | None = None
 
@@ -64,8 +67,10 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         for name in ("offset", *SCORE_NAMES):
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
-        if set(self.offsets) != self.curves.keys() or not self.curves:
-            raise ValueError("has scores and curves of other offsets")
+        if set(self.offsets) != self.curves.keys() or 0 not in self.curves:
+            raise ValueError("has scores and curves of other offsets, or none at offset 0")
+        if any(abs((row["lost"] or 0) - 0.5) > 0.5 for row in self.scores):
+            raise ValueError("has a share of lost trials that is not from 0 to 1")
         steps = self.steps_done
         states = [len(curve.error) for curve in self.curves.values()]
         states += [len(self.journey.curves["way"])] if self.journey else []

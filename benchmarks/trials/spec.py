@@ -45,9 +45,12 @@ class Method:
     def __post_init__(self) -> None:
         object.__setattr__(self, "params", Changes(self.params))
 
+    def __str__(self) -> str:
+        return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])
+
     def json(self) -> dict[str, Any]:
         """Return it as JSON-able values."""
-        return {"name": self.name, "params": self.params.json()}
+        return {"name": jsonable(self.name), "params": self.params.json()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,8 +128,7 @@ class Trial:
         parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.items())]
         parts += [f"assumed {name}={value}" for name, value in self.assumed.items()]
         parts += [str(wrapper.get("kind")) for wrapper in self.disturbance]
-        parts += [f"L={self.lag}", self.localizer]
-        return " ".join([*parts, *(f"{name}={value}" for name, value in self.params.items())])
+        return " ".join([*parts, f"L={self.lag}", str(self.method)])
 
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""

@@ -4,16 +4,19 @@ import contextlib
 import inspect
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.setup.changes import errors_name
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.setup.scenario import Scenario, TrialEnv, Uniform
+from benchmarks.setup.scenario import Agent, Scenario, TrialEnv, Uniform
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
 from benchmarks.trials.journey_log import JourneyLog
@@ -57,7 +60,8 @@ class Stage:
         """
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
         found = changed.in_building(trial.trial)
-        room = found.room()
+        with _errors_name(trial.scenario):
+            room = found.room()
         return cls(
             trial=trial,
             scenario=found,
@@ -116,7 +120,7 @@ class Stage:
     def moments(self) -> Iterator[Moment]:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
-        agent = make_agent(self.scenario.agent, self.robot)
+        agent = self._agent()
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
 
         def prior() -> Prior:
@@ -136,9 +140,14 @@ class Stage:
         Raises:
             InputError: something of it is refused.
         """
-        self.env.reset(seed=self.trial.world_seed)
-        make_agent(self.scenario.agent, self.robot)
-        self.scenario.prior_in(self.room)
+        with _errors_name(self.trial.scenario):
+            self.env.reset(seed=self.trial.world_seed)
+            self.scenario.prior_in(self.room)
+        self._agent()
+
+    def _agent(self) -> Agent:
+        with _errors_name(self.trial.scenario):
+            return make_agent(self.scenario.agent, self.robot)
 
     def check_params(self) -> None:
         """Let the localizer look at its parameters, before anything is run or written.
@@ -152,6 +161,12 @@ class Stage:
         except BaseException as error:
             if isinstance(error, InputError) or is_ctrl_c(error):
                 raise
+
+
+def _errors_name(scenario_name: str) -> AbstractContextManager[None]:
+    """Let what is refused in here name the scenario's file, if it has one."""
+    is_file = scenario_name.endswith(".toml")
+    return errors_name(Path(scenario_name)) if is_file else contextlib.nullcontext()
 
 
 def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> gym.Env[Any, Any]:

@@ -116,8 +116,7 @@ class Trace:
     @property
     def known(self) -> Bools:
         """Whether the true pose of a state is known, (T + 1,)."""
-        known: Bools = np.isfinite(self.truth[:, 0])
-        return known
+        return np.isfinite(self.truth[:, 0])
 
 
 class Collector(Protocol):

@@ -107,8 +107,7 @@ class Track:
     @cached_property
     def way(self) -> Floats:
         """Metres driven at each record, by odometry."""
-        way: Floats = self.log.driven[: len(self.best)] / metre(self.log.unit)
-        return way
+        return self.log.driven[: len(self.best)] / metre(self.log.unit)
 
     @cached_property
     def errors(self) -> PoseErrors:

@@ -64,9 +64,15 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 f"localizer is {shown(localizer)}, but must have reset and update: give "
                 'localizers.make("mcl", robot).'
             )
+        room: Any = env.unwrapped
+        lidar = getattr(getattr(localizer, "robot", None), "lidar", room.lidar)
+        if lidar.beams != room.lidar.beams:
+            raise InputError(
+                f"localizer is made for {lidar.beams} beams, but the env's lidar has "
+                f"{room.lidar.beams}: make it for the lidar of the env."
+            )
         localizer = copy.deepcopy(localizer)
         self._localizer, self._prior = localizer, prior
-        room: Any = env.unwrapped
         self._floor = _FLOOR * np.array([pixel(room.floor_plan.unit)] * 2 + [1.0]) ** 2
         tried = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
         shapes = {"mean": (3,), "covariance": (3, 3), "entropy": (1,)}

@@ -110,7 +110,8 @@ def segments_of(log: logs.Log, length: float | None) -> Indices:
         return np.array([[0, len(log) - 1]])
     number("segment", length, low=0, above=True)
     way = log.driven
-    last = np.searchsorted(way, way + length)
+    # a record further, where the length is below the rounding of the way
+    last = np.maximum(np.searchsorted(way, way + length), np.arange(1, len(log) + 1))
     whole = last < len(log)
     if log.reference is not None:
         unknown = _unknown(log)
@@ -142,7 +143,7 @@ def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
         return distance, angle
     found = {"length": math.inf, "angle": math.inf}
     for part in given.split(","):
-        match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m|px|deg|°|rad)\s*", part)
+        match = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(m|px|deg|°|rad)\s*", part)
         kind = "length" if match and match[2] in ("m", "px") else "angle"
         if match is None or math.isfinite(found[kind]):
             raise InputError(
@@ -377,6 +378,8 @@ class LogEnv(gym.Env[Singles, Singles]):
         poses = log.odometry if log.reference is None else log.reference
         at = known if known.size else np.arange(len(log))
         ground = self._map if known.size else None
+        if ground is None:  # of odometry that may be far from (0, 0)
+            poses = poses - np.array([*poses[at[0], :2], 0.0])
         view = _blank(poses[at], log.unit) if ground is None else View(ground)
         drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:

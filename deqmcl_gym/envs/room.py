@@ -1,5 +1,6 @@
 """RoomEnv: the Gymnasium environment, wired from the parts in ``deqmcl_gym.world``."""
 
+from collections.abc import Callable, Hashable
 from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
@@ -79,6 +80,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         floor_plan: the map m, for localizers too.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
+        before_step: what happens in the next step before the robot moves, by whose it is.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -117,6 +119,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         self.action_space = rules.commands.space
         self._begun: Episode | None = None
         self._number = -1  # of the episode since the last seed
+        self.before_step: dict[Hashable, Callable[[], None]] = {}
 
     @property
     def radius(self) -> float:
@@ -189,6 +192,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         episode = Episode(self._rules, self._walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._begun, self._number = episode, number
+        self.before_step = {}
         nothing = np.zeros(2, np.float32)
         info = _info(episode, nothing, collided=False)
         return self._seen(info), info
@@ -199,7 +203,10 @@ class RoomEnv(gym.Env[Any, Singles]):
         if episode is None or episode.ended:
             state = "has not begun" if episode is None else "has ended"
             raise RuntimeError(f"the episode {state}: call reset() before step().")
+        happening, self.before_step = self.before_step, {}
         command = self._rules.commands.checked(action)
+        for happen in happening.values():
+            happen()
         reward, collided = episode.advance(*command.tolist())
         info = _info(episode, command, collided)
         given_up = info["planned_count"] == 0 and not episode.done

@@ -43,9 +43,9 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
         return None
 
     def step(self, action: Action) -> StepResult:
-        """Let it happen if it is time, then step."""
+        """Let it happen if it is time, then step; neither if the action is refused."""
         if self.room.elapsed_steps + 1 == self.due:
-            self.happen()
+            self.room.before_step[self] = self.happen
         result = self.env.step(action)
         if (result[2] or result[3]) and self.room.elapsed_steps < self.due:
             gym.logger.warn(

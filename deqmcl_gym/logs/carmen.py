@@ -112,6 +112,7 @@ class _Messages:
         return Scanner(
             angles=tuple((start + turn + step * np.arange(beams)).tolist()),
             mounting=(x, y),
+            turn=turn,
             min_range=SMALLEST,
             max_range=min(farthest, SICK_RANGE),
             no_return=min(farthest, SICK_RANGE),

@@ -16,13 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.files import numbers_of, opened_log, save, text_of
+from deqmcl_gym.files import (
+    MOST_OF_LOGS,
+    UnreadableError,
+    numbers_of,
+    opened_log,
+    save,
+    text_of,
+)
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords
 from deqmcl_gym.validation import InputError
 
 _COLUMNS = ("time", "odom_x", "odom_y", "odom_heading")
 _REFERENCE = ("ref_x", "ref_y", "ref_heading")
+_ARRAYS = ("times", "odometry", "ranges", "reference", "scanner", "unit")
 
 
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
@@ -55,14 +63,20 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
             found.add(time, odometry, numbers_of(row[first:]), reference=truth)
         except ValueError:
             found.damage[UNREADABLE] += 1
-    return found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
+    return found.log(lambda beams, _: _scanner(words, scanner, beams), unit=unit or "m")
 
 
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
     """Read a log from npz; see ``read_csv``."""
     try:
         with opened_log(path) as file, np.load(file, allow_pickle=False) as archive:
-            known = {name: archive[name] for name in archive.files}
+            there = archive.files
+            wanted = [name for name in _ARRAYS if name in there]
+            if sum(archive.zip.getinfo(f"{name}.npy").file_size for name in wanted) > MOST_OF_LOGS:
+                raise UnreadableError(
+                    f"is larger than {MOST_OF_LOGS:,} bytes, the most that is read"
+                )
+            known = {name: archive[name] for name in wanted}
     except InputError:
         raise
     except Exception as error:  # damaged bytes can raise anything in zip, zlib and NumPy
@@ -72,7 +86,7 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
         ) from None
     missing = [name for name in ("times", "odometry", "ranges") if name not in known]
     if missing:
-        raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(known)}.")
+        raise InputError(f"{path} lacks the array {missing[0]!r}: it has {', '.join(there)}.")
     times, odometry, ranges = (known.pop(name) for name in ("times", "odometry", "ranges"))
     n = times.size
     if (
@@ -96,7 +110,7 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             pose if known else () for pose, known in zip(reference.tolist(), whole, strict=True)
         ]
     words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
-    return found.log(lambda beams, _: _scanner(path, words, scanner, beams), unit=unit or "m")
+    return found.log(lambda beams, _: _scanner(words, scanner, beams), unit=unit or "m")
 
 
 def write_csv(log: Log, path: Path) -> None:
@@ -134,6 +148,9 @@ def _first_range(path: Path, columns: list[str]) -> int:
             raise InputError(
                 f"{path} lacks the column {name!r}: it has {', '.join(columns)[:200]}."
             )
+    if len(set(columns)) < len(columns):
+        twice = next(name for name in columns if columns.count(name) > 1)
+        raise InputError(f"{path} has the column {twice!r} twice: keep one of them.")
     if 0 < (given := sum(name in columns for name in _REFERENCE)) < len(_REFERENCE):
         raise InputError(
             f"{path} has {given} of the columns {', '.join(_REFERENCE)}: give all of them, or none."
@@ -145,17 +162,17 @@ def _first_range(path: Path, columns: list[str]) -> int:
     return len(columns) - len(ranges)
 
 
-def _scanner(path: Path, words: str | None, given: Scanner | None, beams: int) -> Scanner:
+def _scanner(words: str | None, given: Scanner | None, beams: int) -> Scanner:
     """Return the scanner given, else that of the file."""
     if given is None and words is None:
         raise InputError(
-            f"{path} does not contain its scanner: put it in the file, or read it with "
+            "it does not contain its scanner: put it in the file, or read it with "
             "scanner=Scanner(angles=…, max_range=…)."
         )
-    scanner = given or Scanner.of_json(f"the scanner in {path}", words or "")
+    scanner = given or Scanner.of_json("its scanner", words or "")
     if scanner.beams != beams:
         raise InputError(
-            f"{path} has {beams} ranges a record, but its scanner {scanner.beams} angles: give one "
-            "for each."
+            f"it has {beams} ranges a record, but its scanner {scanner.beams} angles: give one for "
+            "each."
         )
     return scanner

@@ -15,9 +15,9 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import LENGTH, PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, array, integer, number, one_of
+from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
-_NAMES = ("angles", "mounting", "max_range", "min_range", "no_return", "sigma")
+_NAMES = ("angles", "mounting", "turn", "max_range", "min_range", "no_return", "sigma")
 _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 
 
@@ -32,6 +32,7 @@ class Scanner(Lidar):
     Attributes:
         angles: of the beams against the robot's heading, including the turn of the mounting,
             counterclockwise, in the order of the ranges, (beams,) rad.
+        turn: of the mounting, rad.
         min_range: smallest range that is a measurement.
         no_return: smallest range reported where nothing is in range.
     """
@@ -41,6 +42,7 @@ class Scanner(Lidar):
     max_range: float = field(metadata=LENGTH)
     sigma: float = field(default=0.0, metadata=LENGTH)
     angles: tuple[float, ...] = field(repr=False)
+    turn: float = 0.0
     min_range: float = field(default=0.0, metadata=LENGTH)
     no_return: float = field(default=math.inf, metadata=LENGTH)
 
@@ -57,6 +59,7 @@ class Scanner(Lidar):
         object.__setattr__(self, "beams", len(angles))
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
         super().__post_init__()
+        number("the turn of mounting, in rad,", self.turn, low=-2 * math.pi, high=2 * math.pi)
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
         least = self.min_range
         number("scanner.no_return", self.no_return, low=least, above=True, finite=False)
@@ -94,7 +97,8 @@ class Scanner(Lidar):
     @property
     def json(self) -> str:
         """This scanner as JSON without blanks."""
-        values = {name: getattr(self, name) for name in _NAMES}
+        told = (name for name in _NAMES if name != "turn" or self.turn)  # as logs were before it
+        values = {name: getattr(self, name) for name in told}
         return json.dumps(values, separators=(",", ":"))
 
     @property
@@ -113,8 +117,9 @@ class Scanner(Lidar):
 
     def measured(self, ranges: ArrayLike) -> Singles:
         """Return ranges (..., beams) as float32, +inf where they are not measurements."""
+        given = real("ranges", ranges)
         with np.errstate(over="ignore", invalid="ignore"):
-            given = np.array(ranges, dtype=np.float32)
+            given = np.array(given, dtype=np.float32)
             low, high = np.float32(self.min_range), np.float32(self.max_range)
             seen = (given >= low) & (given <= high) & (given < np.float32(self.no_return))
         given[~seen] = np.inf
@@ -201,7 +206,8 @@ class Log:
             )
         kept: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
         if self.reference is not None:
-            reference = np.array(self.reference, dtype=np.float64)
+            given = real(f"the reference of {self.source}", self.reference)
+            reference = np.array(given, dtype=np.float64)
             if reference.shape != (n, 3):
                 raise InputError(
                     f"the reference of {self.source} has shape {reference.shape}, but must be "

@@ -14,7 +14,7 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import LARGEST, InputError, LogWarning
 
 UNREADABLE = "unreadable"
-OTHER_SCAN = "with a scan of another length or geometry"
+OTHER_SCAN = "with a scan of another length, geometry or frame"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
@@ -91,8 +91,12 @@ class RawRecords:
             said = said_of_skipped(self.damage, kept.size)
             warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=2)
         ranges = np.array([self.ranges[index] for index in kept])
+        try:
+            scanner = scanner_of(*most)
+        except InputError as error:
+            raise InputError(f"{self.source}: {error}") from None
         log = Log(
-            scanner_of(*most), times[kept], odometry[kept], ranges, self._reference(kept), unit,
+            scanner, times[kept], odometry[kept], ranges, self._reference(kept), unit,
             skipped=dict(self.damage), source=self.source,
         )  # fmt: skip
         warn_of_few(log, self.source)

@@ -1,6 +1,6 @@
 """Reading and writing of logs; the ending of the name determines the format."""
 
-import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
@@ -28,7 +28,14 @@ _WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
 _TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
     {
         carmen.read_carmen: ("scan_topic", "max_gap"),
-        ros.read_bag: ("scan_topic", "odometry_topic", "reference_topic", "base_frame", "max_gap"),
+        ros.read_bag: (
+            "scan_topic",
+            "odometry_topic",
+            "reference_topic",
+            "base_frame",
+            "max_gap",
+            "max_range",
+        ),
         csv_npz.read_csv: ("scanner",),
         csv_npz.read_npz: ("scanner",),
     }
@@ -61,7 +68,7 @@ def read(
         reference: a TUM file or a trajectory, in the map's frame and with the log's clock.
         max_gap: of the reference, or of that in a CARMEN log or a bag: see ``referenced``.
         max_range, min_range: ranges above or below count as no measurement, like those beyond the
-            scanner's own.
+            scanner's own. A bag whose scans have a range_max of inf or 0 needs ``max_range``.
         mounting: of the scanner on the robot, x ahead, y left, turn in rad; replaces the log's. The
             default of a log without one is the robot's centre.
         scanner: for CSV and npz files that do not contain it.
@@ -80,7 +87,7 @@ def read(
         raise InputError(f"the log is {shown(path)}, but must be the path of a file.")
     file = Path(path)
     reader = _READERS.get(_ending(file))
-    if reader is None or (_ending(file) == "" and file.is_file()):
+    if reader is None or (_ending(file) == "" and os.path.isfile(file)):
         raise InputError(
             f"{file} is of an unknown format: the name of a log ends in {', '.join(_TEXT)} "
             "(CARMEN; .gz may follow), .csv, .npz, .bag, .mcap or .db3, or is the folder of a "
@@ -91,8 +98,11 @@ def read(
         "reference_topic": reference_topic, "base_frame": base_frame,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
-    if max_gap is not None and reference is None:
-        given["max_gap"] = max_gap
+    if max_gap is not None:
+        number("max_gap", max_gap, low=0, finite=False)
+        given |= {"max_gap": max_gap} if reference is None else {}
+    if reader is ros.read_bag:
+        given["max_range"] = max_range
     for name in given:
         if name not in _TAKEN[reader]:
             raise InputError(f"{name} is given, but {file} is of a format that does not take it.")
@@ -133,7 +143,7 @@ def _ending(path: Path) -> str:
     suffixes = [suffix.lower() for suffix in path.suffixes]
     if suffixes[-1:] == [".gz"] and suffixes[-2:-1] and suffixes[-2] in (*_TEXT, ".csv"):
         suffixes.pop()
-    if path.is_dir():
+    if os.path.isdir(path):  # False for a name that is too long
         return ""
     return suffixes[-1] if suffixes else ""
 
@@ -153,8 +163,6 @@ def _changed(
         scanner = replace(scanner, min_range=max(near, scanner.min_range))
     if mounting is not None:
         x, y, turn = array("mounting", mounting, (3,)).tolist()
-        if abs(turn) > 2 * math.pi:
-            raise InputError(f"the turn of mounting is {turn:g}, but must be in rad.")
-        angles = tuple((scanner.bearings + turn).tolist())
-        scanner = replace(scanner, angles=angles, mounting=(x, y))
+        angles = tuple((scanner.bearings - scanner.turn + turn).tolist())
+        scanner = replace(scanner, angles=angles, mounting=(x, y), turn=turn)
     return log if scanner is log.scanner else replace(log, scanner=scanner)

@@ -4,9 +4,9 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 """
 
 import math
+import os
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from deqmcl_gym.logs.raw_records import NO_ODOMETRY, UNREADABLE, RawRecords
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import LARGEST, InputError, LogWarning, one_of
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -32,7 +32,7 @@ POSES: dict[str, Callable[[Any], Any]] = {
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-_ODOMETRY_FRAME = "odom"
+_ODOMETRY_FRAME, _ROBOT = "odom", "base_link"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
 
 
@@ -43,32 +43,49 @@ class Transforms:
         self._edges: dict[tuple[str, str], list[list[float]]] = {}
 
     def add(self, time: float, message: Any) -> None:
-        """Add a TransformStamped of ROS; a row is t, x, y, z, qx, qy, qz, qw."""
+        """Add a TransformStamped of ROS; a row is t, x, y, z, qx, qy, qz, qw, all finite."""
         at, turned = message.transform.translation, message.transform.rotation
         edge = _name(message.header.frame_id), _name(message.child_frame_id)
         row = [time, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
-        self._edges.setdefault(edge, []).append(row)
+        known = self._edges.setdefault(edge, [])
+        if np.isfinite(row).all() and np.linalg.norm(row[4:]) > 0:
+            known.append(row)
 
-    def odometry(self, base_frame: str | None) -> tuple[str, Floats]:
-        """Return the robot's frame and its poses in odom, rows t, x, y, qx, qy, qz, qw."""
-        for (parent, child), rows in self._edges.items():
-            if parent == _ODOMETRY_FRAME and base_frame in (None, child):
-                return child, np.array(rows)[:, [0, 1, 2, 4, 5, 6, 7]]
-        return base_frame or "", np.empty((0, 7))
+    def odometry(self, path: Path, base_frame: str | None) -> tuple[str, Floats]:
+        """Return the robot's frame and its poses in odom, rows t, x, y, qx, qy, qz, qw.
 
-    def mounted(
-        self, path: Path, base: str, frame: str, angles: Floats
-    ) -> tuple[tuple[float, ...], tuple[float, float]]:
-        """Return beam angles against the robot's heading, and the scanner's position on it (x, y).
+        Raises:
+            InputError: there are none, or several frames move in odom.
+        """
+        found = {
+            child: rows
+            for (parent, child), rows in self._edges.items()
+            if parent == _ODOMETRY_FRAME and rows and base_frame in (None, child)
+        }
+        # a dock may stand in odom, too
+        moving = {name: rows for name, rows in found.items() if _still(rows) is None} or found
+        if not moving:
+            raise InputError(
+                f"{path} has no odometry: give the topic of a {ODOMETRY} by odometry_topic; there "
+                f"is no moving transform from the frame {_ODOMETRY_FRAME} either."
+            )
+        base = _only(moving, f"{_ODOMETRY_FRAME} in the transforms of {path}")
+        return base, np.array(moving[base])[:, [0, 1, 2, 4, 5, 6, 7]]
+
+    def mounted(self, path: Path, base: str, frame: str, angles: Floats) -> dict[str, Any]:
+        """Return a scanner's angles against the robot's heading, its mounting (x, y) and turn.
 
         Raises:
             InputError: the scanner is tilted.
         """
-        chain = self._chain(_name(base), _name(frame))
+        chain = self._chain(base, frame)
         if chain is None:
+            broken = [" to ".join(edge) for edge, rows in self._edges.items() if not rows]
+            why = f" (no finite one from {', '.join(broken)})" if broken else ""
             warnings.warn(
-                f"{path} has no static transform from {base} to {frame}: the scanner is assumed in "
-                "the robot's centre, looking ahead; if it is not, give mounting=(x, y, turn).",
+                f"{path} has no static transform from {base} to {frame}{why}: the scanner is "
+                "assumed in the robot's centre, looking ahead; if it is not, give "
+                "mounting=(x, y, turn).",
                 LogWarning,
                 stacklevel=2,
             )
@@ -76,20 +93,20 @@ class Transforms:
         up = chain[2, 2]
         if abs(up) < _UPRIGHT:
             raise InputError(
-                f"the scanner of {path} is tilted by {math.degrees(math.acos(up)):.0f}°, but must "
-                "scan a level plane."
+                f"the scanner is tilted by {math.degrees(math.acos(up)):.0f}°, but must scan a "
+                "level plane."
             )
         turn = math.atan2(chain[1, 0], chain[0, 0])
         seen = turn + math.copysign(1.0, up) * angles
-        return tuple(seen.tolist()), (float(chain[0, 3]), float(chain[1, 3]))
+        mounting = float(chain[0, 3]), float(chain[1, 3])
+        return {"angles": tuple(seen.tolist()), "mounting": mounting, "turn": turn}
 
     def _chain(self, base: str, frame: str) -> Floats | None:
         """Return the transform from base to frame, 4 x 4; None without static ones between them."""
         steps: dict[str, list[tuple[str, Floats]]] = {}
         for (parent, child), rows in self._edges.items():
-            values = np.array(rows)[:, 1:]
-            if np.ptp(values, axis=0).max() < 1e-6:
-                there: Floats = _matrix(values[0])
+            there = _still(rows)
+            if there is not None:
                 steps.setdefault(parent, []).append((child, there))
                 back = np.linalg.inv(there).astype(np.float64)
                 steps.setdefault(child, []).append((parent, back))
@@ -100,6 +117,23 @@ class Transforms:
                     reached[next_name] = reached[here] @ step
                     queue.append(next_name)
         return reached.get(frame)
+
+
+def _still(rows: list[list[float]]) -> Floats | None:
+    """Return the 4 x 4 matrix of a transform that is the same in all of its rows, else None."""
+    values = np.array(rows).reshape(-1, 8)[:, 1:]
+    if not len(values):
+        return None
+    values[values[:, 3:] @ values[0, 3:] < 0, 3:] *= -1  # q and -q are the same turn
+    return _matrix(values[0]) if np.ptp(values, axis=0).max() < 1e-6 else None
+
+
+def _only(frames: Iterable[str], where: str) -> str:
+    first, *others = sorted(frames)
+    if others:
+        said = ", ".join([first, *others])
+        raise InputError(f"{where} has the poses of several frames, {said}: choose by base_frame.")
+    return first
 
 
 def _name(frame: str) -> str:
@@ -140,6 +174,7 @@ def read_bag(
     reference_topic: str | None = None,
     base_frame: str | None = None,
     max_gap: float | None = None,
+    max_range: float | None = None,
 ) -> Log:
     """Read a ROS bag; see ``logs.read``.
 
@@ -151,7 +186,7 @@ def read_bag(
             scanner is tilted, or no record is usable.
     """
     require_rosbags()
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError(f"{path} does not exist: give the path of a bag.")
     with _opened(path) as bag:
         scans = _topic(path, bag, (SCAN,), "scan_topic", scan_topic)
@@ -164,7 +199,7 @@ def read_bag(
             reference = _topic(path, bag, tuple(POSES), "reference_topic", asked)
         messages = _Messages(path, scans, odometry, reference)
         messages.read(bag)
-    return messages.log(base_frame, max_gap)
+    return messages.log(None if base_frame is None else _name(base_frame), max_gap, max_range)
 
 
 class _Messages:
@@ -174,10 +209,8 @@ class _Messages:
         self.path, self.scans, self.odometry, self.reference = path, scans, odometry, reference
         self.scanned = RawRecords(str(path))
         self.transforms = Transforms()
-        self.frames: Counter[str] = Counter()  # of the scanner
-        self.base = "base_link"
         self.unit = "m"
-        self.moved: list[list[float]] = []  # t, x, y, qx, qy, qz, qw
+        self.moved: dict[str, list[list[float]]] = {}  # by frame: t, x, y, qx, qy, qz, qw
         self.truth: list[list[float]] = []
 
     def read(self, bag: Any) -> None:
@@ -201,11 +234,10 @@ class _Messages:
         elif connection.topic == UNIT_TOPIC:
             self.unit = message.data
         elif connection.topic == self.scans:
-            self.frames[message.header.frame_id] += 1
-            geometry = tuple(
-                float(getattr(message, name))
-                for name in ("angle_min", "angle_increment", "range_min", "range_max")
-            )
+            names = "angle_min", "angle_increment", "range_min", "range_max"
+            numbers = (float(getattr(message, name)) for name in names)
+            same = (0.0 if math.isnan(one) else one for one in numbers)  # NaN is unlike NaN
+            geometry = (_name(message.header.frame_id), *same)
             self.scanned.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
             time, pose = _seconds(message.header.stamp), POSES[connection.msgtype](message)
@@ -214,28 +246,36 @@ class _Messages:
             if connection.topic == self.reference:
                 self.truth.append(row)
             if connection.topic == self.odometry:  # it may be both
-                self.moved.append(row)
-                self.base = message.child_frame_id or self.base
+                self.moved.setdefault(_name(message.child_frame_id), []).append(row)
 
-    def log(self, base_frame: str | None, max_gap: float | None) -> Log:
+    def log(self, base_frame: str | None, max_gap: float | None, max_range: float | None) -> Log:
         """Return the log of all messages read."""
-        base = base_frame or self.base
-        rows = np.array(self.moved).reshape(-1, 7)
-        if self.odometry is None:
-            base, rows = self.transforms.odometry(base_frame)
-            if not len(rows):
-                raise InputError(
-                    f"{self.path} has no odometry: give the topic of a {ODOMETRY} by "
-                    "odometry_topic; there is no moving transform from the frame odom either."
-                )
-        (frame, _), *_ = self.frames.most_common(1) or [("", 0)]
-
-        def scanner_of(beams: int, geometry: tuple[float, ...]) -> Scanner:
-            start, step, least, most = geometry
-            angles, mounting = self.transforms.mounted(
-                self.path, base, frame, start + step * np.arange(float(beams))
+        if len(self.scanned.times) > 1 and not any(self.scanned.times):
+            raise InputError(
+                f"the headers of {self.scans} in {self.path} have no stamps (all are 0), so its "
+                "scans have no odometry: write the times of the scans into their headers."
             )
-            return Scanner(angles=angles, mounting=mounting, min_range=least, max_range=most)
+        if self.odometry is None:
+            base, rows = self.transforms.odometry(self.path, base_frame)
+        elif len(self.moved) < 2:  # its name may be wrong or missing
+            (named, moved), *_ = self.moved.items() or [("", [])]
+            base, rows = base_frame or named or _ROBOT, np.array(moved).reshape(-1, 7)
+        else:
+            one = base_frame or _only(self.moved, f"{self.odometry} in {self.path}")
+            base = one_of("base_frame", one, self.moved)
+            rows = np.array(self.moved[base])
+
+        def scanner_of(beams: int, geometry: tuple[str, float, float, float, float]) -> Scanner:
+            frame, start, step, least, most = geometry
+            if not 0 < most <= LARGEST:  # of simulators and some drivers
+                if max_range is None:
+                    raise InputError(
+                        f"range_max of its scans is {most:g}: give max_range, such as max_range=20."
+                    )
+                most = max_range
+            angles = start + step * np.arange(float(beams))
+            mounted = self.transforms.mounted(self.path, base, frame, angles)
+            return Scanner(**mounted, min_range=least, max_range=most)
 
         log = self._placed(_poses(rows)).log(scanner_of, unit=self.unit)
         return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)), max_gap)

@@ -42,7 +42,7 @@ def write_bag(log: Log, path: Path) -> None:
             f"the log is from {log.times[0]:g} s to {log.times[-1]:g} s, but times in ROS are from "
             f"0 to {_LAST:,} s: shift its times."
         )
-    if path.exists() and path.is_dir():
+    if os.path.isdir(path):
         raise InputError(f"{path} is an existing folder: give another path.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -100,7 +100,7 @@ class _Messages:
         times = np.round(log.times * 1e9).astype(np.int64).tolist()
         make = self._make
         place = make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0)
-        mounting = make("geometry_msgs/msg/Transform", place, self._turned(0.0))
+        mounting = make("geometry_msgs/msg/Transform", place, self._turned(scanner.turn))
         header = self._header(times[0], "base_link")
         static = make("geometry_msgs/msg/TransformStamped", header, "laser", mounting)
         self.send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, [static]))
@@ -110,6 +110,7 @@ class _Messages:
         moving = make("geometry_msgs/msg/Twist", still, still)
         twist = make("geometry_msgs/msg/TwistWithCovariance", moving, nothing)
         step = scanner.spacing or 0.0
+        ends = scanner.angles[0] - scanner.turn, scanner.angles[-1] - scanner.turn
         for time, record in zip(times, log, strict=True):
             at = self._pose(record.odometry)
             pose = make("geometry_msgs/msg/PoseWithCovariance", at, nothing)
@@ -119,7 +120,7 @@ class _Messages:
                 stamped = make(_POSE, self._header(time, "map"), self._pose(record.reference))
                 self.send(REFERENCE_TOPIC, _POSE, time, stamped)
             scan = make(
-                SCAN, self._header(time, "laser"), scanner.angles[0], scanner.angles[-1], step,
+                SCAN, self._header(time, "laser"), *ends, step,
                 0.0, 0.0, scanner.min_range, scanner.max_range, np.array(record.ranges),
                 np.empty(0, np.float32),
             )  # fmt: skip

@@ -145,6 +145,12 @@ def referenced(
     near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
     between = inside & near & ~exact
     if not (exact | between).any():
+        if inside.any():
+            raise InputError(
+                f"the poses of the reference {trajectory.source} around the records of "
+                f"{log.source} are {apart:g} {log.unit} apart or farther, which is max_gap: give a "
+                "larger one."
+            )
         raise InputError(
             f"the reference {trajectory.source} covers {times[0]:.2f} s to {times[-1]:.2f} s, but "
             f"{log.source} {log.times[0]:.2f} s to {log.times[-1]:.2f} s: no record has a "

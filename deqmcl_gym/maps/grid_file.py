@@ -5,7 +5,6 @@ Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
 
 import io
 import os
-from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,42 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.files import UnreadableError, content_of, write_bytes
+from deqmcl_gym.files import UnreadableError, as_number, content_of, write_bytes, yaml_of
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number, one_of, pose
-
-_DEEPEST = 20  # a map's file has 2 levels
-
-
-def yaml_of(content: bytes) -> Any:
-    """Return the content of a YAML file.
-
-    Raises:
-        UnreadableError: it is not YAML, or breaks one of these rules.
-    """
-    import yaml
-
-    try:
-        text = content.decode("utf-8-sig")
-        depth = 0
-        for event in yaml.parse(text):
-            if isinstance(event, yaml.AliasEvent):
-                raise UnreadableError("has an alias, which no map needs")
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > _DEEPEST:
-                raise UnreadableError("is nested too deeply")
-        node = yaml.compose(text)
-        if isinstance(node, yaml.MappingNode):
-            for key, count in Counter(key.value for key, _ in node.value).items():
-                if count > 1:
-                    raise UnreadableError(f"has the key {key!r} twice")
-        return yaml.safe_load(text)
-    except UnreadableError:
-        raise
-    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, a 13th month
-        raise UnreadableError(f"is not YAML: {' '.join(str(error).split()).rstrip('.')}") from None
-
 
 T = TypeVar("T")
 Occupancy = NDArray[np.int8]
@@ -58,6 +24,8 @@ MODES = ("trinary", "scale", "raw")
 _KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _WHITE, _GREY, _BLACK = 254, 205, 0  # of map_saver: free, unknown, occupied
 _KEPT = 8  # maps remembered
+_BLOCK = 2**22  # numbers of an image in memory as float64 at a time
+MAX_SIDE = 32_000  # cells: distances in cells fit 16 bits
 _remembered: dict[tuple[Any, ...], Any] = {}
 
 
@@ -68,12 +36,13 @@ def remembered(
     yaml_path = Path(os.path.abspath(_path(path)))
     said = _document(yaml_path)
     image: Path = yaml_path.parent / said["image"]
-    if not image.is_file():
+    if not os.path.isfile(image):  # False for a name that is too long
         raise InputError(
             f"the map {yaml_path} names the image {said['image']}, but there is no file {image}."
         )
-    stat = image.stat()
-    key = (yaml_path, repr(said), stat.st_mtime_ns, stat.st_size, repr(unknown))
+    stat = image.stat()  # the inode is another's if a link now leads elsewhere
+    file = stat.st_dev, stat.st_ino, stat.st_ctime_ns, stat.st_mtime_ns, stat.st_size
+    key = (yaml_path, repr(said), file, repr(unknown))
     found: T | None = _remembered.get(key)
     if found is None:
         try:
@@ -136,7 +105,7 @@ def write(
 def _path(given: Any) -> Path:
     if not isinstance(given, str | os.PathLike) or not str(given).endswith((".yaml", ".yml")):
         raise InputError(f"the map file is {given!r}, but must be the path of a .yaml file.")
-    return Path(given).expanduser()
+    return Path(os.path.expanduser(given))  # "~nobody" stays, unlike by Path.expanduser
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -165,51 +134,65 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     origin = given["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
         raise InputError(f"origin is {origin!r}, but must be [x, y, yaw].")
-    said = {key: _number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
+    said = {key: as_number(given[key]) for key in ("resolution", "occupied_thresh", "free_thresh")}
     number("resolution", said["resolution"], low=0, above=True)
     check_thresholds(said["free_thresh"], said["occupied_thresh"])
     return {
         "image": given["image"],
         "mode": one_of("mode", given.get("mode", "trinary"), MODES),
         "negate": bool(negate),
-        "origin": pose("origin", [_number(part) for part in origin]),
+        "origin": pose("origin", [as_number(part) for part in origin]),
         **said,
     }
-
-
-def _number(value: Any) -> Any:
-    """Convert a number that PyYAML reads as text: 5e-2 is a number in YAML 1.2 and ROS only."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _read(said: dict[str, Any], image: Path) -> dict[str, Any]:
     """Return the arguments of a ``GridMap``."""
     pixels = _pixels_of(image)
-    thresholds = said["free_thresh"], said["occupied_thresh"]
-    cells = _occupancy(pixels, said["mode"], said["negate"], *thresholds)
+    rule = said["mode"], said["negate"], said["free_thresh"], said["occupied_thresh"]
+    most, cells = np.iinfo(pixels.dtype).max, np.empty(pixels.shape[:2], np.int8)
+    rows = max(_BLOCK // pixels[0].size, 1)  # at a time: shades take eight bytes or more
+    for first in range(0, len(pixels), rows):
+        part = slice(first, first + rows)
+        cells[part] = _occupancy(pixels[part] / most, *rule)
     kept = ("resolution", "origin", "occupied_thresh", "free_thresh")
     return {"occupancy": cells[::-1], **{key: said[key] for key in kept}}
 
 
-def _pixels_of(path: Path) -> Floats:
-    """Read the channels of an image, each in [0, 1], (h, w, c): L, RGB or RGBA."""
-    from PIL import Image, UnidentifiedImageError
-
+def _pixels_of(path: Path) -> NDArray[Any]:
+    """Read the channels of an image, (h, w, c): L, RGB or RGBA in uint8, or L in uint16."""
     try:
-        with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
+        with _opened(path) as image:
+            if max(image.size) > MAX_SIDE or image.mode == "F":
+                what = f"{'x'.join(map(str, image.size))} pixels of mode {image.mode}"
+                raise InputError(
+                    f"the image {path} has {what}, but must have at most {MAX_SIDE:,} to a side, "
+                    "of whole numbers."
+                )
             plain = "RGBA" if "transparency" in image.info else "RGB"
             mode = {"P": plain, "1": "L", "LA": "RGBA"}.get(image.mode, image.mode)
+            mode = "RGBA" if plain == "RGBA" and mode in ("L", "RGB") else mode
             pixels = np.asarray(image.convert(mode))
-    except UnidentifiedImageError:
-        raise InputError(f"the image {path} is neither a pgm, a png nor a bmp.") from None
-    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
+    except InputError:
+        raise
+    except (OSError, ValueError, SyntaxError, EOFError) as error:
         raise InputError(f"the image {path} is broken: {str(error).rstrip('.')}.") from None
-    most = 255 if pixels.dtype == np.uint8 else 65535
-    shades: Floats = pixels.reshape(*pixels.shape[:2], -1) / most
-    return shades
+    kept = pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
+    return kept.reshape(*pixels.shape[:2], -1)
+
+
+def _opened(path: Path) -> Any:
+    """Open an image by its plug-in: Pillow's own ``open`` takes a large map for an attack."""
+    from PIL.BmpImagePlugin import BmpImageFile
+    from PIL.PngImagePlugin import PngImageFile
+    from PIL.PpmImagePlugin import PpmImageFile
+
+    for kind in (PpmImageFile, PngImageFile, BmpImageFile):
+        try:
+            return kind(path)
+        except SyntaxError:  # it is of another kind
+            continue
+    raise InputError(f"the image {path} is neither a pgm, a png nor a bmp.")
 
 
 def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: float) -> Occupancy:

@@ -11,17 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import contact_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
-from deqmcl_gym.maps.grid_file import FREE, OCCUPIED, UNKNOWN
+from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, Point, check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.map import Box, Point, check_beams, check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Singles
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "transparent", "free", or an occupancy from 0 to 1
 
-MAX_SIDE = 32_000  # cells: distances in cells fit 16 bits
 _SHARES = {"obstacle": 1.0, "transparent": 1.0, "free": 0.0}  # as bodies take them
 _NEVER = -1.0  # an occupancy below every threshold
 _RESOLVED = 16  # least number of float32 steps in a cell
@@ -124,6 +123,18 @@ class GridMap:
         return self._at_least_occupied(unknown)
 
     @cached_property
+    def open_share(self) -> float:
+        """Share of the cells that are not solid."""
+        return 1.0 - np.count_nonzero(self.solid) / self.solid.size
+
+    @cached_property
+    def open_cells(self) -> Indices:
+        """All cells that are not solid, (column, row), (k, 2)."""
+        cells = np.argwhere(~self.solid)[:, ::-1]
+        cells.setflags(write=False)
+        return cells
+
+    @cached_property
     def occupied(self) -> Bools:
         """Which cells are known to be occupied, (rows, columns): unknown ones never are."""
         return self._at_least_occupied(_NEVER)
@@ -155,7 +166,9 @@ class GridMap:
     def walls(self) -> Floats:
         """See ``Map.walls``."""
         faces = grid_walls.faces_of(self.solid)
-        return np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
+        walls = np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
+        walls.setflags(write=False)
+        return walls
 
     @property
     def caster(self) -> "GridMap":
@@ -169,7 +182,7 @@ class GridMap:
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
-        origins, beams = _rows("poses", poses, 3), np.asarray(bearings, dtype=np.float32)
+        beams, origins = check_beams(poses, bearings), _rows("poses", poses, 3)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.cast(origins, beams, out)
         return out.T
@@ -177,14 +190,14 @@ class GridMap:
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
         before, after = _rows("starts", starts, 2), _rows("ends", ends, 2)
-        check_pairs(before, after)
+        check_pairs(before, after, radius)
         return ~self._feasible(before, after, radius)
 
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
-        check_moves(poses, moves, kept)
+        check_moves(poses, moves, kept, radius)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = float(radius)
@@ -193,7 +206,7 @@ class GridMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
-        check_path(poses, path)
+        check_path(poses, path, radius)
         hits = np.empty(poses.shape[1], np.int32)
         grid_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
         return hits
@@ -201,7 +214,7 @@ class GridMap:
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
         centres = _rows("points", points, 2)
-        if radius > 0.0:
+        if number("radius", radius, low=0) > 0.0:
             return self._feasible(centres, centres, radius)
         us, vs = np.empty((2, centres.shape[1]))
         grid_kernels.locate(centres, self._frame, us, vs)
@@ -269,9 +282,11 @@ class GridMap:
 
     def _at_least_occupied(self, unknown: float) -> Bools:
         """Which cells have an occupancy of ``occupied_thresh``, if that of unknown ones is this."""
-        shares = np.arange(-1, OCCUPIED + 1) / OCCUPIED
-        shares[0] = unknown
-        found: Bools = (shares >= self.occupied_thresh)[self.occupancy.astype(np.intp) + 1]
+        least = int(np.argmax(np.arange(OCCUPIED + 1) / OCCUPIED >= self.occupied_thresh))
+        found = self.occupancy >= least
+        if unknown >= self.occupied_thresh:
+            found |= self.occupancy == UNKNOWN
+        found.setflags(write=False)
         return found
 
     @cached_property

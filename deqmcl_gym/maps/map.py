@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps.drive_kernels import drive, laid, mounted
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
-from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of
+from deqmcl_gym.validation import InputError, array, integer, keep_plain, number, one_of, real
+
+_LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 Point = tuple[float, float]
@@ -193,7 +195,7 @@ def _times(value: Any, power: Any, factor: float) -> Any:
 
 def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     """Return ``rows`` as an array (n, ``columns`` or more), else refuse it; NaN may be in it."""
-    given = np.asarray(rows)
+    given = real(what, rows)
     if given.ndim != 2 or given.shape[1] < columns:
         raise InputError(
             f"{what} have shape {given.shape}, but must have shape (n, {columns}): a row for each."
@@ -201,16 +203,32 @@ def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     return given
 
 
-def check_pairs(starts: NDArray[Any], ends: NDArray[Any]) -> None:
-    """Refuse unequal numbers of starts (2, n) and ends (2, n)."""
+def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
+    """Return bearings (B,) as float32; refuse another shape, and headings too large for that."""
+    beams = np.asarray(bearings, dtype=np.float32)
+    if beams.ndim != 1:
+        raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
+    farthest = np.abs(table("poses", poses, 3)[:, 2]).max(initial=0.0)
+    if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
+        raise InputError(
+            f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
+            f"{_LARGEST_HEADING:g}: wrap it to [-π, π]."
+        )
+    return beams
+
+
+def check_pairs(starts: NDArray[Any], ends: NDArray[Any], radius: float) -> None:
+    """Refuse unequal numbers of starts (2, n) and ends (2, n), or a bad radius."""
+    number("radius", radius, low=0)
     if starts.shape[1] != ends.shape[1]:
         raise InputError(
             f"there are {starts.shape[1]} starts and {ends.shape[1]} ends: give as many of both."
         )
 
 
-def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
-    """Refuse moves that are not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
+def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int, radius: float) -> None:
+    """Refuse a bad radius, moves not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
+    number("radius", radius, low=0)
     steps = len(moves)
     fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
     if not fits or steps == 0 or kept not in (1, steps):
@@ -220,8 +238,9 @@ def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int) -> None:
         )
 
 
-def check_path(poses: NDArray[Any], path: NDArray[Any]) -> None:
-    """Refuse poses that are not (3, n), or a path that is not (k + 1, 2), k ≥ 1."""
+def check_path(poses: NDArray[Any], path: NDArray[Any], radius: float) -> None:
+    """Refuse a bad radius, poses other than (3, n), or a path other than (k + 1, 2), k ≥ 1."""
+    number("radius", radius, low=0)
     if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
         raise InputError(
             f"poses have shape {poses.shape} and the path {path.shape}, but they must be (3, n) "
@@ -254,13 +273,13 @@ class Lidar:
     mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         integer("lidar.beams", self.beams, low=1, high=100_000)
         number("lidar.field_of_view", self.field_of_view, low=0, high=2 * math.pi, above=True)
         number("lidar.max_range", self.max_range, low=0, above=True)
         number("lidar.sigma", self.sigma, low=0)
         ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
         object.__setattr__(self, "mounting", (ahead, aside))
-        keep_plain(self)
 
     @property
     def bearings(self) -> Floats:

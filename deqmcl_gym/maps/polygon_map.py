@@ -24,6 +24,7 @@ from deqmcl_gym.maps.map import (
     Box,
     Caster,
     Point,
+    check_beams,
     check_moves,
     check_pairs,
     check_path,
@@ -69,7 +70,8 @@ class PolygonMap:
             ) from None
         solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in given)
         object.__setattr__(self, "obstacles", solid)
-        if not has_free_space(self.walls, limits[0]):
+        # a copy, as kernels are compiled for arrays that can be written
+        if not has_free_space(self.walls.copy(), limits[0]):
             raise InputError(
                 "the floor plan has no free space: its obstacles fill the outer wall; "
                 "give smaller obstacles or a larger outer wall."
@@ -114,12 +116,14 @@ class PolygonMap:
     def walls(self) -> Floats:
         """See ``Map.walls``."""
         solid = [oriented_edges(polygon, solid=True) for polygon in self.obstacles]
-        return np.vstack([oriented_edges(self.outer, solid=False), *solid])
+        walls = np.vstack([oriented_edges(self.outer, solid=False), *solid])
+        walls.setflags(write=False)
+        return walls
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""
+        beams = check_beams(poses, bearings)
         origins = self._rows("poses", poses, 3)
-        beams = np.asarray(bearings, dtype=np.float32)
         out = np.empty((beams.size, origins.shape[1]), np.float32)
         self.local.caster.cast(origins, beams, out)
         return out.T
@@ -127,7 +131,7 @@ class PolygonMap:
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
         """See ``Map.collides``."""
         before, after = self._rows("starts", starts, 2), self._rows("ends", ends, 2)
-        check_pairs(before, after)
+        check_pairs(before, after, radius)
         clear = np.empty(after.shape[1], np.bool_)
         drive_kernels.feasible(
             before, after, self._walls32, np.float32(radius), self._clearance, clear
@@ -138,7 +142,7 @@ class PolygonMap:
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
-        check_moves(poses, moves, kept)
+        check_moves(poses, moves, kept, radius)
         paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
@@ -148,7 +152,7 @@ class PolygonMap:
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
-        check_path(poses, path)
+        check_path(poses, path, radius)
         hits = np.empty(poses.shape[1], np.int32)
         size = np.float32(radius)
         drive_kernels.collisions(
@@ -160,7 +164,7 @@ class PolygonMap:
         """See ``Map.free``."""
         centres = self._rows("points", points, 2)
         free = np.empty(centres.shape[1], np.bool_)
-        if radius == 0.0:
+        if number("radius", radius, low=0) == 0.0:
             windings = np.empty(centres.shape[1], np.int32)
             drive_kernels.wind(centres, self._walls32, windings)
             np.equal(windings, 1, out=free)
@@ -279,7 +283,7 @@ def read(path: str | os.PathLike[str]) -> PolygonMap:
         InputError: the file is missing or damaged, or has a bad value.
     """
     try:
-        given = json_of(content_of(Path(path).expanduser()))
+        given = json_of(content_of(Path(os.path.expanduser(path))))
     except FileNotFoundError:
         raise InputError(f"the map file {path} does not exist: give one that does.") from None
     except UnreadableError as error:

@@ -182,8 +182,7 @@ def folds_back(edges: Floats, following: Floats, least: float) -> Bools:
 def close_pairs(edges: Floats, within: float) -> Indices:
     """Return the pairs (i, j), i < j, of edges (S, 4) less than ``within`` apart, (k, 2)."""
     by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
-    pairs: Indices = np.sort(_pairs_within(edges, by_x, within), axis=1)
-    return pairs
+    return np.sort(_pairs_within(edges, by_x, within), axis=1)
 
 
 def crossings(edges: Floats, pairs: Indices) -> Floats:

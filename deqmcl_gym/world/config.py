@@ -76,10 +76,10 @@ class Robot:
     max_turn: float = math.pi / 4
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         number("robot.radius", self.radius, low=0)
         number("robot.max_distance", self.max_distance, low=0, above=True)
         number("robot.max_turn", self.max_turn, low=0, high=math.pi, above=True)
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +97,9 @@ class MotionNoise:
     drift: float = field(default=0.0005, metadata=PER_LENGTH)
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         for name in ("drive", "turn", "drift"):
             number(f"noise.{name}", getattr(self, name), low=0)
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,11 +117,11 @@ class Start:
     sd_heading: float = 0.0
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         if self.pose is not None:
             object.__setattr__(self, "pose", pose("start.pose", self.pose))
         number("start.sd_position", self.sd_position, low=0)
         number("start.sd_heading", self.sd_heading, low=0)
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +140,7 @@ class Lap:
     waypoints: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         number("lap.step", self.step, low=0, above=True)
         number("lap.turn", self.turn, low=0, high=math.pi, above=True)
         if self.waypoints is not None:
@@ -155,7 +156,6 @@ class Lap:
                     "last corner is joined to the first by itself."
                 )
             object.__setattr__(self, "waypoints", tuple((x, y) for x, y in corners.tolist()))
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,9 +171,9 @@ class Driver:
     on_the_spot: float = 0.5
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         number("driver.look_ahead", self.look_ahead, low=0, above=True)
         number("driver.on_the_spot", self.on_the_spot, low=0, high=math.pi, above=True)
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,6 +199,7 @@ class Route:
     tolerance: float = field(default=25.0, metadata=LENGTH)
 
     def __post_init__(self) -> None:
+        keep_plain(self)
         if self.goal is not None:
             x, y = array("route.goal", self.goal, (2,)).tolist()
             object.__setattr__(self, "goal", (x, y))
@@ -212,7 +213,6 @@ class Route:
         number("route.clearance", self.clearance, low=0)
         number("route.comfort", self.comfort, low=0, above=True)
         number("route.tolerance", self.tolerance, low=0, above=True)
-        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -239,8 +239,7 @@ def mid_corridor(floor_plan: Map) -> Floats:
             "go around it: give lap.waypoints."
         )
     steps = gaps[:, None] / 2 * np.column_stack([arrays.cos(headings), arrays.sin(headings)])
-    lap: Floats = np.round((hull + steps) / px, 2) * px
-    return lap
+    return np.round((hull + steps) / px, 2) * px
 
 
 def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
@@ -272,7 +271,9 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     for turn, distance in legs:
         actions += [(0.0, math.copysign(part, turn)) for part in _parts(abs(turn), lap.turn)]
         actions += [(part, 0.0) for part in _parts(distance, lap.step)]
-    return np.array(actions, dtype=np.float32).reshape(-1, 2)
+    made = np.array(actions, dtype=np.float32).reshape(-1, 2)
+    made.setflags(write=False)
+    return made
 
 
 def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float, float]]:

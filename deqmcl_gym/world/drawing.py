@@ -74,8 +74,7 @@ class View:
         """Image coordinates (column, row) of points, (n, 2); further columns are ignored."""
         xy = np.asarray(points, dtype=np.float64)[:, :2]
         x0, _, _, y1 = self.floor_plan.bounds
-        pixels: Floats = (xy - (x0, y1)) * (self.per_length, -self.per_length) + self.margin
-        return pixels
+        return (xy - (x0, y1)) * (self.per_length, -self.per_length) + self.margin
 
 
 class Drawing:
@@ -151,14 +150,10 @@ class Drawing:
         cv2.line(self.image, centre, tip, BLACK, 2, cv2.LINE_AA, _SHIFT)
         return self
 
-    def text(self, words: str, at: tuple[int, int], size: float = 0.5) -> "Drawing":
-        """Write words (ASCII), their baseline's left end at ``at`` (column, row)."""
-        write_words(self.image, words, at, size)
-        return self
-
     def number(self, step: int) -> "Drawing":
         """Write the step number at the top left."""
-        return self.text(str(step), (self.view.margin + 10, self.view.margin + 28), 0.8)
+        write_words(self.image, str(step), (self.view.margin + 10, self.view.margin + 28), 0.8)
+        return self
 
     def _fixed(self, points: ArrayLike) -> NDArray[np.int32]:
         fixed: NDArray[np.int32] = np.rint(self.view.pixels(points) * 2**_SHIFT).astype(np.int32)

@@ -45,14 +45,6 @@ class Routes:
                 "routes need SciPy, which is not installed: pip install 'deqmcl-gym[routes]'."
             )
 
-    def between(self, start: Point, goal: Point) -> Floats:
-        """Return the corners of the route, start and goal included, (k, 2).
-
-        Raises:
-            InputError: start or goal is not in free space, or they are not connected.
-        """
-        return self.to(goal).start_at(start)
-
     def to(self, goal: Point) -> "RoutesTo":
         """Return the routes from anywhere to a goal.
 
@@ -230,10 +222,7 @@ class RoutesTo:
         return self.routes.taut(np.vstack([start, self.routes.centres[cells[1:-1]], self.goal]))
 
 
-@lru_cache(maxsize=32)
-def routes_on(floor_plan: Map, radius: float, comfort: float) -> Routes:
-    """Return the routes of a map; the last ones are cached, as they are slow to compute."""
-    return Routes(floor_plan, radius, comfort)
+routes_on = lru_cache(maxsize=32)(Routes)  # the last ones, as they are slow to compute
 
 
 def _shifted(values: Any, down: int, right: int) -> tuple[Any, Any]:

@@ -113,7 +113,8 @@ def _as_float32(action: Any) -> Actions | None:
     except ValueError:
         return None
     with np.errstate(over="ignore"):
-        return given.astype(np.float32) if given.dtype.kind in "fiu" else None
+        real = given.dtype.kind in "fiu" and not isinstance(action, np.ma.MaskedArray)
+        return given.astype(np.float32) if real else None
 
 
 @compiled

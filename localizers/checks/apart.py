@@ -10,7 +10,7 @@ from deqmcl_gym.validation import InputError, in_words, number
 from localizers.checks.laws import LAWS, Here, Law, Verdict, subject_of
 from localizers.checks.subject import LawBrokenError
 from localizers.models.robot import RobotModel
-from localizers.naming.plugins import SPAWN, Isolated, NoAnswerError, enter
+from localizers.naming.plugins import SPAWN, NoAnswerError, OwnProcess, enter
 
 
 class Apart:
@@ -27,7 +27,7 @@ class Apart:
         self.name = name
         self._timeout = number("the timeout", timeout, low=0, above=True)
         self._asked = name, robot, self._timeout / 2, dict(params)  # half for what a law starts
-        self._process: Isolated | None = None
+        self._process: OwnProcess | None = None
         self._unsaid: LawBrokenError | None = None
         try:
             self._started()
@@ -68,8 +68,8 @@ class Apart:
             self.close()
             raise LawBrokenError(str(error)) from None
 
-    def _started(self) -> Isolated:
-        self._process = Isolated(SPAWN, _try_laws, *self._asked)
+    def _started(self) -> OwnProcess:
+        self._process = OwnProcess(SPAWN, _try_laws, *self._asked)
         try:
             refusal: str | None = self._process.answer(self._timeout)
         except NoAnswerError as error:
@@ -85,7 +85,7 @@ def _try_laws(
     line: Connection, name: str, robot: RobotModel | None, timeout: float, params: dict[str, Any]
 ) -> None:
     """Answer questions until killed: the number of a law, or None for the time of a step."""
-    enter()
+    enter(line)
     try:
         here = Here(subject_of(name, robot, timeout=timeout, **params))
     except BaseException as error:

@@ -37,7 +37,7 @@ from localizers.checks.subject import (
     require_same,
     snapshot,
 )
-from localizers.naming.plugins import SPAWN, Isolated, NoAnswerError, enter, raised
+from localizers.naming.plugins import SPAWN, NoAnswerError, OwnProcess, enter, raised
 from localizers.naming.registry import made_by, resolve
 
 _HALF = 6
@@ -109,7 +109,7 @@ def _task(subject: Subject) -> bytes:
 
 def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
     """Let a spawned process run the localizer; return what it computed, or what it raised."""
-    process = Isolated(SPAWN, _answer, task)
+    process = OwnProcess(SPAWN, _answer, task)
     try:
         answer: list[Snapshot] | str = process.answer(timeout)
         return answer
@@ -121,7 +121,7 @@ def _asked(task: bytes, timeout: float) -> list[Snapshot] | str:
 
 def _answer(there: Connection, task: bytes) -> None:
     """Run in the spawned process."""
-    enter()
+    enter(there)
     answer: list[Snapshot] | str
     try:
         sent, name, params, robot, drive = pickle.loads(task)

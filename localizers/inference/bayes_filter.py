@@ -9,7 +9,7 @@ from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, array
+from deqmcl_gym.validation import InputError, array, shown
 from localizers.api import Prior
 from localizers.inference.belief import Events
 from localizers.models.motion import increments
@@ -58,9 +58,8 @@ class FilterLocalizer(Generic[B]):
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
-        if isinstance(prior, GaussianPrior):
-            prior.check_unit(self.robot.floor_plan.unit)
-        belief = self.filter.initial(prior, checked_plan(plan), checked_rng(rng))
+        known = checked_prior(prior, self.robot)
+        belief = self.filter.initial(known, checked_plan(plan), checked_rng(rng))
         self._running = (belief, rng)
         return belief
 
@@ -73,6 +72,15 @@ class FilterLocalizer(Generic[B]):
             belief = belief._replace(events=belief.events.of_scan(scan))
         self._running = (belief, rng)
         return belief
+
+
+def checked_prior(prior: Prior, robot: RobotModel) -> Prior:
+    """Return a prior; refuse what is none, or is not in the unit of the robot's map."""
+    if not hasattr(prior, "mean"):
+        raise InputError(f"the prior is {shown(prior)}, but must be a Prior, as GaussianPrior.")
+    if isinstance(prior, GaussianPrior):
+        prior.check_unit(robot.floor_plan.unit)
+    return prior
 
 
 def require_reset(running: T | None) -> T:

@@ -157,7 +157,9 @@ class Hedge:
         advised = self.advised.step(advised, scan, action, plan, stream)
         protected = self.protected.step(protected, scan, action, plan[:0], rng)
         log_odds, evidence = absorbed(log_odds, _evidence(advised), _evidence(protected))
-        events = _events(belief.events, advised, protected)
+        events = belief.events
+        if _counts(advised, protected) != _counts(belief.advised, belief.protected):
+            events = _events(events, advised, protected)
         return HedgedBelief(advised, protected, log_odds, evidence, events)
 
 
@@ -234,9 +236,13 @@ def _evidence(belief: Any) -> float:
         ) from None
 
 
+def _counts(*members: Any) -> list[Any]:
+    return [getattr(belief, "events", None) for belief in members]
+
+
 def _events(before: Events, *members: Any) -> Events:
     """Return the counts of both members; unusable beams, which both get, are counted once."""
-    told = [getattr(belief, "events", None) for belief in members]
+    told = _counts(*members)
     counts = {one.name: sum(getattr(own, one.name, 0) for own in told) for one in fields(Events)}
     counts["skipped_beams"], counts["blind_scans"] = before.skipped_beams, before.blind_scans
     return Events(**counts)

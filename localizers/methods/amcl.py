@@ -15,7 +15,13 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
-from localizers.inference.bayes_filter import checked_plan, checked_rng, checked_step, require_reset
+from localizers.inference.bayes_filter import (
+    checked_plan,
+    checked_prior,
+    checked_rng,
+    checked_step,
+    require_reset,
+)
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
@@ -31,7 +37,7 @@ from localizers.models.nav2_scan import (
     LikelihoodFieldProb,
     metres_in,
 )
-from localizers.models.prior import GaussianPrior, random_poses
+from localizers.models.prior import random_poses
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
 
@@ -165,11 +171,10 @@ class AdaptiveLocalizer:
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
         """Start a new run with the largest cloud; see ``Localizer.reset``. The plan is not used."""
-        if isinstance(prior, GaussianPrior):
-            prior.check_unit(self.robot.floor_plan.unit)
+        known = checked_prior(prior, self.robot)
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
-        cloud = np.ascontiguousarray(prior.sample(self._kld.most, started).T, np.float32)
+        cloud = np.ascontiguousarray(known.sample(self._kld.most, started).T, np.float32)
         belief = _cloud(cloud, Events(), (self._detector,))
         self._running = _Running(belief, np.zeros(3), 0.0, self._averages, 0, False, rng)
         return belief

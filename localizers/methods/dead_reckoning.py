@@ -19,10 +19,12 @@ from localizers.models.robot import RobotModel
 
 Pose = tuple[float, float, float]
 
+_KEPT = 10_000  # poses, at least
+
 
 @dataclass(frozen=True)
 class _Track:
-    """The poses so far, a list that later steps append to, and the plan from the present on."""
+    """The last poses, a list that later steps append to, and the plan from the present on."""
 
     driven: list[Pose]
     present: int
@@ -47,12 +49,12 @@ class DeadReckoning:
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
         """Start at the prior's mean; see ``Localizer.reset``."""
         checked_rng(rng)
-        if prior.mean is None:
+        if (mean := getattr(prior, "mean", None)) is None:
             raise InputError(
                 f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
                 "one to start from: give a GaussianPrior, or use another localizer."
             )
-        track = _Track([prior.mean], 0, checked_plan(plan))
+        track = _Track([mean], 0, checked_plan(plan))
         self._driven = track.driven
         return track
 
@@ -60,6 +62,8 @@ class DeadReckoning:
         """Add one command; see ``Localizer.update``."""
         driven = require_reset(self._driven)
         command, ahead = checked_action(action), checked_plan(plan)
+        if len(driven) >= 2 * _KEPT:
+            self._driven = driven = driven[-_KEPT:]
         driven.append(_moved(driven[-1], *command.tolist()))
         return _Track(driven, len(driven) - 1, ahead)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
 from typing import Any, Generic, TypeVar
 
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.parts import Resampling
 from localizers.inference.plan_evidence import PlanEvidence
@@ -66,6 +66,7 @@ class Shared:
         number("plan_beta", self.plan_beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
+        keep_plain(self)
         if self.start_jitter > 0 and self.start_draws == 1:
             raise InputError(
                 f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "

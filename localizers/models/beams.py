@@ -12,14 +12,13 @@ from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, digits, number, one_of, part
+from deqmcl_gym.validation import InputError, digits, keep_plain, number, one_of, part
 from localizers.models import beam_kernels
 
 
 def normal_pdf(z: Floats) -> Floats:
     """N(z; 0, 1)."""
-    density: Floats = arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
-    return density
+    return arrays.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
 
 
 METRE_SIGMA = 0.2  # m, of a beam: Nav2's sigma_hit
@@ -62,6 +61,7 @@ class _Tempered:
 
     def __post_init__(self) -> None:
         number("scan.power", self.power, low=0, high=1, above=True)
+        keep_plain(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +75,25 @@ class _HitOrAnything(_Tempered):
         super().__post_init__()
         number("scan.sigma", self.sigma, low=0, above=True)
         number("scan.uniform", self.uniform, low=0, high=1)
+
+    def least_density(self, max_range: float) -> float:
+        """Return the least density or mass of a beam far from its expected range."""
+        floor, *_, atom = self._anything(max_range)
+        return float(min(floor, atom) ** self.power)
+
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
+        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
+        out = np.empty(len(expected))
+        hit, anything = 1 - self.uniform, self._anything(max_range)
+        beam_kernels.gaussian_uniform(ranges, expected.T, self.sigma, hit, *anything, out)
+        return self.power * out
+
+    def _anything(self, max_range: float) -> tuple[float, float, float, float]:
+        """Return the uniform share's density, the ends of the range, and its mass at either.
+
+        -inf, inf and inf where the ends have no mass.
+        """
+        return self.uniform / max_range, -math.inf, math.inf, math.inf
 
 
 @final
@@ -92,19 +111,6 @@ class GaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         density: Floats = (1 - self.uniform) * hit + self.uniform / max_range
         return density**self.power
-
-    def least_density(self, max_range: float) -> float:
-        """Return the density of a beam far from its expected range."""
-        return float((self.uniform / max_range) ** self.power)
-
-    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        out = np.empty(len(expected))
-        hit, floor = 1 - self.uniform, self.uniform / max_range
-        beam_kernels.gaussian_uniform(
-            ranges, expected.T, self.sigma, hit, floor, -math.inf, math.inf, math.inf, out
-        )
-        return self.power * out
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a beam that hits the expected wall, (n, B) each."""
@@ -132,28 +138,14 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        floor, atom = self._anything(max_range)
+        floor, *_, atom = self._anything(max_range)
         density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
         return density**self.power
 
-    def least_density(self, max_range: float) -> float:
-        """Return the least density or mass of a beam far from its expected range."""
-        return float(min(self._anything(max_range)) ** self.power)
-
-    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-        """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
-        out = np.empty(len(expected))
-        floor, atom = self._anything(max_range)
-        beam_kernels.gaussian_uniform(
-            ranges, expected.T, self.sigma, 1 - self.uniform, floor, 0.0, max_range, atom, out
-        )
-        return self.power * out
-
-    def _anything(self, max_range: float) -> tuple[float, float]:
-        """Return v, the uniform share's density, and its mass at either end."""
+    def _anything(self, max_range: float) -> tuple[float, float, float, float]:
         step = max_range / _STEPS
         floor = self.uniform / (max_range + 2 * step)
-        return floor, step * floor
+        return floor, 0.0, max_range, step * floor
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a beam that hits the expected wall, (n, B) each.

@@ -12,12 +12,13 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.models import lookahead_kernels as grid_kernels
 from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
 MAX_BYTES = 2**30
+_MOST_HEADINGS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,8 @@ class PoseGrid:
 
     def __post_init__(self) -> None:
         number("cell", self.cell, low=0, above=True)
-        integer("headings", self.headings, low=4)
+        integer("headings", self.headings, low=4, high=_MOST_HEADINGS)
+        keep_plain(self)
         x0, y0, x1, y1 = self.bounds
         cells = self.headings * math.ceil((x1 - x0) / self.cell) * math.ceil((y1 - y0) / self.cell)
         if cells * self.bytes_per_cell > MAX_BYTES:
@@ -127,7 +129,8 @@ class LookaheadGrid:
 
     def __post_init__(self) -> None:
         number("cell", self.cell, low=0, above=True)
-        integer("headings", self.headings, low=1)
+        integer("headings", self.headings, low=1, high=_MOST_HEADINGS)
+        keep_plain(self)
         if math.prod(self.shape) > MAX_NODES:
             raise InputError(
                 f"cells of {self.cell:g} {self.floor_plan.unit} and {self.headings} headings make "
@@ -153,7 +156,7 @@ class LookaheadGrid:
         window = increments(window)
         headings, ny, nx = self.shape
         before = [asked or Nodes(0, 0, nx, ny, np.ones(headings, np.bool_))]
-        turns, spreads = [], [self.motion.spread(action) for action in window]
+        turns, spreads, farthest = [], [self.motion.spread(action) for action in window], 0.0
         ways = [distance_and_bearing(action) for action in window]
         for (distance, _), turn, (sd, sd_turn) in zip(
             ways, window[:, 2].tolist(), spreads, strict=True
@@ -161,7 +164,10 @@ class LookaheadGrid:
             turns.append(_turn_weights(turn, sd_turn, headings))
             far = (abs(distance) + _SIGMAS[-1] * sd) / self.cell
             before.append(before[-1].led_to(far, *turns[-1], (ny, nx)))
-        widest, pad = before[-2] if len(before) > 1 else before[0], self._reach(window)
+            farthest = max(farthest, far)
+        widest = before[-2] if len(before) > 1 else before[0]
+        # more nodes than any drive goes to a side, counted to the border at most
+        pad = math.ceil(min(farthest, max(ny, nx) + 1.0)) + 1
         rows, columns = widest.high - widest.low, widest.right - widest.left
         h = np.full((headings, (rows + 2 * pad) * (columns + 2 * pad)), _SCALE)
         out = h.copy()
@@ -194,15 +200,6 @@ class LookaheadGrid:
         wanted = np.zeros(headings, np.bool_)
         wanted[[first % headings, (first + 1) % headings]] = True
         return Nodes(left, low, right + 2, high + 2, wanted)
-
-    def _reach(self, window: Floats) -> int:
-        """More nodes than any drive of a window goes to a side, counted to the border at most."""
-        farthest = 0.0
-        for action in window:
-            sd, _ = self.motion.spread(action)
-            farthest = max(farthest, abs(distance_and_bearing(action)[0]) + _SIGMAS[-1] * sd)
-        _, ny, nx = self.shape
-        return math.ceil(min(farthest / self.cell, max(ny, nx) + 1.0)) + 1
 
     @property
     def origin(self) -> tuple[float, float]:

@@ -295,8 +295,7 @@ def _moving(meant: Floats, done: Floats) -> tuple[Floats, Floats, Bools]:
 
 def _long(drive: Floats) -> Bools:
     """Which steps are of the longer half, (k,): noise of the reference matters less in them."""
-    long: Bools = drive >= max(float(np.median(drive)), 1e-9)
-    return long
+    return drive >= max(float(np.median(drive)), 1e-9)
 
 
 def _most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:

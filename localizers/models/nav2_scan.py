@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, final
+from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 
@@ -143,12 +143,10 @@ class DistanceTable(NamedTuple):
             exact in float32, on a map of cells.
         frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
             cell's edge.
-        farthest: the largest distance told, which stands for ends off the table, too.
     """
 
     squares: Singles
     frame: tuple[float, float, float, float, float]
-    farthest: float
 
     @classmethod
     def of(cls, floor_plan: Map, farthest: float, cell: float) -> "DistanceTable":
@@ -168,12 +166,7 @@ class DistanceTable(NamedTuple):
         else:
             distances, frame = _of_polygons(floor_plan, farthest, cell)
             squares = np.square(distances / np.float32(cell))
-        return cls(np.ascontiguousarray(squares, np.float32), frame, float(farthest))
-
-    @property
-    def distances(self) -> Floats:
-        """In the map's unit, at most ``farthest``, (rows, columns)."""
-        return np.minimum(self.frame[-1] * np.sqrt(self.squares.astype(np.float64)), self.farthest)
+        return cls(np.ascontiguousarray(squares, np.float32), frame)
 
     def at_ends(self, origins: Singles, ranges: Floats, bearings: Floats) -> Singles:
         """Squares at the cell that each beam ends in, inf off the table, (B, n)."""
@@ -221,6 +214,8 @@ class _Field:
     max_beams: int = 60
     cell: float
 
+    _combine: ClassVar[Callable[..., None]]  # of the densities of all beams
+
     def __post_init__(self) -> None:
         number("sigma_hit", self.sigma, low=0, above=True)
         number("laser_likelihood_max_dist", self.farthest, low=0, above=True)
@@ -255,6 +250,15 @@ class _Field:
             _origins(self.lidar, states), ranges[counted], self.lidar.bearings[counted]
         )
 
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
+        out = np.zeros(states.shape[1])
+        if self.informative(scan.ranges).any():
+            for start in range(0, out.size, _BLOCK):
+                some = slice(start, start + _BLOCK)
+                self._combine(self.squares(states[:, some], scan.ranges), *self._model, out[some])
+        return out
+
     @property
     def _model(self) -> tuple[float, float, float, float]:
         edge = self.table.frame[-1]
@@ -270,9 +274,7 @@ class LikelihoodField(_Field):
     Source: likelihood_field_model.cpp. Attributes as ``_Field``.
     """
 
-    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        return _in_blocks(self, sum_of_cubes, states, scan.ranges)
+    _combine = staticmethod(sum_of_cubes)
 
 
 @final
@@ -283,14 +285,12 @@ class LikelihoodFieldProb(_Field):
     Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
     """
 
+    _combine = staticmethod(log_product)
+
     @property
     def step(self) -> int:
         """Every step-th beam is looked at; this model alone rounds up."""
         return max(1, math.ceil(self.lidar.beams / self.max_beams))
-
-    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
-        """Log w of each pose (3, n) of the robot for a scan, (n,)."""
-        return _in_blocks(self, log_product, states, scan.ranges)
 
 
 @final
@@ -411,14 +411,3 @@ def _every(beams: int, most: int) -> int:
 
 def _origins(lidar: Lidar, states: Singles) -> Singles:
     return np.ascontiguousarray(lidar.origins(states), dtype=np.float32)
-
-
-def _in_blocks(
-    field: _Field, combine: Callable[..., None], states: Singles, ranges: Floats
-) -> Floats:
-    out = np.zeros(states.shape[1])
-    if field.informative(ranges).any():
-        for start in range(0, out.size, _BLOCK):
-            some = slice(start, start + _BLOCK)
-            combine(field.squares(states[:, some], ranges), *field._model, out[some])
-    return out

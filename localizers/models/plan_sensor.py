@@ -98,8 +98,7 @@ def charges(beta: float, collisions: Ints) -> Floats:
     """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
     per_count = np.zeros(int(collisions.max()) + 1)
     per_count[1:] = -beta * np.arange(1.0, per_count.size)
-    found: Floats = per_count[collisions]
-    return found
+    return per_count[collisions]
 
 
 def path_of(plan: Floats) -> Singles:

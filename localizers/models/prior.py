@@ -1,12 +1,15 @@
 """p(x_0): where the robot may start; poses in free space, evenly spread or drawn."""
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
 
-from deqmcl_gym.maps import Map
+from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.map import LENGTH, POSE
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Singles
@@ -14,6 +17,8 @@ from deqmcl_gym.validation import InputError, number, pose
 
 _BLOCK = 1024
 _COUNTED = 16 * _BLOCK  # points at which free space is measured
+_RARE = 1 / 64  # share of open cells below which poses are drawn in these only
+_MOST = 2**20  # poses drawn in vain
 # Powers of the inverse of the root of g⁴ = g + 1: the additive recurrence of lowest known
 # discrepancy in three dimensions (Roberts 2018).
 _STEPS = np.array(
@@ -23,21 +28,33 @@ _STEPS = np.array(
 
 def even_poses(floor_plan: Map, count: int) -> Singles:
     """Return poses spread evenly over free space and headings, always the same, (3, count)."""
-    found: list[Floats] = []
-    start = 0
-    while sum(map(len, found)) < count:  # a floor plan has free space
-        found.append(_free(floor_plan, _even_shares(start, _BLOCK)))
-        start += _BLOCK
-    return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
+    starts = itertools.count(step=_BLOCK)
+    return _first(count, floor_plan, (_even_shares(start, _BLOCK) for start in starts), 0.0)
 
 
 def random_poses(
     floor_plan: Map, count: int, rng: np.random.Generator, radius: float = 0.0
 ) -> Singles:
     """Draw poses uniformly over all headings and where a disc fits, (3, count)."""
-    found = [np.empty((0, 3))]
+    drawn = (rng.random((max(2 * count, 16), 3)) for _ in itertools.repeat(None))
+    return _first(count, floor_plan, drawn, radius)
+
+
+def _first(count: int, floor_plan: Map, shares: Iterator[Floats], radius: float) -> Singles:
+    """Return the first ``count`` free poses at shares, (3, count).
+
+    Raises:
+        InputError: next to none is free.
+    """
+    found, tried = [np.empty((0, 3))], 0
     while sum(map(len, found)) < count:
-        found.append(_free(floor_plan, rng.random((max(2 * count, 16), 3)), radius))
+        found.append(_free(floor_plan, drawn := next(shares), radius))
+        tried += len(drawn)
+        if tried > _MOST and not any(map(len, found)):
+            raise InputError(
+                f"of {tried:,} places on the floor plan, none is free for a radius of {radius:g}: "
+                "give a map with more free space."
+            )
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
@@ -47,11 +64,32 @@ def _even_shares(start: int, count: int) -> Floats:
 
 
 def _free(floor_plan: Map, shares: Floats, radius: float = 0.0) -> Floats:
-    """Those of the poses at ``shares`` of the bounds and of a turn where a disc fits, (k, 3)."""
+    """Those of the poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3).
+
+    The ground is the map's bounds, or the open cells of a grid that has few.
+    """
     x0, y0, x1, y1 = floor_plan.bounds
     low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
     poses: Floats = low + (high - low) * shares
+    if _is_rare(floor_plan):
+        cells, place = floor_plan.open_cells, shares[:, 0] * len(floor_plan.open_cells)
+        chosen = cells[np.minimum(place.astype(np.intp), len(cells) - 1)]
+        points = floor_plan.placed(chosen + np.column_stack([place % 1.0, shares[:, 1]]))
+        poses[:, :2] = points.astype(np.float32)  # as they are returned
     return poses[floor_plan.free(poses, radius)]
+
+
+def _is_rare(floor_plan: Map) -> TypeGuard[GridMap]:
+    """Whether free space is a small part of the cells of a grid."""
+    return isinstance(floor_plan, GridMap) and floor_plan.open_share < _RARE
+
+
+def _sides(floor_plan: Map) -> tuple[float, float]:
+    """Sides of a rectangle as large as the ground of ``_free``."""
+    if _is_rare(floor_plan):
+        return len(floor_plan.open_cells) * floor_plan.resolution, floor_plan.resolution
+    x0, y0, x1, y1 = floor_plan.bounds
+    return x1 - x0, y1 - y0
 
 
 _SD_IN_PX = 10.0
@@ -140,12 +178,12 @@ class UniformPrior:
 
         The area of free space is counted at even points, to about one percent.
         """
-        x0, y0, x1, y1 = self.floor_plan.bounds
-        density = 1 / (self._share * (x1 - x0) * (y1 - y0) * 2 * math.pi)
+        width, height = _sides(self.floor_plan)
+        density = 1 / (self._share * width * height * 2 * math.pi)
         free = self.floor_plan.free(poses, self.radius)
         return np.where(free, arrays.log(np.array([density]))[0], -np.inf)
 
     @cached_property
     def _share(self) -> float:
-        """Share of the map's bounds where the disc fits."""
+        """Share of the ground of ``_free`` where the disc fits."""
         return len(_free(self.floor_plan, _even_shares(0, _COUNTED), self.radius)) / _COUNTED

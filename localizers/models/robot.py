@@ -6,7 +6,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, pixel
-from deqmcl_gym.validation import InputError, number
+from deqmcl_gym.validation import InputError, number, shown
 from localizers.api import Motion
 from localizers.models.beams import METRE_SIGMA, BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
@@ -36,6 +36,11 @@ class RobotModel:
     scan: BeamDensity = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        for name, kind, has in (("floor_plan", "Map", "unit"), ("lidar", "Lidar", "max_range")):
+            if not hasattr(value := getattr(self, name), has):
+                raise InputError(
+                    f"{name} is {shown(value)}, but must be a {kind}, such as an env's."
+                )
         if self.radius is None:
             object.__setattr__(self, "radius", 8 * pixel(self.floor_plan.unit))
         metres = self.floor_plan.unit == "m"

@@ -23,7 +23,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -57,7 +57,7 @@ class EndedError(NoAnswerError):
         self.code = code
 
 
-class Isolated:
+class OwnProcess:
     """A process that calls ``enter`` and answers questions, and our end of the line to it."""
 
     def __init__(
@@ -101,11 +101,14 @@ class Isolated:
         self._line.close()
 
 
-def enter() -> None:
+def enter(line: Connection) -> None:
     """Prepare this process to be killed as a whole; call it first.
 
-    It leads its own session, prints to stderr, and does not outlive its parent.
+    It leads its own session, prints to stderr, and does not outlive its parent. What a plug-in
+    forks is not on the line: answers come from this process alone.
     """
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=line.close)
     with contextlib.suppress(AttributeError, OSError):  # not on Windows; it leads one already
         os.setsid()
     with contextlib.suppress(OSError):
@@ -167,7 +170,7 @@ def localizers_in(file: str) -> list[str]:
         InputError: the file cannot be read, or is not Python.
     """
     try:
-        tree = ast.parse(content_of(Path(file).expanduser()), file)
+        tree = ast.parse(content_of(Path(os.path.expanduser(file))), file)
     except FileNotFoundError as error:
         raise InputError(f"the file {file} cannot be read: {error.strerror}.") from None
     except UnreadableError as error:
@@ -205,7 +208,7 @@ def absolute_name(name: str) -> str:
     place, colon, attribute = name.rpartition(":")
     if not _is_path(place):
         return name
-    return f"{Path(place).expanduser().absolute()}{colon}{attribute}"
+    return f"{Path(os.path.expanduser(place)).absolute()}{colon}{attribute}"
 
 
 def load(reference: str, name: str, kind: str = "localizer") -> Any:
@@ -226,7 +229,7 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
             f"{named} leads to {reference!r}, but must be package.module:NAME or "
             "path/to/file.py:NAME."
         )
-    path = Path(place).expanduser().absolute() if _is_path(place) else None
+    path = Path(os.path.expanduser(place)).absolute() if _is_path(place) else None
     source = b"" if path is None else _source(path, named)
     try:
         with contextlib.chdir(os.curdir):  # comes back, wherever it goes

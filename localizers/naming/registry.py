@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import Distribution, distributions
 from typing import Any
 
@@ -207,7 +207,12 @@ def made_by(factory: Factory, name: str, robot: RobotModel, **params: Any) -> Lo
 
 def parameters(name: str) -> tuple[str, ...] | None:
     """Names of a localizer's parameters; None if its factory takes any."""
-    return parameters_of(resolve(name))
+    return _parameters_of_ours(name) if name in _BUILT_IN else parameters_of(resolve(name))
+
+
+@cache  # a sweep asks for each of its points
+def _parameters_of_ours(name: str) -> tuple[str, ...] | None:
+    return parameters_of(_FACTORIES[name])
 
 
 def parameters_of(factory: Factory) -> tuple[str, ...] | None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from benchmarks.report import story, write_report
+from benchmarks.report import story
+from benchmarks.report.writing import write_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps import drawing

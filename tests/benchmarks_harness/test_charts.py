@@ -2,13 +2,13 @@
 
 from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_cases import THREE, changed, finished, trials
 
+from benchmarks.pictures import styled
 from benchmarks.report import charts, curves
 from benchmarks.report.svg import HOUSE_STYLE, canvas, looks, picture
 from benchmarks.tables.pairing import profile
@@ -199,7 +199,7 @@ def test_curves_draw_the_rows_of_each_panel_over_the_value_that_was_swept(values
 def test_every_name_of_a_legend_is_inside_the_picture_and_below_the_axes(names, letters):
     labels = [f"{number} {'plan_beta=0.1 ' * 9}"[:letters] for number in range(names)]
     labels[-1] = "mcl"
-    with mpl.rc_context(HOUSE_STYLE):
+    with styled(HOUSE_STYLE):
         figure, axes = canvas(4.8, 2.9, legend_of=labels)
         for label in labels:
             axes.plot([0, 1], label=label)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
 from deqmcl_gym.validation import InputError
+from localizers.inference.gaussian import gaussian_points
 
 PI = math.pi
 TRUTH = np.array([110.0, 50.0, -3.1])
@@ -88,9 +89,17 @@ def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
 
 def test_the_energy_score_of_two_points_is_known_by_hand():
     poses = np.array([[0.0, 0, 0], [10.0, 0, 0]])
-    energy, _, _ = calibrated(poses, np.full(2, 0.5), np.array([5.0, 12.0, 0.0]))
-    # both are 13 away; the 64 + 64 copies have 64 · 64 of 128 · 127 / 2 pairs 10 apart
-    assert energy == pytest.approx(13 - 0.5 * 10 * 64 * 64 / (64 * 127), rel=1e-12)
+    energy, _, _ = calibrated(poses, np.array([0.4, 0.6]), np.array([5.0, 12.0, 0.0]))
+    # both are 13 away; the 51 + 77 copies have 51 · 77 of 128 · 127 / 2 pairs 10 apart
+    assert energy == pytest.approx(13 - 0.5 * 10 * 51 * 77 / (64 * 127), rel=1e-12)
+
+
+@pytest.mark.parametrize("root", [np.diag([3.0, 3, 1]), np.tril(np.ones((3, 3))) * [9, 1, 0.1]])
+def test_the_energy_score_of_a_designed_set_of_points_is_that_of_all_pairs(root):
+    poses = gaussian_points(np.array([1e4, 50.0, 1.0]), root @ root.T)
+    weights, truth = np.full(512, 1 / 512), np.array([1e4 + 2, 51.0, 1.0])
+    energy, _, _ = calibrated(poses, weights, truth)
+    assert energy == pytest.approx(plain_energy(poses, weights, truth), rel=1e-5)
 
 
 def test_rank_and_nees_are_those_of_numpys_linear_algebra():

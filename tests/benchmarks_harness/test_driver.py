@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from benchmarks.execution import engines
 from benchmarks.execution.engines import TRIES, Engine, ThisProcess, outcomes
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome
@@ -89,6 +90,13 @@ def test_a_hung_trial_keeps_its_slot_and_an_engine_that_hangs_in_all_ends_the_sw
 def test_a_broken_engine_ends_the_sweep():
     with pytest.raises(RuntimeError, match=r"the executor broke \(all is lost\)"):
         run({"b": [BrokenExecutor("all is lost")]})
+
+
+def test_an_engine_that_is_lost_without_a_word_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr(engines, "_LOOK_SECONDS", 0.01)
+    engine = Engine(executor=Scripted({"a": [None]}), slots=2, lost=lambda: "it is gone")
+    with pytest.raises(RuntimeError, match="it is gone; finished trials are kept"):
+        list(outcomes([("a", "a")], engine))
 
 
 def test_no_more_trials_are_in_flight_than_there_are_slots():

@@ -10,7 +10,8 @@ import pytest
 from deqmcl_command import files
 from refusals import refused
 
-from benchmarks.files import inventory, own_folder, refuse_changed, write_part, written
+from benchmarks import files as inventory
+from benchmarks.files import own_folder, refuse_changed, write_part, written
 from deqmcl_gym.files import writable_folder, write_text
 
 FILES = {"a.csv": b"a", "images/b.svg": b"b"}
@@ -95,7 +96,8 @@ def test_a_write_that_is_interrupted_anywhere_is_made_up_for_by_the_next(made, m
     "words",
     ["", "[]", '{"part": 3}', '{"part": {"source": "", "files": 3}}', "\x00", "[" * 100_000]
     + [json.dumps({"part": {"source": "", "files": {name: []}}})
-       for name in ("../precious", "/tmp/../tmp/precious", "images/../../precious", ".")],
+       for name in ("../precious", "/tmp/../tmp/precious", "images/../../precious", ".",
+                    "a\0b", "n" * 300, "n" * 300 + "/b", "\ud800")],
 )  # fmt: skip
 def test_a_record_that_is_not_ours_or_leads_elsewhere_is_refused(tmp_path, words):
     (tmp_path / "precious").write_text("kept")
@@ -106,6 +108,17 @@ def test_a_record_that_is_not_ours_or_leads_elsewhere_is_refused(tmp_path, words
         with refused("written.json ", " not as deqmcl wrote it"):
             act(out)
     assert files(tmp_path) == {"precious": b"kept", "out/written.json": words.encode()}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such permissions there")
+@pytest.mark.parametrize("mask", [0o077, 0o022, 0o002])
+def test_files_have_the_permissions_of_the_umask(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_text(tmp_path / "new", "")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "new").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
 def test_a_folder_of_others_is_refused_before_anything_is_written(tmp_path):

@@ -47,6 +47,10 @@ def test_a_call_gives_what_the_function_returns_or_raises_in_another_process(poo
     assert first == second != os.getpid()  # one process serves many calls
 
 
+def test_what_a_call_forks_gives_no_answer(pool):
+    assert [pool.submit(calls.fork, value).result() for value in range(5)] == [*range(5)]
+
+
 def test_what_cannot_be_sent_to_a_process_fails_its_call_only(pool):
     with pytest.raises(Exception, match=r"[Pp]ickle|local object"):
         pool.submit(lambda: None).result()

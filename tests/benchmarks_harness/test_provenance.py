@@ -19,9 +19,12 @@ from benchmarks.trials.spec import Trial
 from pathlib import Path
 executed = set()
 see = lambda frame, event, _: executed.add(frame.f_code.co_filename)
-for scenario, name in (("paper", "mcl"), ("guided", "deq-mcl"), ("driving", "dead-reckoning")):
+few = (("particles", 20),)
+for scenario, name, params in (
+    ("paper", "mcl", few), ("guided", "deq-mcl", few), ("driving", "dead-reckoning", ())
+):
     trial = Trial(
-        scenario=scenario, localizer=name, params=(), lag=2, seed=0, trial=0,
+        scenario=scenario, localizer=name, params=params, lag=2, seed=0, trial=0,
         disturbance=((("kind", "dropout"), ("probability", 0.1)),),
     )
     key = key_of(trial)

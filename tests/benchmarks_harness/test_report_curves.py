@@ -5,13 +5,13 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from itertools import product
 
-import matplotlib as mpl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from report_cases import changed, trials
 from test_journey_tables import run
 
+from benchmarks.pictures import styled
 from benchmarks.report.curves import DIFFERENCE, ERROR, swept_charts
 from benchmarks.report.svg import HOUSE_STYLE, looks
 from benchmarks.report.swept import charts_over, regime_maps
@@ -21,7 +21,7 @@ from benchmarks.tables.panels import panels
 
 @pytest.fixture(autouse=True)
 def house_style():
-    with mpl.rc_context(HOUSE_STYLE):
+    with styled(HOUSE_STYLE):
         yield
 
 

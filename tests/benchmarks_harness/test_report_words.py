@@ -183,8 +183,8 @@ CASES = {
         "ekf": [16.0, 17, 18, 18.5, 19.5, 20.5, 21, 21.5],
     },
     "dead-reckoning is best: 9.00 px, 55 % below mcl (95 %: 55 to 55), smaller in 9 of "
-    "9 worlds; costs 4.7 × the time. Of the methods that use scans, ekf is best: 16.0 px, 20 % below "
-    "mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × the time.": {
+    "9 worlds; costs 4.7 × the time. Of the methods that use scans, ekf is best: 16.0 px, "
+    "20 % below mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × the time.": {
         "mcl": [20.0] * 9,
         "dead-reckoning": [9.0] * 9,
         "ekf": [16.0] * 9,

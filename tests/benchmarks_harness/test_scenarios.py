@@ -12,6 +12,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym import Driver
 from deqmcl_gym.maps.map import scaled
 from localizers import BeamModel, CensoredGaussianUniform
 from localizers.models.nav2_motion import unknown_motion
@@ -182,6 +183,17 @@ def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map
     assert another == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
 
 
+def test_an_empty_table_is_a_value(tmp_path):
+    path = tmp_path / "room.toml"
+    for text in ("[env.driver]\n[env.route]\n[env.floor_plan.office]", "env.driver = {}"):
+        path.write_text(f"buildings = 3\n{text}\n")
+        found = scenario(str(path)).in_building(5)
+        assert isinstance(found.world.driver, Driver)
+        assert (found.unit, found.world.route is None) == (("m", False), ("px", True))["=" in text]
+    path.write_text("[env.lidar]\n[assumed.scan]\n[prior]")  # nothing is changed
+    assert scenario(str(path)).world == scenario("paper").world
+
+
 def test_a_scenario_can_be_the_base_of_another_and_one_of_python_too(room):
     (room.parent / "more.toml").write_text('base = "room.toml"\nenv.driver = "none"')
     more = scenario(str(room.parent / "more.toml"))
@@ -217,6 +229,9 @@ BAD_FILES = [
     ("words = ''", ["words", "text"]),
     ("base = 'papr'", ["did you mean 'paper'?"]),
     ("base = 'room.toml'", ["its own base"]),
+    ("base = '~nobody/x.toml'", ["x.toml", "is not there"]),
+    ("[env]\nfloor_plan = '~nobody/x.yaml'", ["x.yaml", "does not exist"]),
+    ("[env]\nfloor_plan = '~nobody/x.json'", ["x.json", "does not exist"]),
     ("env = 3", ["env", "3", "table"]),
     ("[env.lidar]\nbeans = 3", ["'beans'", "did you mean 'beams'?"]),
     ("[env.floor_plan]\nouter = [[0, 0], [1, 0]]", ["outer", "3"]),
@@ -234,6 +249,29 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
     path.write_text(text)
     with refused(str(path), *named):
         scenario(str(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("agent = 'open-lop'", "did you mean 'open-loop'"),
+        ("[env]\nhorizon = -3", "horizon is -3"),
+        ("[env.floor_plan.office]", "lap.waypoints"),
+        ("base = 'log'", "names no log"),
+    ],
+)
+def test_what_is_wrong_when_it_is_built_names_the_scenarios_file(tmp_path, text, named):
+    path = tmp_path / "room.toml"
+    path.write_text(text)
+    with refused(str(path), named):
+        Stage.of(trial(scenario=str(path))).check()
+
+
+def test_files_that_build_on_each_other_without_end_are_refused(tmp_path):
+    for i in range(400):
+        (tmp_path / f"{i}.toml").write_text(f"base = '{i + 1}.toml'")
+    with refused("0.toml", "scenario files build on each other"):
+        scenario(str(tmp_path / "0.toml"))
 
 
 agent = partial(make_agent, robot=None)

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, of_json
+from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
-from benchmarks.trials.spec import Trial
+from benchmarks.trials.spec import Method, Trial
 
 PARAMS = {"lag": 20, "particles": 1000}
 TRIAL = Trial(scenario="paper", localizer="deq-mcl", params=PARAMS, lag=20, seed=0, trial=3)
@@ -89,7 +90,7 @@ def test_changes_are_made_again_of_their_json_and_cannot_be_changed():
     written = made.json()
     json.dumps(written, allow_nan=False)
     assert list(written) == ["a", "b.c", "wrappers"]
-    again = Changes(json.loads(json.dumps(written)))
+    again = Changes(of_json(json.loads(json.dumps(written))))
     assert again == made
     assert hash(again) == hash(made)
     assert made["b.c"] == (1, (2.0, "x"))
@@ -98,6 +99,18 @@ def test_changes_are_made_again_of_their_json_and_cannot_be_changed():
     assert made["a"] == math.inf
     with pytest.raises(TypeError, match="item assignment"):
         made["a"] = 3
+
+
+def test_values_that_are_other_json_are_other_methods_and_are_read_back_as_they_were():
+    alike = [1, 1.0, True, 0, 0.0, -0.0, False, math.inf, "inf", "'inf", "''inf", "-inf", -math.inf]
+    methods = [Method("m", {"way": (value, {"of": value})}) for value in alike]
+    assert len(set(methods)) == len(alike)
+    for method in methods:
+        again = Changes(of_json(json.loads(json.dumps(method.json()["params"], allow_nan=False))))
+        assert again == method.params
+        assert repr(again) == repr(method.params)
+    sweep = Sweep(title="s", localizers=methods, trials=1, takes=lambda name: None)
+    assert len(sweep.distinct()) == len(alike)
 
 
 def test_changes_told_by_tables_are_those_by_dotted_name_and_by_part_they_are_nested():

@@ -14,6 +14,7 @@ from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
 KEY = "0123abcd"
+HUGE = 10**400
 FILES = [f"timings/{KEY}.json", f"trials/{KEY}.json"]
 
 
@@ -83,11 +84,25 @@ def damaged(good):
         "forged without scores": ("null instead of array at scores, as no", forged(scores=None)),
         "forged with words for numbers": ("str instead of float | null at curves[].error", forged(
             curves={"0": {"first_state": 0, "error": ["a"]}})),
+        **{
+            f"forged with {part} out of range": ("value out of range", forged(**{part: value}))
+            for part, value in {
+                "steps_done": HUGE,
+                "events": {"blind_scans": -1},
+                "curves": {"0": {"first_state": HUGE, "error": [1.5]}},
+                "profile": {"0": 1e308},
+                "journey": {"scores": {}, "curves": {"way": [HUGE]}},
+            }.items()
+        },
+        "forged with a unit": ("value out of range at unit", forged(unit="\x1b[31m")),
+        "forged with a share": ("share of lost", forged(scores=[value["scores"][0] | {"lost": 7}])),
+        "forged without offset 0": ("or none at offset 0", forged(
+            scores=[value["scores"][0] | {"offset": 7}], curves={"7": value["curves"]["0"]})),
         "forged as another trial": ("of another trial", forged(trial={"trial": 7})),
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", damaged(b"{}"))
+@pytest.mark.parametrize("kind", damaged(b'{"scores": [{}], "curves": {"0": {}}}'))
 def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
     store, path = stored(tmp_path)
     good = path.read_bytes()
@@ -109,6 +124,14 @@ def test_what_would_not_be_believed_is_not_kept(tmp_path, part):
     with pytest.raises(ValueError, match=next(iter(part))):
         store.put(KEY, TRIAL, changed(RECORD, **part), 1.0)
     assert not (tmp_path / "trials").exists()
+
+
+def test_a_trial_that_the_disk_does_not_give_is_named(tmp_path):
+    store, path = stored(tmp_path)
+    path.unlink()
+    path.symlink_to("/proc/self/mem")  # opens, and fails when it is read
+    assert store.get(KEY, TRIAL) is None
+    assert store.rejected[f"trials/{KEY}.json"].startswith("cannot be read (")
 
 
 def test_the_order_of_keys_and_the_spaces_of_a_file_are_no_change(tmp_path):
@@ -134,7 +157,7 @@ def test_files_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
     other = Trial(scenario="paper", localizer="ekf", params=(), lag=20, seed=0, trial=0)
     store.put_failure("0ld", TRIAL, "it slept")
     store.put_failure("e1f", other, "it slept")
-    for name in (".deqmcl-0123abcd.tmp", "notes.txt"):
+    for name in (".deqmcl-0123abcd.tmp", "notes.txt", "a\x1b[31m\nb"):
         (path.parent / name).write_text("mine")
     (path.parent / "ffff.json").write_bytes(path.read_bytes())
     (path.parent / "folder.json").mkdir()
@@ -142,6 +165,7 @@ def test_files_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
         "trials/ffff.json": "is of another trial",
         "trials/folder.json": "is a folder",
         "trials/notes.txt": "is no file of a trial",
+        "trials/a\\x1b[31m b": "is no file of a trial",
         "failed/0ld.json": "is of other code, libraries or plug-ins",
         "failed/e1f.json": "is of a trial that this sweep does not have",
     }

@@ -39,9 +39,8 @@ def by_evo(tool, folder, relation):
 
 
 @pytest.mark.skipif(None in EVO.values(), reason="evo is not installed")
-@pytest.mark.parametrize("seed", [0, 1])
-def test_errors_are_those_of_evo(tmp_path, seed):
-    estimate, reference = tracks(seed)
+def test_errors_are_those_of_evo(tmp_path):
+    estimate, reference = tracks(0)
     times = 1e9 + 0.1 * np.arange(len(estimate))
     Trajectory(times, estimate).write(tmp_path / "estimate.tum")
     Trajectory(times, reference).write(tmp_path / "reference.tum")

@@ -1,6 +1,7 @@
 """``deqmcl from-nav2``, ``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from benchmarks.cli import main
 from benchmarks.replay.nav2 import read_nav2
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -106,6 +108,14 @@ def test_older_names_and_a_least_range_are_read(params):
     assert read_nav2(near).reading == {"max_range": 4.0, "min_range": 0.3}
     far = params("laser_max_range: 4.0", "laser_max_range: -1.0")
     assert read_nav2(far).reading == {}  # what the sensor says
+    assert read_nav2(params("alpha1: 0.04", "alpha1: 4e-2")).motion.alpha1 == 0.04  # YAML 1.2
+
+
+def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_its_numbers(params):
+    path = params("update_min_d: 0.1", "update_min_d: 0.00001")
+    odd = path.rename(path.with_name("a\nb.yaml"))
+    told = tomllib.loads(read_nav2(odd).toml)
+    assert spacing("every", told["world"]["every"], "m") == (2.5e-6, 0.05)
 
 
 def test_the_motion_is_navs_model_with_the_files_parameters(params):
@@ -157,7 +167,9 @@ BAD = [
     ("beam_skip_threshold: 0.3", "beam_skip_threshold: 30", "beam_skip_threshold is 30"),
     ("max_beams: 30", "max_beams: 1", "max_beams is 1"),
     ("set_initial_pose: true", "set_initial_pose: 1", "set_initial_pose is 1"),
-    ("x: 1.2", "x: here", "initial_pose.x"),
+    ("x: 1.2", "x: here", "initial_pose is ['here', 1.0, 0.1]"),
+    ("yaw: 0.1", "yaw: 90", "initial_pose is (1.2, 1, 90), but its heading must be in radians"),
+    ("bt_navigator:", "again: &a {deeper: *a}\nbt_navigator:", "has an alias"),
     ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
     ("update_min_a: 0.2", "update_min_a: -0.2", "update_min_a is -0.2"),
     ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
@@ -172,7 +184,7 @@ BAD = [
         "did you mean 'yaw'",
     ),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
-    ("use_sim_time: True", "use_sim_time: [", "not valid YAML"),
+    ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
 ]
 
 

@@ -10,7 +10,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.replay.options import setting_of
+from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
@@ -87,7 +87,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
 def record_of(errors, seed=0, localizer="mcl", **how):
     """The record of such a run."""
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
-    scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors)))}
+    scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
     journey, track = kept_at(errors, **how).kept()
     return Finished(
         trial=trial,
@@ -274,20 +274,20 @@ def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys
 def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, part, rest):
     (name, value), chosen = part.split("="), f"kind={kind}"
     origin = "of the log's odometry against its reference"
-    settings = [
-        setting_of("lap.csv", "hall.yaml", motion=",".join(words), reference="lap.tum")
+    replays = [
+        replay_of("lap.csv", "hall.yaml", motion=",".join(words), reference="lap.tum")
         for words in ((chosen,), (chosen, part), (chosen, part, rest))
     ]
-    estimated, partly, whole = (setting.motion for setting in settings)
-    assert estimated == motion_noise(settings[0].log, kind)
+    estimated, partly, whole = (replay.motion for replay in replays)
+    assert estimated == motion_noise(replays[0].log, kind)
     assert partly == replace(estimated, **{name: float(value)})
     words = dict(one.split("=") for one in f"{part},{rest}".split(","))
     assert vars(whole) == vars(whole) | {key: float(word) for key, word in words.items()}
-    said = [setting.noise for setting in settings]
+    said = [replay.noise for replay in replays]
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
     assert said[2] == "given"
-    unknown = setting_of("lap.csv", "hall.yaml", motion=chosen, start="1.2,1,0")
+    unknown = replay_of("lap.csv", "hall.yaml", motion=chosen, start="1.2,1,0")
     assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
 
@@ -386,6 +386,8 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--param", "amcl.pf_err=-1"), "pf_err"),
         (("--param", "amcl.pf_z=much"), "pf_z"),
         (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
+        (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
+        (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
         (("--jobs", "0"), "--jobs"),
         (("--localizers", "mlc"), "'mcl'"),
         (("--localizers", "mcl,mcl"), "named twice"),
@@ -461,7 +463,7 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
-        setting_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
+        replay_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
         for name, motion in (("strafing.csv", ""), ("strafing.csv", "kind=omni"), ("lap.csv", ""))
     ]
     assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.studies.phase.cycles import PlaceFields, cycles_of, perfect_cycles, precession
+from benchmarks.studies.phase.cycles import PlaceFields, cycles_of, perfect_cycles
 from deqmcl_gym.world.course import Path
 
 # Once around is 6,000 px. Both fields are passed as a whole at every offset of a queue of 20.
@@ -43,7 +43,7 @@ def believed(x, steps=220, lag=20):
 @pytest.mark.parametrize(("lag", "speed"), [(20, 5.0), (20, 2.0), (1, 5.0), (35, 4.0)])
 def test_a_perfect_queue_at_constant_speed_precesses_by_one_phase_bin_per_step(lag, speed):
     # k phases later is k steps of way earlier, and a bin of phase is 360°/(2L + 1) wide
-    found = precession(perfect_cycles(straight(1100 // int(speed), speed), FIELDS, lag))
+    found = perfect_cycles(straight(1100 // int(speed), speed), FIELDS, lag).precession
     width = 360 / (2 * lag + 1)
     assert found.slope == pytest.approx(-width / speed, rel=ROUNDING)
     assert (found.first, found.last) == pytest.approx((width / 2, 360 - width / 2))
@@ -53,7 +53,7 @@ def test_a_perfect_queue_at_constant_speed_precesses_by_one_phase_bin_per_step(l
 
 def test_the_correlation_of_a_perfect_queue_is_that_of_a_band():
     # u = -5 k + w with k = -20 … 20 and w = -30, -25 … 30: variances (n² - 1) / 12 of n equal steps
-    found = precession(perfect_cycles(straight(220), FIELDS, 20))
+    found = perfect_cycles(straight(220), FIELDS, 20).precession
     along, across = 25 * (41**2 - 1) / 12, 25 * (13**2 - 1) / 12
     assert found.correlation == pytest.approx(-math.sqrt(along / (along + across)), rel=ROUNDING)
 
@@ -67,14 +67,14 @@ def test_the_correlation_of_a_perfect_queue_is_that_of_a_band():
     ],
 )
 def test_slope_and_lateness_are_those_of_the_belief_not_of_the_construction(x, speed, behind):
-    found = precession(believed(x))
+    found = believed(x).precession
     assert found.slope == pytest.approx(-360 / 41 / speed, rel=ROUNDING)
     assert found.late == pytest.approx(behind, abs=1e-6)
     assert found.past < 1
 
 
 def test_a_queue_that_says_the_present_at_every_offset_does_not_precess():
-    found = precession(believed(lambda t, k: 5 * t))
+    found = believed(lambda t, k: 5 * t).precession
     assert np.nan_to_num(found.correlation) == pytest.approx(0, abs=1e-6)
     assert found.present == 1
 
@@ -82,7 +82,7 @@ def test_a_queue_that_says_the_present_at_every_offset_does_not_precess():
 def test_one_held_offset_is_one_phase_without_a_slope():
     cycles = believed(lambda t, k: [] if k else 5 * t + 7)
     assert (cycles.held == (cycles.offsets == 0)).all()
-    found = precession(cycles)
+    found = cycles.precession
     assert (found.first, found.last) == (180, 180)
     assert found.late == pytest.approx(-7.5)  # the robot is -35, -30 … 20 px past the centre
     assert all(map(math.isnan, (found.slope, found.past, found.future)))
@@ -114,7 +114,7 @@ def test_a_field_that_is_visited_twice_counts_from_the_visit_that_the_offset_tel
     truth = np.array([square.at(140 + 5.0 * t) for t in range(201)])
     fields = PlaceFields(square, np.array([(50.0, 0.0)]), 12.0)  # at arcs 450 and 850
     # both visits are seen whole from every offset: nothing is cut off
-    found = precession(perfect_cycles(truth, fields, 50))
+    found = perfect_cycles(truth, fields, 50).precession
     assert found.slope == pytest.approx(-360 / 101 / 5, rel=ROUNDING)
 
 

@@ -149,6 +149,8 @@ def test_wrong_places_are_refused():
         with_belief(gym.wrappers.FrameStackObservation(sharp(), 3))
     with pytest.raises(InputError, match="localizer is 'mcl', but must have reset and update"):
         BeliefObservation(sharp(), "mcl", PRIOR)
+    with pytest.raises(InputError, match="made for 9 beams, but the env's lidar has 7"):
+        BeliefObservation(sharp(lidar={"beams": 7}), with_belief(sharp())._localizer, PRIOR)
     with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
         LocalizationReward(sharp())
     for wrap in (RecordLog, partial(BeamDropout, probability=0.1)):

@@ -43,7 +43,6 @@ def test_what_is_not_needed_is_not_loaded():
 @pytest.mark.parametrize(
     "code",
     [
-        f"import deqmcl_gym, gymnasium; {MAKE}",
         f"import gymnasium, deqmcl_gym; {MAKE}",
         f"import localizers, gymnasium; {MAKE}",
         f"import gymnasium; gymnasium.make('deqmcl_gym:deqmcl_gym/Room-v0'); {MAKE}",

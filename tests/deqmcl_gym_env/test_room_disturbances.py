@@ -218,6 +218,20 @@ def test_what_is_no_plan_is_refused_at_once_and_nothing_has_happened(actions, te
     np.testing.assert_array_equal(env.plan, plan)
 
 
+@pytest.mark.parametrize("wrapper", [kidnapped(1, ELSEWHERE), changed(1, [(1.0, 0.0)] * 3)])
+def test_a_refused_action_changes_nothing_and_what_was_due_comes_with_the_next(wrapper):
+    wrapper.reset(seed=0)
+    room, plan = wrapper.unwrapped, wrapper.unwrapped.plan
+    pose = room.pose
+    for _ in range(2):
+        with pytest.raises(InputError):
+            wrapper.step([99.0, 0.0])
+        assert room.pose == pose
+        np.testing.assert_array_equal(room.plan, plan)
+    wrapper.step([0.0, 0.0])
+    assert room.pose[:2] == ELSEWHERE[:2] or len(room.plan) == 4
+
+
 @pytest.mark.parametrize("name", WRAPPED)
 def test_the_env_checker_accepts_wrapped_envs(name):
     env = WRAPPED[name](gym.make(ROOM_ID, lidar={"beams": 5}))

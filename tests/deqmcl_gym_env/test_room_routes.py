@@ -216,26 +216,26 @@ def length(route):
 @pytest.mark.parametrize("seed", range(10))
 def test_a_route_leads_from_start_to_goal_clear_of_walls_and_back_the_same_way(seed):
     start, goal = points(seed, 2)
-    route = ROUTES.between(start, goal)
+    route = ROUTES.to(goal).start_at(start)
     assert (route[[0, -1]] == [start, goal]).all()
     assert not ROOM.collides(route[:-1], route[1:], 9.9).any()
-    assert length(ROUTES.between(goal, start)) == pytest.approx(length(route), rel=0.1)
+    assert length(ROUTES.to(start).start_at(goal)) == pytest.approx(length(route), rel=0.1)
 
 
 def test_a_way_in_sight_is_straight():
-    assert len(ROUTES.between((50, 50), (300, 50))) == 2
+    assert len(ROUTES.to((300, 50)).start_at((50, 50))) == 2
 
 
 def test_a_route_goes_round_the_shorter_side():
     # 350 px below the rectangle, 450 px above it
-    route = ROUTES.between((50, 130), (300, 130))
+    route = ROUTES.to((300, 130)).start_at((50, 130))
     assert route[:, 1].max() < 150
     # taut along the corners would be 268 px; keeping 40 px off them takes less than half more
     assert length(route) < 400
 
 
 def test_a_route_keeps_its_distance_where_there_is_room():
-    route = ROUTES.between((50, 90), (90, 50))
+    route = ROUTES.to((90, 50)).start_at((50, 90))
     assert ROOM.distance(route).min() >= 35  # comfort, less a cell
 
 
@@ -249,7 +249,7 @@ def test_a_route_keeps_its_distance_where_there_is_room():
 )
 def test_places_without_room_are_refused(start, goal, words):
     with pytest.raises(InputError, match=words):
-        ROUTES.between(start, goal)
+        ROUTES.to(goal).start_at(start)
 
 
 @pytest.mark.parametrize("form", ["grid", "polygons"])

@@ -82,11 +82,10 @@ ROUGH = {
 }
 
 
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("plan", PLANS)
-def test_rough_drives_agree_contacts_and_new_episodes_included(plan, seed):
+def test_rough_drives_agree_contacts_and_new_episodes_included(plan):
     native, loop = both(8, floor_plan=PLANS[plan], max_episode_steps=120, **ROUGH)
-    contacts, ends = run_beside(native, loop, 250, planned=0.3, seed=seed)
+    contacts, ends = run_beside(native, loop, 250, planned=0.3, seed=1)
     assert contacts > 250
     assert ends >= 2 * 8
 

@@ -34,10 +34,14 @@ STARTS, BUILDINGS = blocks(LOG, "toml")
 def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_path):
     (commands,) = blocks(LOCALIZER, "sh")
     path = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
+    said = []
     for command in commands.splitlines():
         assert command.startswith("deqmcl ")
         done = process(*command.split(), cwd=tmp_path, env=os.environ | {"PATH": path})
         assert done.returncode == 0, f"{command}: {done.stderr}"
+        said.append(done.stdout)
+    _, *then = commands.splitlines()
+    assert [line.strip() for line in said[0].splitlines() if line.startswith("  deqmcl")] == then
     results = tmp_path / "results" / "mine"
     rows = {row["offset"]: row for row in lines(results, "results.csv") if row["method"] == NAMED}
     assert math.isfinite(float(rows["0"]["error"]))

@@ -44,7 +44,8 @@ def example(law):
 def verdicts_here(subject):
     """Of all laws but those for which a process of a second or two is started."""
     alone = replace(subject, sent=lambda: None)  # cannot be sent
-    return [v for v in Examination(Here(alone)).verdicts() if v.law not in IN_A_PROCESS]
+    examination = Examination(Here(alone))
+    return [v for v in map(examination.verdict, LAWS) if v.law not in IN_A_PROCESS]
 
 
 def broken_here(subject):
@@ -133,8 +134,8 @@ def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():
 
 
 def test_a_localizer_that_hangs_is_given_up_and_nothing_else_is_tried():
-    first, *others = check_localizer(example("answers in time"), timeout=3.0).verdicts
-    assert (first.status, first.note) == ("FAILED", "a separate process gave no answer within 3 s")
+    first, *others = check_localizer(example("answers in time"), timeout=1.0).verdicts
+    assert (first.status, first.note) == ("FAILED", "a separate process gave no answer within 1 s")
     assert {verdict.note for verdict in others} == {"it fails 'answers in time'"}
 
 
@@ -144,7 +145,7 @@ def test_a_localizer_that_ends_the_process_ends_only_its_own():
     assert first.note == "a separate process ended without an answer, with exit code 7"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("beams", [1, 8])
 @pytest.mark.parametrize("name", ["deq-mcl", "localizers.template:MyLocalizer"])
 def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
@@ -158,7 +159,8 @@ def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
 def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(seed):
     subject = subject_of(example("half turn"))
     drive = random_drive(subject.robot, np.random.default_rng(seed))
-    assert broken_here(replace(subject, drive=drive)) == ["half turn"]
+    with pytest.raises(LawBrokenError):
+        BY_NAME["half turn"](replace(subject, drive=drive))
 
 
 @pytest.mark.parametrize("made", [default_robot, robot_on_cells])

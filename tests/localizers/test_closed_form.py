@@ -12,6 +12,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference import gaussian as kernels
 from localizers.inference.gaussian import gaussian_points, sigma_points
+from localizers.methods import dead_reckoning
 
 
 def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):
@@ -40,6 +41,17 @@ def test_it_follows_what_was_carried_out_not_what_was_planned(robot, prior):
     x, y, _ = prior.mean
     assert belief.points()[0][0, :2].tolist() == [x + 3, y]
     assert belief.points(1)[0][0, :2].tolist() == [x + 10, y]
+
+
+def test_only_the_last_poses_are_kept(robot, prior, monkeypatch):
+    monkeypatch.setattr(dead_reckoning, "_KEPT", 3)
+    localizer = localizers.make("dead-reckoning", robot)
+    belief = localizer.reset(prior, [], np.random.default_rng(0))
+    for _ in range(50):
+        belief = localizer.update([], [1.0, 0.0], [])
+        assert len(belief.driven) <= 6
+    points = [belief.points(-back)[0][0, 0] for back in range(4)]
+    assert points == pytest.approx(prior.mean[0] + np.array([50, 49, 48, 47]))
 
 
 COVARIANCE = np.array([[90.0, 20.0, 0.6], [20.0, 60.0, -0.4], [0.6, -0.4, 0.03]])

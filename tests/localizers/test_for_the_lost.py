@@ -9,6 +9,7 @@ from following import follow, robot_of, same, sample_size, varied
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from refusals import refused
 from ring import (
     AS_PLANNED,
     OBSERVED,
@@ -23,12 +24,13 @@ from ring import (
 )
 
 import localizers
-from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
 from localizers.inference.resampling import KeepsSampleSize, power_that_keeps
 from localizers.inference.start import Injection, Recovery, Watch, is_new
 from localizers.models.plan_sensor import PlanSensor
+from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
 SMALL = {  # parameters that make a method quick in a building
@@ -64,6 +66,24 @@ def test_every_localizer_takes_the_uniform_prior_in_an_office(name, office):
         poses, weights = belief.points()
         assert np.isfinite(poses).all()
         assert weights.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_a_place_is_found_on_a_map_that_is_nearly_full(angle):
+    occupancy = np.full((4000, 4000), -1, np.int8)
+    occupancy[600:640, 3000:3040] = 0  # 2 m × 2 m of 200 m × 200 m
+    full = GridMap(occupancy=occupancy, resolution=0.05, origin=(3.0, -7.0, angle))
+    prior = localizers.UniformPrior(floor_plan=full, radius=0.16)
+    poses = prior.sample(20_000, RNG(0))
+    assert full.free(poses, 0.16).all()
+    corner, far = full.placed([(3000, 600), (3040, 640)])
+    assert poses[:, :2].mean(axis=0) == pytest.approx((corner + far) / 2, abs=0.02)  # 6 σ
+    assert prior.log_density(poses[:1])[0] == pytest.approx(
+        -math.log(1.68**2 * 2 * math.pi), abs=0.02
+    )
+    assert full.free(even_poses(full, 128).T).all()
+    with refused("none is free for a radius of 1.1"):
+        random_poses(full, 50_000, RNG(0), 1.1)
 
 
 def test_dead_reckoning_has_no_use_for_it_and_says_so_in_a_sentence(office):

@@ -47,7 +47,10 @@ RNG = np.random.default_rng
         (None, {}, "unknown localizer None"),
         ("ekf", {"gate": 1.1}, "gate is 1.1"),
         ("grid", {"cell": 0.5}, "at most 1 GiB"),
-        ("grid", {"headings": 10**12}, "at most 1 GiB"),
+        ("grid", {"headings": 10**5}, "at most 1 GiB"),
+        ("grid", {"headings": 10**400}, "a whole number from 4 to 100,000"),
+        ("mcl-map", {"plan_beta": 10**400}, "from 0 to 1e+12"),
+        ("grid", {"cell": 1e-310}, "cell is 1e-310"),
         ("grid", {"cell": 0}, "cell is 0"),
         ("grid", {"headings": 7.5}, "headings is 7.5"),
         ("mcl-h", {"cell": 0}, "cell is 0"),
@@ -125,6 +128,8 @@ BAD_MODELS = [
     (GaussianPrior, {"mean": (1, 2, 0), "sd_heading": NAN}, ("prior",)),
     (UniformPrior, {"floor_plan": NARROW, "radius": 8}, ("prior.radius is 8", "does not fit")),
     (RobotModel, {"floor_plan": NARROW, "lidar": Lidar(), "radius": -1}, ("radius is",)),
+    (RobotModel, {"floor_plan": None, "lidar": Lidar()}, ("floor_plan is None", "a Map")),
+    (RobotModel, {"floor_plan": NARROW, "lidar": None}, ("lidar is None", "a Lidar")),
 ]
 
 
@@ -156,6 +161,23 @@ def test_a_bad_plan_is_refused_at_reset_and_the_localizer_stays_unstarted(robot,
     with pytest.raises(RuntimeError):
         localizer.update([100.0], [5.0, 0.0], [])
     assert rng.bit_generator.state == RNG(0).bit_generator.state
+
+
+@pytest.mark.parametrize("name", localizers.names())
+def test_what_is_no_prior_is_refused(robot, name):
+    with refused("the prior is "):
+        localizers.make(name, robot).reset(None, [], RNG(0))
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int16, np.float16])
+def test_numbers_of_any_kind_make_the_same_localizer(robot, prior, drive, kind):
+    whole = int if kind is np.float16 else kind
+    params = {"particles": whole(100), "start_draws": whole(4), "plan_beta": kind(2)}
+    sensor = replace(robot, scan=GaussianUniform(sigma=kind(100)))
+    own = localizers.make("mcl-map", sensor, **params)
+    given = replace(robot, scan=GaussianUniform(sigma=100.0))
+    plain = localizers.make("mcl-map", given, particles=100, start_draws=4, plan_beta=2.0)
+    assert same(follow(own, prior, drive), follow(plain, prior, drive))
 
 
 @pytest.mark.parametrize(("what", "bad"), BAD_INPUTS, ids=str)

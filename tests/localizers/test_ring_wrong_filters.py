@@ -181,7 +181,7 @@ def moving_by(move: type[RenewedFuture]) -> ParticleFilter:
         (deq(1.0, redrawing_by(NeverNotices)), "executed differs", REPLICATES),
         (deq(1.0, redrawing_by(KeepsAnyPilot), pilots=16), "everything", REPLICATES),
         (moving_by(AcceptsEverything), "as planned", REPLICATES),
-        (moving_by(MovesDuplicates), "as planned", 4_000),
+        (moving_by(MovesDuplicates), "as planned", 2_000),
         (with_pilots(1.0, filter_class=CountsPilotsEveryStep), "as planned", REPLICATES),
         (twisted_by_h(1.0, filter_class=ForgetsH), "as planned", REPLICATES),
     ],

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from drives import read_and_warned
+from refusals import refused
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -31,29 +32,29 @@ def quaternion(roll=0.0, yaw=0.0):
     return make("geometry_msgs/msg/Quaternion", sr * cy, sr * sy, cr * sy, cr * cy)
 
 
-def transform(parent, child, x, y, roll=0.0, yaw=0.0, time=0.0):
+def transform(parent, child, x, y, roll=0.0, yaw=0.0, time=0.0, turned=None):
     offset = make("geometry_msgs/msg/Vector3", x, y, 0.3)
-    moved = make("geometry_msgs/msg/Transform", offset, quaternion(roll, yaw))
+    moved = make("geometry_msgs/msg/Transform", offset, turned or quaternion(roll, yaw))
     one = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
     return make(TF, [one])
 
 
-def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
+def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0), farthest=10.0):
     values = np.float32(ranges)
     return make(
-        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.0, 0.1, 10.0, values,
+        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.0, 0.1, farthest, values,
         np.empty(0, np.float32),
     )  # fmt: skip
 
 
-def odometry(time, x, heading=0.0):
+def odometry(time, x, heading=0.0, frame="base_footprint"):
     at = make("geometry_msgs/msg/Point", x, 0.0, 0.0)
     pose = make("geometry_msgs/msg/Pose", at, quaternion(yaw=heading))
     still = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
     twist = make("geometry_msgs/msg/Twist", still, still)
     posed = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
     driven = make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
-    return make(ODOMETRY, header(time, "odom"), "base_footprint", posed, driven)
+    return make(ODOMETRY, header(time, "odom"), frame, posed, driven)
 
 
 def bag(path, *messages, plugin=StoragePlugin.SQLITE3):
@@ -68,10 +69,14 @@ def bag(path, *messages, plugin=StoragePlugin.SQLITE3):
     return path
 
 
-def drive(*more, times=(0.5, 1.0, 1.5)):
+def drive(*more, times=(0.5, 1.0, 1.5), **of_scans):
     """Odometry at 0, 1, 2 s, one metre apart; scans in between."""
     moved = [("/odom", ODOMETRY, odometry(float(t), float(t), 0.1 * t)) for t in range(3)]
-    return [*more, *moved, *(("/scan", SCAN, scan(time)) for time in times)]
+    return [*more, *moved, *(("/scan", SCAN, scan(time, **of_scans)) for time in times)]
+
+
+def mounted(**transformed):
+    return ("/tf_static", TF, transform("base_footprint", "laser", 0.0, 0.0, **transformed))
 
 
 def test_odometry_lies_straight_between_the_messages_around_a_scan(tmp_path):
@@ -99,9 +104,8 @@ def test_static_transforms_say_the_mounting_through_a_chain_and_upside_down(tmp_
 
 
 def test_a_tilted_scanner_is_refused(tmp_path):
-    tilted = ("/tf_static", TF, transform("base_footprint", "laser", 0.0, 0.0, roll=0.5))
-    with pytest.raises(InputError, match="tilted by 29°"):
-        logs.read(bag(tmp_path / "x", *drive(tilted)))
+    with refused(f"{tmp_path / 'x'}: ", "tilted by 29°"):
+        logs.read(bag(tmp_path / "x", *drive(mounted(roll=0.5))))
 
 
 def test_without_an_odometry_topic_the_moving_transform_is_taken(tmp_path):
@@ -109,13 +113,68 @@ def test_without_an_odometry_topic_the_moving_transform_is_taken(tmp_path):
         ("/tf", TF, transform("odom", "base_link", float(t), 0.0, yaw=0.1 * t, time=t))
         for t in range(3)
     ]
-    mounted = ("/tf_static", TF, transform("base_link", "laser", 0.2, 0.0))
+    dock = [("/tf", TF, transform("odom", "dock", 5.0, 0.0, time=t)) for t in range(3)]
+    fixed = ("/tf_static", TF, transform("base_link", "laser", 0.2, 0.0))
     scans = [("/scan", SCAN, scan(0.5)), ("/scan", SCAN, scan(1.5))]
-    log, warned = read_and_warned(bag(tmp_path / "x", mounted, *moved, *scans))
-    np.testing.assert_allclose(log.odometry, [[0.5, 0, 0.05], [1.5, 0, 0.15]], atol=1e-12)
-    assert (log.scanner.mounting, warned) == ((0.2, 0.0), "")
-    with pytest.raises(InputError, match="no odometry"):
-        logs.read(bag(tmp_path / "y", mounted, *scans))
+    path = bag(tmp_path / "x", *dock, fixed, *moved, *scans)
+    for asked in ({}, {"base_frame": "/base_link"}):  # as ROS 1 spelt it
+        log, warned = read_and_warned(path, **asked)
+        np.testing.assert_allclose(log.odometry, [[0.5, 0, 0.05], [1.5, 0, 0.15]], atol=1e-12)
+        assert (log.scanner.mounting, warned) == ((0.2, 0.0), "")
+    with refused("no odometry"):
+        logs.read(bag(tmp_path / "y", fixed, *scans))
+
+
+def test_frames_that_share_a_topic_are_not_mixed(tmp_path):
+    back = [("/scan", SCAN, scan(t, "back", (4.0,) * 3)) for t in (0.6, 1.1)]
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive(*back)))
+    assert (log.times.tolist(), log.ranges.max()) == ([0.5, 1.0, 1.5], 3.0)
+    assert "2 with a scan of another length, geometry or frame" in warned
+    camera = [("/odom", ODOMETRY, odometry(t, 9.0, frame="camera")) for t in (0.4, 1.0, 1.6)]
+    path = bag(tmp_path / "y", *drive(*camera))
+    with refused("/odom", "base_footprint, camera: choose by base_frame"):
+        logs.read(path)
+    assert read_and_warned(path, base_frame="base_footprint")[0].odometry[:, 0].max() == 1.5
+    assert read_and_warned(path, base_frame="camera")[0].odometry[:, 0].min() == 9.0
+    with refused("base_frame 'foot'", "camera"):
+        logs.read(path, base_frame="foot")
+
+
+def test_scans_without_stamps_are_refused(tmp_path):
+    with refused("/scan", "stamps"):
+        logs.read(bag(tmp_path / "x", *drive(times=(0.0, 0.0))))
+
+
+@pytest.mark.parametrize("farthest", [0.0, math.inf, math.nan, 3e38])
+def test_a_bag_without_the_range_of_its_scanner_is_read_with_the_range_given(tmp_path, farthest):
+    path = bag(tmp_path / "x", *drive(farthest=farthest))
+    with refused(f"{path}: range_max of its scans is", "give max_range"):
+        logs.read(path)
+    log, _ = read_and_warned(path, max_range=2.5)
+    assert (log.scanner.max_range, log.ranges.tolist()[0]) == (2.5, [1.0, 2.0, math.inf])
+
+
+def test_a_mounting_may_be_repeated_in_any_sign_and_a_broken_one_is_left_out(tmp_path):
+    half = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, -math.sin(0.25), -math.cos(0.25))
+    empty = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
+    lost = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.nan, 1.0)
+    three = [mounted(turned=half), mounted(turned=empty), mounted(turned=lost), mounted(yaw=0.5)]
+    log, warned = read_and_warned(bag(tmp_path / "x", *drive(*three)))
+    assert (warned, log.scanner.turn) == ("", pytest.approx(0.5))
+    log, warned = read_and_warned(bag(tmp_path / "y", *drive(mounted(turned=empty))))
+    assert "laser (no finite one from base_footprint to laser)" in warned
+
+
+def test_a_mounting_that_is_given_replaces_the_logs_through_all_formats(tmp_path):
+    log, _ = read_and_warned(bag(tmp_path / "x", *drive(mounted(yaw=0.5))))
+    for name in ("x", "x.log", "x.csv", "x.npz", "x.mcap"):
+        if name != "x":
+            logs.write(log, tmp_path / name)
+        same, _ = read_and_warned(tmp_path / name, mounting=(0.2, -0.1, 0.5))
+        assert same.scanner.bearings == pytest.approx(log.scanner.bearings, abs=1e-6)
+        ahead, _ = read_and_warned(tmp_path / name, mounting=(0.2, -0.1, 0.0))
+        assert ahead.scanner.bearings == pytest.approx([-1.0, 0.0, 1.0], abs=1e-6)
+        assert ahead.scanner.mounting == (0.2, -0.1)
 
 
 def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_several(tmp_path):

@@ -226,6 +226,37 @@ def test_an_array_that_is_no_archive_and_half_a_reference_are_refused(tmp_path, 
     assert "2 of the columns ref_x, ref_y, ref_heading" in refused(path)
 
 
+def test_a_column_that_is_there_twice_is_refused(csv):
+    path, lines = csv
+    path.write_text("\n".join(lines).replace("ref_x", "odom_x"))
+    assert "the column 'odom_x' twice" in refused(path)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_name_that_is_too_long_is_refused_read_or_written(tmp_path, ending):
+    path = tmp_path / f"{'a' * 300}{ending}"
+    refused(path)
+    with pytest.raises(InputError, match="cannot be written"):
+        logs.write(real(), path)
+
+
+@pytest.mark.parametrize("name", ["x.log.gz", "x.csv.gz", "x.npz", "x.tum.gz"])
+def test_no_more_is_unpacked_than_is_allowed_and_only_what_is_needed(tmp_path, monkeypatch, name):
+    path, read = tmp_path / name, logs.read_tum if "tum" in name else logs.read
+    monkeypatch.setattr("deqmcl_gym.files.MOST_OF_LOGS", 10_000)
+    monkeypatch.setattr("deqmcl_gym.logs.csv_npz.MOST_OF_LOGS", 10_000)
+    if name == "x.npz":
+        logs.write(real(), path)
+        arrays = dict(np.load(path))
+        np.savez_compressed(path, **arrays, more=np.zeros(10**6))
+        assert len(read(path)) == len(real())
+        np.savez_compressed(path, **arrays | {"ranges": np.zeros((10**4, 3))})
+    else:
+        path.write_bytes(gzip.compress(b"0 " * 10**4))
+    with pytest.raises(InputError, match=f"{name} is larger than 10,000 bytes"):
+        read(path)
+
+
 def test_a_scanner_that_measures_nothing_is_refused():
     for bad in ({"min_range": 6.0}, {"min_range": 1.0, "no_return": 0.5}):
         with pytest.raises(InputError, match="must be a number"):
@@ -260,6 +291,9 @@ def test_pickles_are_never_loaded(tmp_path):
         ({"times": [0.0, NAN, 1.0]}, "times"),
         ({"reference": np.zeros((2, 3))}, "reference"),
         ({"unit": "feet"}, "unit"),
+        ({"ranges": [["near"]] * 3}, "ranges is"),
+        ({"ranges": np.ones((3, 1)) * 1j}, "ranges is"),
+        ({"reference": [["x", "y", "z"]] * 3}, "the reference of the log is"),
     ],
 )
 def test_a_log_made_by_hand_is_checked(changes, said):
@@ -274,6 +308,9 @@ def test_a_reference_that_does_not_overlap_is_refused_and_a_bad_line_of_it_count
     later = logs.Trajectory(log.times + 1e6, log.odometry)
     with pytest.raises(InputError, match="no record has a reference pose"):
         logs.referenced(log, later)
+    apart = logs.Trajectory([log.times[0] - 1, log.times[-1] + 1], [(0, 0, 0), (9, 0, 0)])
+    with pytest.raises(InputError, match=r"0.5 m apart or farther, which is max_gap"):
+        logs.referenced(log, apart, max_gap=0.5)
     path = tmp_path / "x.tum"
     lines = "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 0\n3 0 0\n\n# x\n4 nan 0 0 0 0 0 1\n5 0 0 0 0 0 1 0\n"
     path.write_text(lines)

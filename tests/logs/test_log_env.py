@@ -1,7 +1,9 @@
 """deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
 
+import contextlib
 import json
 import warnings
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -189,6 +191,17 @@ def test_a_bad_argument_is_refused_in_one_sentence(options, said):
     with pytest.raises(InputError, match=said) as caught:
         LogEnv(**({"log": real()} | options))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("length", [1e-17, 1e-11])
+def test_a_segment_has_a_step_or_is_refused(length):
+    log = real()
+    far = replace(log, odometry=log.odometry + np.array([1e9, 0.0, 0.0]))
+    with contextlib.suppress(InputError):
+        env = LogEnv(log=far, segment=length, render_mode="rgb_array")
+        env.reset(seed=0)
+        env.step(env.next_action)
+        assert env.render().ndim == 3  # of odometry beyond all maps
 
 
 @pytest.mark.parametrize("map_", [None, SQUARE])

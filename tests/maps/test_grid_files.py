@@ -80,6 +80,21 @@ def test_the_kind_of_image_does_not_matter(tmp_path, kind):
     assert grid.occupancy.tolist() == [[0, -1, 0], [100, 0, grey]]
 
 
+@pytest.mark.parametrize("mode", ["L", "RGB", "P"])
+def test_a_transparent_colour_is_unknown_in_mode_scale(tmp_path, mode):
+    shades = Image.fromarray(np.array([[0, 254], [100, 254]], np.uint8)).convert(mode)
+    clear = shades.getpixel((0, 1))
+    shades.save(tmp_path / "x.png", transparency=clear)
+    grid = GridMap.load(written(tmp_path, None, "x.png", more="mode: scale\n"))
+    assert grid.occupancy.tolist() == [[-1, 0], [100, 0]]
+
+
+def test_a_map_larger_than_pillow_trusts_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 2)
+    monkeypatch.setattr("deqmcl_gym.maps.grid_file._BLOCK", 1)  # of one row each
+    assert GridMap.load(written(tmp_path)).occupancy.tolist() == [[0, -1, 0], [100, 0, -1]]
+
+
 def test_transparent_cells_are_unknown_in_mode_scale(tmp_path):
     pixels = np.array([[[254, 255], [0, 255]], [[254, 0], [254, 255]]], np.uint8)
     grid = GridMap.load(written(tmp_path, pixels, "map.png", more="mode: scale\n"))
@@ -127,6 +142,10 @@ def test_a_file_is_read_once_until_it_changes(tmp_path):
     (tmp_path / "map.pgm").write_bytes(PGM[:-1] + bytes([0]))
     os.utime(tmp_path / "map.pgm", ns=(1, 1))
     assert GridMap.load(path).occupancy.tolist() == [[0, -1, 100], [100, 0, -1]]
+    (tmp_path / "other.pgm").write_bytes(PGM[:-1] + bytes([205]))
+    os.utime(tmp_path / "other.pgm", ns=(1, 1))
+    (tmp_path / "other.pgm").replace(tmp_path / "map.pgm")  # of the same size and time
+    assert GridMap.load(path).occupancy.tolist() == [[0, -1, -1], [100, 0, -1]]
 
 
 BROKEN = {
@@ -146,7 +165,7 @@ BROKEN = {
     "occupied_thresh is 65, but must be a number above 0 to 1": {"occupied": 65},
     "is not YAML": {"more": "mode: [trinary"},
     "has the key 'resolution' twice": {"more": "resolution: 0.5"},
-    "has an alias, which no map needs": {"more": "a: &a [1]\nb: [*a, *a]"},
+    "has an alias, which is not taken": {"more": "a: &a [1]\nb: [*a, *a]"},
     "month must be in 1..12": {"resolution": "2001-13-01"},
     "is nested too deeply": {"more": "a: " + "[" * 9_000 + "]" * 9_000},
     "has 1 x 1 cells, but must have from 2": {"image": b"P5\n1 1\n255\n\xfe"},
@@ -154,6 +173,8 @@ BROKEN = {
     "no free cell: 0 of 6 are occupied and 6 unknown": {"image": PGM[:-6] + bytes([205] * 6)},
     "single precision tells apart 0.25 m": {"origin": [4e6, 0, 0]},
     "image is 5, but": {"name": "5"},
+    "but there is no file": {"name": "a" * 300, "image": None},
+    "has 2x2 pixels of mode F": {"image": b"Pf\n2 2\n-1\n" + bytes(16)},
 }
 
 

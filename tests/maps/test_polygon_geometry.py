@@ -1,5 +1,7 @@
 """Points, discs and steps among polygons: free or not, how far from a wall, what collides."""
 
+import math
+
 import numpy as np
 import pymunk
 import pytest
@@ -7,9 +9,10 @@ import reference
 from grid_cases import grids, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import refused
 from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
-from deqmcl_gym.maps import Map, PolygonMap, drive_kernels
+from deqmcl_gym.maps import GridMap, Map, PolygonMap, drive_kernels
 
 BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 EVERYTHING = pymunk.ShapeFilter()
@@ -82,6 +85,45 @@ def test_what_is_given_is_not_kept_by_reference():
     outer[1][0], obstacle[0][0] = 10_000, 99
     assert plan.bounds == (0.0, 0.0, 100.0, 100.0)
     assert plan.obstacles == (((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)),)
+
+
+MAPS = [PLANS["room"], GridMap(occupancy=np.zeros((9, 9), int), resolution=1.0)]
+
+
+@pytest.mark.parametrize("plan", MAPS)
+def test_what_a_map_hands_out_cannot_be_changed(plan):
+    for name in {"walls", "solid", "occupied"} & {*dir(plan)}:
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(plan, name)[0] = 1
+
+
+@pytest.mark.parametrize("plan", MAPS)
+@pytest.mark.parametrize("radius", [-20.0, math.nan, math.inf, "8"])
+def test_a_radius_that_is_none_is_refused_by_every_question(plan, radius):
+    rows = np.ones((3, 1), np.float32)
+    for ask in (
+        lambda: plan.free([(5, 5)], radius),
+        lambda: plan.collides([(5, 5)], [(6, 5)], radius),
+        lambda: plan.rolled_out(rows, rows[None], radius, kept=1),
+        lambda: plan.collisions_along(rows, np.ones((2, 2), np.float32), radius),
+    ):
+        with refused("radius is"):
+            ask()
+
+
+@pytest.mark.parametrize("plan", MAPS)
+@pytest.mark.parametrize(
+    ("poses", "bearings", "said"),
+    [
+        ([(5, 5, 1e6)], [0.0], "a heading of poses is 1e+06 rad"),
+        ([(5, 5, 0)], [[0.0]], "bearings have shape (1, 1)"),
+        ([("a", "b", "c")], [0.0], "poses is"),
+        ([(5, 5, 1j)], [0.0], "poses is"),
+    ],
+)
+def test_poses_and_bearings_that_are_none_are_refused(plan, poses, bearings, said):
+    with refused(said):
+        plan.ranges(poses, bearings)
 
 
 @pytest.mark.parametrize("name", ["room", "hall", "forest"])  # a box, few walls, many

@@ -18,6 +18,7 @@ from deqmcl_gym.validation import (
     InputError,
     array,
     digits,
+    in_words,
     integer,
     number,
     one_of,
@@ -43,6 +44,9 @@ WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
         *((number, bad, {}, "it is ") for bad in ("2", None, True, np.True_, 1j, [2.0])),
         (number, -1e-9, {"low": 0}, "of 0 or more"),
         (number, 0.0, {"low": 0, "above": True}, "above 0"),
+        (number, 1e-310, {"low": 0, "above": True}, "of 1e-30 or more"),
+        (number, 10**400, {"finite": False}, "from -1e+12 to 1e+12"),
+        (integer, 10**400, {"low": 1}, "from 1 to 2^128"),
         (number, 1.1, {"low": 0, "high": 1}, "from 0 to 1"),
         (number, 0, {"low": 0, "high": 1, "above": True}, "above 0 to 1"),
         (number, INF, {}, "from -1e+12 to 1e+12"),
@@ -55,7 +59,8 @@ WHOLE, PAIRS = "whole number from 0 to 10", "n x 2 finite numbers"
         *((integer, bad, {"high": 10}, WHOLE) for bad in (1.0, "1", None, True, np.True_, -1, 11)),
         *((array, bad, {"shape": (None, 2)}, PAIRS) for bad in (
             None, 5.0, "abc", {}, [1, 2], [[1, 2, 3]], [[1], [2, 3]], [[1, NAN]], [[INF, 1]],
-            [["a", "b"]], np.array([["a", "b"]] * 9))),
+            [["a", "b"]], np.array([["a", "b"]] * 9), [[1j, 2]], np.ma.array([[1, 2]], mask=True))),
+        (array, [1, True], {"shape": (2,)}, "2 finite numbers"),
         (pose, (1, 2, 90), {}, "90° would be 1.571"),
         (pose, (1, 2), {}, "it has shape 2"),
         (pose, (1, 2, NAN), {}, "nan"),
@@ -84,6 +89,16 @@ def test_numbers_of_any_kind_up_to_the_limits_are_returned_as_pythons(value):
 
 def test_a_refusal_is_a_value_error():
     assert issubclass(InputError, ValueError)
+
+
+@pytest.mark.parametrize(
+    "say", [lambda text: str(InputError(text)), lambda t: in_words(OSError(t))]
+)
+def test_a_sentence_is_short_and_on_one_line_without_control_characters(say):
+    assert say("an\x1b[31m\a\n odd\0name\udce9").endswith(r"an\x1b[31m\x07 odd\x00name\udce9")
+    for text in ("x" * 10**7, "\x1b" * 10**4):
+        assert 1000 < len(say(text)) < 2100
+    assert say("Σ w = 1, 神经").endswith("Σ w = 1, 神经")
 
 
 def test_array_returns_fresh_float64_of_the_shape_asked_for():

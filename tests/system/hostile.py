@@ -53,6 +53,7 @@ DEEDS = {
     "leave": lambda: os.chdir("/"),
     "spoil": spoil_state,
     "thread": lambda: threading.Thread(target=time.sleep, args=(3600,)).start(),
+    "fork": os.fork,
     "child": lambda: start("sleep", "3600"),
     "daemon": lambda: start("sleep", "3600", start_new_session=True),
 }

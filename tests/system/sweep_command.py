@@ -1,6 +1,8 @@
 """Small sweeps by ``deqmcl sweep``."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import pytest
 from deqmcl_command import exit_code
@@ -9,7 +11,7 @@ from benchmarks.report import writing
 
 SMALL = """
 title = "small"
-localizers = ["mcl", "dead-reckoning"]
+localizers = {localizers}
 trials = {trials}
 lag = 4
 
@@ -19,10 +21,19 @@ particles = {particles}
 TABLES = ("results.csv", "trials.csv")
 
 
-def write_small(folder, trials=2, particles=15, more=""):
-    """Write a sweep file; return its path."""
+@contextmanager
+def without_report():
+    """Commands of this process write the tables only."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(writing, "no_report", lambda: "it is left out")
+        yield patched
+
+
+def write_small(folder, trials=2, particles=15, more="", others=()):
+    """Write a sweep file, with other localizers beside two; return its path."""
     path = folder / "small.toml"
-    path.write_text(SMALL.format(trials=trials, particles=particles) + more)
+    named = json.dumps(["mcl", "dead-reckoning", *others])
+    path.write_text(SMALL.format(trials=trials, particles=particles, localizers=named) + more)
     return path
 
 
@@ -31,16 +42,14 @@ def sweep(file, out, *more):
 
     It draws no report, which would take longer than the trials.
     """
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(writing, "no_report", lambda: "it is left out")
+    with without_report():
         return exit_code("sweep", file, "--out", out, "--jobs", "1", *more)
 
 
 def report(out, *more):
     """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(writing, "no_report", lambda: "it is left out")
-        patched.setattr("benchmarks.report.require_report", lambda: None)
+    with without_report() as patched:
+        patched.setattr(writing, "require_report", lambda: None)
         return exit_code("report", out, *more)
 
 

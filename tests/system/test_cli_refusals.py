@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 
 import pytest
 from sweep_command import write_small
@@ -112,6 +113,9 @@ BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence mu
     ("", ("--timeout", "nan"), ["--timeout", "nan"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
     ("", ("--shard", "half"), ["--shard", "'half'"]),
+    ("", ("--shard", f"1/{'9' * 5000}"), ["--shard", "from 1 to n"]),
+    ("\n[[vary]]\nparams.particles = [5, 1e308]", (), ["particles", "1e+308", "1e+100"]),
+    ("", ("--with", "localizers.template:MyLocaliser"), ["did you mean 'MyLocalizer'?"]),
     ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
     ("", ("--executor", "no_such:thing"), ["'no_such:thing'", "ModuleNotFoundError"]),
     ("", ("--executor", "os:nothing"), ["'os:nothing'", "AttributeError"]),
@@ -132,6 +136,21 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
     write_small(tmp_path, more=more)
     refusal(["sweep", "small.toml", "--out", "out", *arguments], *named)
     assert os.listdir() == ["small.toml"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [f"{name} --out" for name in ("sweep", "paper", "run", "phase", "report", "export", "speed")]
+    + ["leaderboard --out", "new-localizer", "report"],
+)
+def test_a_name_that_no_file_can_have_is_refused(refusal, words):
+    refusal([*words.split(), "n" * 256], "more than 255 bytes")
+    assert os.listdir() == []
+
+
+def test_a_temporary_folder_too_deep_for_sockets_is_named(file, tmp_path, monkeypatch, refusal):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / ("d" * 100)))
+    refusal(["sweep", file, "--out", tmp_path / "out"], "TMPDIR", "ddd")
 
 
 def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):

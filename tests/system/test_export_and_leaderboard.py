@@ -1,11 +1,12 @@
 """``deqmcl export`` and ``deqmcl leaderboard`` on folders of real sweeps."""
 
 import json
+import os
 import re
 import shutil
 
 import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import exit_code, files, python
 from sweep_command import sweep
 
 SWEEP = """
@@ -27,7 +28,7 @@ def swept(tmp_path_factory):
         key = (localizers, trials, seed)
         if key not in there:
             file = root / f"s{len(there)}.toml"
-            named = ", ".join(f'"{name}"' for name in localizers)
+            named = ", ".join(name if "{" in name else f'"{name}"' for name in localizers)
             what = {"localizers": named, "trials": trials, "seed": seed}
             file.write_text(SWEEP.format(title=file.stem, **what))
             there[key] = root / file.stem
@@ -48,6 +49,16 @@ def test_an_export_has_tables_figures_and_bibtex_and_can_be_made_again(swept, tm
         there = {name.partition("/")[0] for name in files(tmp_path / "out")}
         assert there == made | {"written.json"}
     assert "figures/points-1.pdf" in capsys.readouterr().out
+
+
+def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_path):
+    folder, style = swept("mcl", "mcl-map"), tmp_path / "matplotlibrc"
+    style.write_text("text.usetex: True\nfont.size: 30\nsavefig.bbox: tight\naxes.facecolor: red\n")
+    assert exit_code("export", folder, "--pdf", "--out", tmp_path / "here") == 0
+    theirs = {"MATPLOTLIBRC": str(style), "MPLBACKEND": "module://of_a_notebook"}
+    command = ("-m", "benchmarks", "export", folder, "--pdf", "--out", tmp_path / "there")
+    python(*command, env=os.environ | theirs)
+    assert files(tmp_path / "there") == files(tmp_path / "here")
 
 
 def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(swept, tmp_path):
@@ -94,8 +105,10 @@ def test_a_leaderboard_refuses_folders_twice_without_the_baseline_or_with_trials
     first, without = swept("mcl", "mcl-map"), swept("mcl-map")
     part = shutil.copytree(first, tmp_path / "part")
     next((part / "trials").iterdir()).unlink()
+    other = '{ name = "mcl", params = { ess_threshold = 0.5 } }'
     for second, words in (
         (first, "given twice"),
+        (swept(other), "its baseline is mcl ess_threshold=0.5 particles=20, but must be"),
         (without, f"{without} has no trial of the baseline mcl"),
         (part, f"{part} has 1 trials that were not run and 0 that failed, of 4"),
     ):

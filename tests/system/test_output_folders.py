@@ -84,6 +84,15 @@ def test_a_report_is_written_into_a_folder_whose_name_is_no_text(tmp_path):
         assert r"/d\xe9'" in file.read()
 
 
+@pytest.mark.parametrize(("command", "name"), [("export", "export"), ("paper", "figures")])
+def test_a_link_leads_no_command_out_of_its_folder(copy, tmp_path, refusal, command, name):
+    (tmp_path / "elsewhere").mkdir()
+    (copy / name).symlink_to(tmp_path / "elsewhere")
+    given = [copy] if command == "export" else ["--out", copy]
+    refusal([*WRITERS[command], *given], f"{copy / name} is a link")
+    assert not files(tmp_path / "elsewhere")
+
+
 @pytest.mark.parametrize("name", ["trials", "timings"])
 def test_a_file_is_in_the_way_of_a_folder(file, copy, refusal, name):
     shutil.rmtree(copy / name)

@@ -13,7 +13,7 @@ from benchmarks.sweeps.store import _checksum
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="makes pipes and links")
 
-FEW, MANY = 60, 1000  # cases by default, and with the slow tests
+FEW, MANY = 40, 1000  # cases by default, and with the slow tests
 
 
 @pytest.fixture(scope="module")

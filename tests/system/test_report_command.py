@@ -11,7 +11,7 @@ import pytest
 from deqmcl_command import METHODS, exit_code, files, lines
 from sweep_command import sweep, write_small
 
-from benchmarks.report import write_report
+from benchmarks.report.writing import write_report
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.store import SCHEMA
 

@@ -28,7 +28,8 @@ for scenario in ("paper", "sharp"):
         for kept in trace.offsets.values():
             columns = [kept.means, kept.variances, *kept.values.values()]
             arrays += [column.tobytes() for column in columns]
-        words = msgspec.json.encode(record(trace, trial.lag, Thresholds()), order="sorted")
+        done = msgspec.to_builtins(record(trace, trial.lag, Thresholds()), str_keys=True)
+        words = msgspec.json.encode(done, order="sorted")
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
         digests[f"{scenario} {trial.localizer}"] = digest
 print(json.dumps(digests))

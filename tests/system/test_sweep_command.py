@@ -6,7 +6,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from deqmcl_command import files, lines
+from deqmcl_command import exit_code, files, lines
 from sweep_command import sweep, tables, trial_files, write_small
 
 from benchmarks.report import writing
@@ -97,7 +97,8 @@ def test_without_the_extra_report_a_sweep_has_its_tables_and_names_the_pip_comma
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setattr(writing, "find_spec", lambda name: None)
-    assert sweep(write_small(tmp_path, trials=1), tmp_path / "out") == 0
+    few = write_small(tmp_path, trials=1)
+    assert exit_code("sweep", few, "--jobs", "1", "--out", tmp_path / "out") == 0
     said = capsys.readouterr().out
     assert "Tables only: a report needs jinja2 and matplotlib" in said
     assert "pip install 'deqmcl-gym[report]'" in said

@@ -3,18 +3,20 @@
 import errno
 import os
 
-from deqmcl_command import files, lines
+from deqmcl_command import exit_code, files, lines
 from sweep_command import broken, sweep, tables, trial_files, write_small
 
 import localizers
+from benchmarks.sweeps import running
 
 
 @localizers.registered("broken", broken)
 def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsys, ran):
-    file, out = write_small(tmp_path), tmp_path / "out"
+    file = write_small(tmp_path, others=("broken", "no_such_module:Localizer"))
+    out = tmp_path / "out"
     for again in ((), (), ("--retry-failed",)):
         ran.clear()
-        assert sweep(file, out, "--with", "broken,no_such_module:Localizer", *again) == 3
+        assert sweep(file, out, *again) == 3
         said = capsys.readouterr()
         assert said.out.startswith("small: 4 of 8 trials finished, 4 failed.\n")
         assert said.err == (
@@ -59,3 +61,21 @@ def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
     assert sweep(file, out) == 0
     assert kept.items() <= trial_files(out).items()
     assert tables(out) == tables(finished)
+
+
+def test_a_sweep_that_lacks_a_trial_at_its_end_has_not_succeeded(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(running, "_keep", lambda store, key, trial, outcome: None)
+    file, out = write_small(tmp_path), tmp_path / "out"
+    assert sweep(file, out) == 3
+    assert "4 of 4 trials are missing: run the command again." in capsys.readouterr().err
+    assert sweep(file, out, "--shard", "1/2") == 0
+
+
+def test_what_keeps_the_pictures_away_does_not_keep_the_tables_away(tmp_path, monkeypatch):
+    def undrawn(*_):
+        raise RuntimeError("no pictures today")
+
+    monkeypatch.setattr("benchmarks.report.story.story_of", undrawn)
+    file, out = write_small(tmp_path, trials=1), tmp_path / "out"
+    assert exit_code("sweep", file, "--out", out, "--jobs", "1") == 3
+    assert {"results.csv", "trials.csv"} < files(out).keys()

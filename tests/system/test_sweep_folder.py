@@ -151,7 +151,7 @@ def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_non
 HOLDER = """
 import sys, time
 from pathlib import Path
-from benchmarks.files.inventory import locked
+from benchmarks.files import locked
 with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)

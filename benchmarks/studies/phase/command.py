@@ -1,7 +1,7 @@
 """``deqmcl phase``: from laps to the figure, the data and the page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,8 @@ from tabulate import tabulate
 
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.figures import require_plots
-from benchmarks.studies.phase.cycles import PERFECT, Lap, PlaceFields, cycles_of, perfect_cycles
-from benchmarks.tables.text import csv_text
+from benchmarks.studies.phase.cycles import Cycles, PlaceFields, cycles_of, perfect_cycles, title_of
+from benchmarks.tables.text import csv_text, fixed
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.room import RoomEnv
@@ -18,6 +18,7 @@ from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, integer
 
 METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
+_PERFECT = "perfect queue"
 _SHOWN = """
 ![A row per method: place fields over phase and step, over phase and position, and the table of the
 queue](phase.png)
@@ -72,47 +73,43 @@ def run_phase(
     own_folder(out, "phase")
     path, unit = room.course.path, room.floor_plan.unit
     places = PlaceFields.along(path, fields, path.arc(room.course.start[:2]), unit)
-    laps = []
+    lag, most = trials[0].lag, 2 * len(room.course.actions)  # a driver gives up after two laps
+    seen: dict[str, Cycles] = {}
     for trial, stage in zip(trials, stages, strict=True):
         lap = ((moment.truth, moment.belief) for moment in stage.moments())
-        most = 2 * len(room.course.actions)  # a driver gives up after two laps
-        laps.append(Lap(trial.localizer, cycles_of(lap, places, trial.lag, most=most)))
-    perfect = perfect_cycles(laps[-1].cycles.truth, places, trials[0].lag)  # the world is the same
-    laps.insert(0, Lap(PERFECT, perfect))
+        seen[trial.localizer] = cycles_of(lap, places, lag, most=most)
+    truth = seen[trials[-1].localizer].truth  # the world is the same
+    cycles = {_PERFECT: perfect_cycles(truth, places, lag), **seen}
     page = (
-        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{_table(laps, places, 'github')}\n\n"
+        f"# {title}\n\n```\n{command_line(command)}\n```\n\n{_table(cycles, places, 'github')}\n\n"
         f"{len(places)} place fields of radius {places.radius:.{places.decimals}f} {unit} "
         f"along the planned lap (`fields.csv`); the data is `cycles.csv`.\n{_SHOWN}"
     )
     contents = {
-        "cycles.csv": _cycles_csv(laps, unit).encode(),
+        "cycles.csv": _cycles_csv(cycles, unit).encode(),
         "fields.csv": _fields_csv(places).encode(),
-        "phase.png": phase_figure(laps, places, room.floor_plan, title),
+        "phase.png": phase_figure(cycles, places, room.floor_plan, title),
         "phase.md": page.encode(),
     }
     write_part(out, "phase", contents)
     written = f"Written to {out}: {', '.join(contents)}."
-    return f"{title}\n\n{_table(laps, places, 'simple')}\n\n{written}"
+    return f"{title}\n\n{_table(cycles, places, 'simple')}\n\n{written}"
 
 
-def _table(laps: Sequence[Lap], fields: PlaceFields, style: str) -> str:
-    """Return the numbers of each lap as a table."""
+def _table(cycles: Mapping[str, Cycles], fields: PlaceFields, style: str) -> str:
+    """Return the numbers of each queue as a table."""
     header = ["method", "phases", f"slope °/{fields.unit}", "r", f"late by {fields.unit}"]
     header += [f"in the right field: {part}" for part in ("past", "present", "future")]
     body = []
-    for lap in laps:
-        row = lap.precession
+    for name, own in cycles.items():
+        row = own.precession
         phases = "n/a" if math.isnan(row.first) else f"{row.first:.0f}° to {row.last:.0f}°"
         slope = "none" if math.isnan(row.slope) else f"{row.slope:#.3g}"
-        numbers = [_number(row.correlation), _number(row.late, f"+.{fields.decimals}f")]
-        numbers += map(_number, (row.past, row.present, row.future))
-        body.append([lap.title, phases, slope, *numbers])
+        late = "n/a" if math.isnan(row.late) else f"{row.late:+.{fields.decimals}f}"
+        right = map(fixed, (row.past, row.present, row.future))
+        body.append([title_of(name), phases, slope, fixed(row.correlation), late, *right])
     align = ("left", "left", *["right"] * 6)
     return tabulate(body, header, tablefmt=style, disable_numparse=True, colalign=align)
-
-
-def _number(value: float, style: str = ".2f") -> str:
-    return "n/a" if math.isnan(value) else format(value, style)
 
 
 def _fields_csv(fields: PlaceFields) -> str:
@@ -123,17 +120,16 @@ def _fields_csv(fields: PlaceFields) -> str:
     return csv_text(["field", "x", "y", "arc", "radius"], rows)
 
 
-def _cycles_csv(laps: Sequence[Lap], unit: str) -> str:
+def _cycles_csv(cycles: Mapping[str, Cycles], unit: str) -> str:
     """Return what the queues hold: a row per method, step and offset."""
-    count = laps[0].cycles.activity.shape[2]
+    count = cycles[_PERFECT].activity.shape[2]
     header = ["method", "step", "offset", "state", "phase_deg", f"error_{unit}", f"spread_{unit}"]
     rows: list[list[object]] = []
-    for lap in laps:
-        cycles = lap.cycles
-        phases = [f"{phase:.6g}" for phase in cycles.phases.tolist()]
-        values = np.dstack([cycles.error, cycles.spread, cycles.activity])
-        for t, column in np.argwhere(cycles.held).tolist():
-            k = column - cycles.reach
+    for name, own in cycles.items():
+        phases = [f"{phase:.6g}" for phase in own.phases.tolist()]
+        values = np.dstack([own.error, own.spread, own.activity])
+        for t, column in np.argwhere(own.held).tolist():
+            k = column - own.reach
             numbers = (f"{value:.4g}" for value in values[t, column].tolist())
-            rows.append([lap.name, t, k, t + k, phases[column], *numbers])
+            rows.append([name, t, k, t + k, phases[column], *numbers])
     return csv_text([*header, *(f"field_{i + 1}" for i in range(count))], rows)

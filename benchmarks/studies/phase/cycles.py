@@ -16,7 +16,11 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.world.course import Path
 from localizers import Belief
 
-PERFECT = "perfect queue"
+
+def title_of(name: str) -> str:
+    """Return what a lap is called, by the name of its localizer."""
+    title = TITLES.get(name, name)
+    return title[:1].upper() + title[1:]
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,29 @@ class PlaceFields:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Precession:
+    """What the fields of a lap do; NaN is not available.
+
+    Attributes:
+        first, last: least and greatest phase at which a field is active, degrees.
+        slope: degrees per unit of length, negative if fields fire earlier as the robot goes on;
+            NaN of one phase.
+        correlation: of phase and position, weighted by activity.
+        late: where the line is at 180°, so far past the centre; of one phase: the mean position.
+        past, present, future: mean mass in the field where the robot truly is at that state.
+    """
+
+    first: float = math.nan
+    last: float = math.nan
+    slope: float = math.nan
+    correlation: float = math.nan
+    late: float = math.nan
+    past: float
+    present: float
+    future: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cycles:
     """A lap of T steps, seen through the queue at every step t and offset k; NaN is not held.
 
@@ -113,8 +140,7 @@ class Cycles:
     @property
     def phases(self) -> Floats:
         """360° (k + L + ½) / (2L + 1): the cycle in equal parts, the oldest first, (2R + 1,)."""
-        phases: Floats = 360 * (self.offsets + self.lag + 0.5) / (2 * self.lag + 1)
-        return phases
+        return 360 * (self.offsets + self.lag + 0.5) / (2 * self.lag + 1)
 
     @property
     def held(self) -> Bools:
@@ -125,6 +151,36 @@ class Cycles:
     def distance(self) -> Floats:
         """Root mean square distance of the belief from the true place, (T + 1, 2R + 1)."""
         return np.hypot(self.error, self.spread)
+
+    @cached_property
+    def precession(self) -> Precession:
+        """What all fields do over all steps.
+
+        With activity as the weight of each (step, offset, field), the positions u (of the robot,
+        past the field's centre) are regressed on the phases φ: slope = 1 / (Cov(u, φ) / Var φ).
+        This way round nothing is cut off: at each phase the whole pass through the field is seen,
+        whereas at a given position only some of the phases that belong to it lie between 0° and
+        360°.
+        """
+        parts = (self.right[:, np.sign(self.offsets) == sign] for sign in (-1, 0, 1))
+        past, present, future = (metrics.mean(part[~np.isnan(part)]) for part in parts)
+        activity, line = np.nan_to_num(self.activity), {}
+        active = self.phases[activity.any(axis=(0, 2))]
+        if active.size:
+            share = activity / activity.sum()
+            over_phase = share.sum(axis=(0, 2))
+            centre, late = (over_phase * self.phases).sum(), (share * self.passed).sum()
+            off_phase, off_place = self.phases - centre, self.passed - late
+            covariance = ((share * off_place).sum(axis=(0, 2)) * off_phase).sum()
+            if active.size > 1 and covariance:
+                of_phase = (over_phase * off_phase**2).sum()
+                line["slope"] = slope = of_phase / covariance
+                spread = math.sqrt(of_phase * (share * off_place**2).sum())
+                line["correlation"] = covariance / spread
+                late += (180 - centre) / slope
+            line |= {"first": active[0], "last": active[-1], "late": late}
+        known = {name: float(value) for name, value in line.items()}
+        return Precession(**known, past=past, present=present, future=future)
 
 
 @dataclass(frozen=True)
@@ -206,78 +262,3 @@ def _passed(truth: Floats, fields: PlaceFields, states: Indices) -> Floats:
     still_to_go = progress[states] - progress[:, None]
     passed: Floats = past[states] - still_to_go[:, :, None]
     return passed
-
-
-@dataclass(frozen=True, kw_only=True)
-class Precession:
-    """What the fields of a lap do; NaN is not available.
-
-    Attributes:
-        first, last: least and greatest phase at which a field is active, degrees.
-        slope: degrees per unit of length, negative if fields fire earlier as the robot goes on;
-            NaN of one phase.
-        correlation: of phase and position, weighted by activity.
-        late: where the line is at 180°, so far past the centre; of one phase: the mean position.
-        past, present, future: mean mass in the field where the robot truly is at that state.
-    """
-
-    first: float = math.nan
-    last: float = math.nan
-    slope: float = math.nan
-    correlation: float = math.nan
-    late: float = math.nan
-    past: float
-    present: float
-    future: float
-
-
-def precession(cycles: Cycles) -> Precession:
-    """Measure precession over all fields and steps of a lap.
-
-    With activity as the weight of each (step, offset, field), the positions u (of the robot, past
-    the field's centre) are regressed on the phases φ: slope = 1 / (Cov(u, φ) / Var φ). This way
-    round nothing is cut off: at each phase the whole pass through the field is seen, whereas at a
-    given position only some of the phases that belong to it lie between 0° and 360°.
-    """
-    parts = (cycles.right[:, np.sign(cycles.offsets) == sign] for sign in (-1, 0, 1))
-    past, present, future = (metrics.mean(part[~np.isnan(part)]) for part in parts)
-    return Precession(**_line(cycles), past=past, present=present, future=future)
-
-
-def _line(cycles: Cycles) -> dict[str, float]:
-    """Regress position on phase."""
-    activity = np.nan_to_num(cycles.activity)
-    active = cycles.phases[activity.any(axis=(0, 2))]
-    if not active.size:
-        return {}
-    share = activity / activity.sum()
-    over_phase = share.sum(axis=(0, 2))
-    centre, position = (over_phase * cycles.phases).sum(), (share * cycles.passed).sum()
-    line = {"first": active[0], "last": active[-1], "late": position}
-    off_phase, off_place = cycles.phases - centre, cycles.passed - position
-    covariance = ((share * off_place).sum(axis=(0, 2)) * off_phase).sum()
-    if active.size > 1 and covariance:
-        of_phase, of_place = (over_phase * off_phase**2).sum(), (share * off_place**2).sum()
-        line["slope"] = slope = of_phase / covariance
-        line["correlation"] = covariance / math.sqrt(of_phase * of_place)
-        line["late"] += (180 - centre) / slope
-    return {name: float(value) for name, value in line.items()}
-
-
-@dataclass(frozen=True)
-class Lap:
-    """The lap of a localizer, or of the perfect queue, under its name."""
-
-    name: str
-    cycles: Cycles
-
-    @property
-    def title(self) -> str:
-        """Its name in words."""
-        title = TITLES.get(self.name, self.name)
-        return title[:1].upper() + title[1:]
-
-    @cached_property
-    def precession(self) -> Precession:
-        """Measured on it."""
-        return precession(self.cycles)

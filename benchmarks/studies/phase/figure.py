@@ -1,10 +1,9 @@
 """phase.png: a row per method; its theta cycles, its precession, its table of the queue."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -14,8 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
+from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.studies.phase.cycles import Cycles, Lap, PlaceFields, Precession
+from benchmarks.studies.phase.cycles import Cycles, PlaceFields, Precession, title_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
 
@@ -35,24 +35,27 @@ _STYLE: Any = {
 }
 
 
-def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, title: str) -> bytes:
+def phase_figure(
+    laps: Mapping[str, Cycles], fields: PlaceFields, floor_plan: Map, title: str
+) -> bytes:
     """Return the figure as PNG: the perfect queue's lap with the map, then a row per method."""
-    perfect, unit = laps[0], fields.unit
-    with mpl.rc_context(_STYLE):
+    (perfect, *others), unit = laps.values(), fields.unit
+    with styled(_STYLE):
         figure = Figure(figsize=(11, 1.3 + 2.15 * len(laps)), dpi=100, layout="constrained")
         shares: Any = {"width_ratios": (2.1, 1, 1.15), "height_ratios": [*[1.0] * len(laps), 0.09]}
         axes = figure.subplots(len(laps) + 1, 3, squeeze=False, **shares)
-        told = np.nan_to_num(perfect.cycles.activity) > 0  # the queue tells of the field
-        extent = float(np.abs(perfect.cycles.passed[told]).max(initial=0.0)) or 1.0
-        off = np.concatenate([lap.cycles.distance[lap.cycles.held] for lap in laps[1:]])
+        told = np.nan_to_num(perfect.activity) > 0  # the queue tells of the field
+        extent = float(np.abs(perfect.passed[told]).max(initial=0.0)) or 1.0
+        off = np.concatenate([own.distance[own.held] for own in others])
         farthest = float(np.quantile(off, 0.98)) if off.size else 1.0  # 2 % are farther
-        for row, lap in zip(axes[:-1], laps, strict=True):
-            _draw_cycles(row[0], lap.cycles)
-            row[0].set_title(f"{lap.title}: {_words(lap)}", loc="left", fontweight="bold")
-            mass = _draw_precession(row[1], lap, perfect.precession, extent, unit)
-        for row, lap in zip(axes[1:-1], laps[1:], strict=True):
-            table = _draw_table(row[2], lap.cycles, farthest)
-        _number_fields(axes[0][0], perfect.cycles)
+        for row, (name, own) in zip(axes[:-1], laps.items(), strict=True):
+            _draw_cycles(row[0], own)
+            words = f"{title_of(name)}: {_words(own.precession)}"
+            row[0].set_title(words, loc="left", fontweight="bold")
+            mass = _draw_precession(row[1], own, perfect.precession, extent, unit)
+        for row, own in zip(axes[1:-1], others, strict=True):
+            table = _draw_table(row[2], own, farthest)
+        _number_fields(axes[0][0], perfect)
         _draw_map(axes[0][2], fields, floor_plan)
         _label(axes[:-1], unit)
         _legend(axes[-1][0])
@@ -63,9 +66,7 @@ def phase_figure(laps: Sequence[Lap], fields: PlaceFields, floor_plan: Map, titl
         return png_of(figure, pil_kwargs={"optimize": True})
 
 
-def _words(lap: Lap) -> str:
-    """A lap's precession in a few words."""
-    found = lap.precession
+def _words(found: Precession) -> str:
     if math.isnan(found.first):
         return "no field is active"
     if math.isnan(found.slope):
@@ -94,9 +95,9 @@ def _number_fields(axes: Axes, perfect: Cycles) -> None:
             _write(axes, float(visit.mean()), 180, int(home[visit[0]]), size=9)
 
 
-def _draw_precession(axes: Axes, lap: Lap, true: Precession, extent: float, unit: str) -> Any:
+def _draw_precession(axes: Axes, cycles: Cycles, true: Precession, extent: float, unit: str) -> Any:
     """Mean activity over the robot's position in the field and the phase, over all fields."""
-    cycles, found = lap.cycles, lap.precession
+    found = cycles.precession
     span = (-extent, extent, *_phase_span(cycles))
     image = _image(axes, _binned(cycles, extent), span, cmap="Blues", vmin=0, vmax=1)
     for line, color, style in ((true, _INK, _DOTTED), (found, _FITTED, "-")):
@@ -203,8 +204,7 @@ def _binned(cycles: Cycles, extent: float) -> Floats:
     counts, _, _ = np.histogram2d(row, cycles.passed[known], **bins)
     active = cycles.activity[known]
     sums, _, _ = np.histogram2d(row, cycles.passed[known], weights=active, **bins)
-    means: Floats = np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
-    return means
+    return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
 
 
 def _colors(count: int) -> Floats:

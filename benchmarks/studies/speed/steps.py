@@ -11,8 +11,9 @@ from itertools import groupby
 import numpy as np
 from tabulate import tabulate
 
+from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.studies.speed import numpy_baseline, peers, rays
+from benchmarks.studies.speed import numpy_baseline, peers, rays, work
 from benchmarks.studies.speed.figure import (
     Effort,
     Figure,
@@ -25,14 +26,6 @@ from benchmarks.studies.speed.figure import (
     rates,
 )
 from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
-from benchmarks.studies.speed.work import (
-    BEAMS,
-    fan,
-    free_poses,
-    pillared_room,
-    recorded_lap,
-    replanned_lap,
-)
 from benchmarks.tables.text import csv_text
 from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
@@ -41,9 +34,9 @@ from localizers.models.scan import LidarScan, Scan
 FEW, MANY = 1_000, 10_000
 
 
-def our_job(name: str, *, beams: int = BEAMS, **params: int) -> Job:
+def our_job(name: str, *, beams: int = work.BEAMS, **params: int) -> Job:
     """Return the job of one of our localizers, its queue full."""
-    lap = recorded_lap(beams)
+    lap = work.recorded_lap(beams)
     localizer = make(name, lap.robot, **params)
     localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
     job = lap.following(localizer.update)
@@ -54,13 +47,13 @@ def our_job(name: str, *, beams: int = BEAMS, **params: int) -> Job:
 
 def numpy_job(particles: int, caster: CasterMaker = segments) -> Job:
     """Return the job of MCL in NumPy."""
-    lap, rng = recorded_lap(), np.random.default_rng(1)
+    lap, rng = work.recorded_lap(), np.random.default_rng(1)
     return lap.following(numpy_baseline.mcl(lap.robot, particles, lap.prior, rng, caster))
 
 
 def peer_job(made: Callable[..., peers.Update]) -> Job:
     """Return the job of MCL as a peer's user would write it, given the NumPy models."""
-    lap, rng = recorded_lap(), np.random.default_rng(1)
+    lap, rng = work.recorded_lap(), np.random.default_rng(1)
     return lap.following(made(lap.robot, FEW, lap.prior, rng))
 
 
@@ -70,7 +63,7 @@ def replanned_job(name: str, particles: int) -> Job:
     A queue has to redraw its future there, and a table of h is made anew; on a plan that is kept,
     both are spared.
     """
-    lap = replanned_lap()
+    lap = work.replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
 
     def restart() -> None:
@@ -81,17 +74,17 @@ def replanned_job(name: str, particles: int) -> Job:
 
 def scan_job(*, clipped: bool) -> Job:
     """Return the job of weighing a scan by a censored beam model, its beams clipped or not."""
-    lap, lidar = recorded_lap(), fan(BEAMS)
+    lap, lidar = work.recorded_lap(), work.fan(work.BEAMS)
     scan = LidarScan(floor_plan=PAPER_ROOM, lidar=lidar, beam=CensoredGaussianUniform())
-    states = np.ascontiguousarray(free_poses(PAPER_ROOM, FEW).T)
+    states = np.ascontiguousarray(work.free_poses(PAPER_ROOM, FEW).T)
     inside = lap.steps[0][0].astype(np.float64)
-    ranges = np.full(BEAMS, lidar.max_range) if clipped else inside
+    ranges = np.full(work.BEAMS, lidar.max_range) if clipped else inside
     seen = Scan.of(ranges, lidar.max_range)
     return Job(lambda: scan.log_likelihood(states, seen))
 
 
 def _versus(name: str, particles: int, other: Side, target: float | None = None) -> Figure:
-    what = f"MCL step, N = {particles:,}, B = {BEAMS}"
+    what = f"MCL step, N = {particles:,}, B = {work.BEAMS}"
     ours = Side("mcl", partial(our_job, "mcl", particles=particles))
     return Figure(name, what, "steps/s", ours, other, target)
 
@@ -116,7 +109,7 @@ def _replanned(
     return Figure(named, what, "µs/step", ours, other, target)
 
 
-_STEP, _FEW = f"step, N = {MANY:,}, B = {BEAMS}", f"N = {FEW:,}, B = {BEAMS}"
+_STEP, _FEW = f"step, N = {MANY:,}, B = {work.BEAMS}", f"N = {FEW:,}, B = {work.BEAMS}"
 _MAP = Side("mcl-map", partial(our_job, "mcl-map", particles=MANY))
 _SAME = {"min_particles": FEW, "max_particles": FEW, "update_min_d": 0, "update_min_a": 0}
 
@@ -197,9 +190,9 @@ Scaling = tuple[Curve, Sequence[float]]  # a curve with its measured values, in 
 def curves(*, largest: int) -> tuple[Curve, ...]:
     """Return all curves, with up to ``largest`` particles."""
     clouds = [n for n in (100, 1_000, 10_000, 100_000, 1_000_000) if n <= largest]
-    by_segments = f"rays, {POSES:,} poses × {BEAMS} beams, pillars in a square room"
-    by_particles, by_beams = f"MCL step, B = {BEAMS}", f"MCL step, N = {FEW:,}"
-    by_lag = f"DEQ-MCL step, N = {FEW:,}, B = {BEAMS}"
+    by_segments = f"rays, {POSES:,} poses × {work.BEAMS} beams, pillars in a square room"
+    by_particles, by_beams = f"MCL step, B = {work.BEAMS}", f"MCL step, N = {FEW:,}"
+    by_lag = f"DEQ-MCL step, N = {FEW:,}, B = {work.BEAMS}"
     return (
         Curve(by_segments, "PolygonMap.ranges", "segments", _SEGMENTS, _rays_among, "rays/s"),
         Curve(by_particles, "mcl", "particles", clouds, lambda n: our_job("mcl", particles=n)),
@@ -239,6 +232,7 @@ def scaling_tables(measured: Sequence[Scaling]) -> str:
     return "\n\n".join(tables)
 
 
+@styled()
 def scaling_plot(measured: Sequence[Scaling]) -> bytes:
     """Return one picture per task, as PNG; axes are logarithmic where values span a decade."""
     from matplotlib.figure import Figure
@@ -267,7 +261,7 @@ def scaling_plot(measured: Sequence[Scaling]) -> bytes:
 
 
 def _rays_among(segments: int) -> Job:
-    return rays.our_job(pillared_room(segments), POSES)
+    return rays.our_job(work.pillared_room(segments), POSES)
 
 
 def _by_task(measured: Iterable[Scaling]) -> list[tuple[str, list[Scaling]]]:

@@ -21,6 +21,7 @@ from msgspec import Struct, to_builtins
 from deqmcl_gym.files import (
     UnreadableError,
     content_of,
+    is_possible,
     is_temporary,
     json_of,
     opened,
@@ -150,6 +151,17 @@ def is_empty(folder: Path) -> bool:
         return not folder.is_dir()
 
 
+def own_subfolder(folder: Path, name: str) -> Path:
+    """Return a folder of ours in a folder, to be made or written to.
+
+    Raises:
+        InputError: it is a link, which may lead out of the folder.
+    """
+    if (path := folder / name).is_symlink():
+        raise InputError(f"{path} is a link: move it away, or give another --out.")
+    return path
+
+
 def own_folder(folder: Path, part: str) -> Path:
     """Make a folder for one part, or take one that holds it already.
 
@@ -213,8 +225,7 @@ def write_part(
     Raises:
         InputError: a file is in the way that is not ours. Nothing is written then.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with writing(folder):
+    with writing(writable_folder(folder)):
         parts = _read(folder)
         earlier = parts[part].files if part in parts else {}
         new = {n: [f"{len(c)}-{hashlib.sha256(c).hexdigest()}"] for n, c in contents.items()}
@@ -254,9 +265,8 @@ def _read(folder: Path) -> dict[str, Part]:
     path = folder / NAME
     try:
         parts = typed(json_of(content_of(path)), dict[str, Part])
-        names = [Path(name) for part in parts.values() for name in part.files]
-        if any(name.is_absolute() or ".." in name.parts or name == Path() for name in names):
-            raise UnreadableError("names files outside its folder")
+        if not all(_is_inside(name) for part in parts.values() for name in part.files):
+            raise UnreadableError("names files outside its folder, or that no folder can hold")
     except FileNotFoundError:
         return {}
     except UnreadableError as error:
@@ -264,6 +274,12 @@ def _read(folder: Path) -> dict[str, Part]:
             f"{path} {error}, so it is not as deqmcl wrote it: move it away, or give another --out."
         ) from None
     return parts
+
+
+def _is_inside(name: str) -> bool:
+    path = Path(name)
+    within = not path.is_absolute() and ".." not in path.parts and path != Path()
+    return within and name.isprintable() and is_possible(path)
 
 
 def _write(folder: Path, parts: Mapping[str, Part]) -> None:
