@@ -95,10 +95,10 @@ def markdown(story: Story, folder: str) -> str:
     for section in story.sections:
         parts += _section(section, folder, known=bool(story.figures))
     if story.figures:
-        shown = (
+        parts += ["## The paper's figures, of world 0"]
+        parts += [
             f"![{f.title}]({folder}/{f.name})\n\n**{f.title}.** {f.caption}" for f in story.figures
-        )
-        parts += ["## The paper's figures, of world 0", *shown]
+        ]
     if story.curves:
         parts += ["## Over the swept parameters", *(_image(one, folder) for one in story.curves)]
     if story.failed.lines:
