@@ -67,13 +67,17 @@ def whole(text: str) -> str:
     return re.sub(r"(?<=\d) (?=[%×▲▼○]|px\b|m\b|points\b|to [−\d]|of \d)", "\u00a0", inside)
 
 
+def parted(cell: str) -> tuple[str, str]:
+    """Return a number and the interval or SD behind it; "" if there is none."""
+    value, found, ends = whole(cell).partition(" (")
+    apart = found and value[:1] in "+−0123456789" and ends.endswith(")")
+    return (value, f"({ends}") if apart else (whole(cell), "")
+
+
 def cell(text: str) -> Markup:
     """Return a table's cell: an interval or SD is on a line of its own in all rows, or in none."""
-    value, found, ends = whole(text).partition(" (")
-    apart = found and value[:1] in "+−0123456789" and ends.endswith(")")
-    if not apart:
-        return escape(whole(text))
-    return Markup("{} <span>({}</span>").format(value, ends)
+    value, ends = parted(text)
+    return Markup("{} <span>{}</span>").format(value, ends) if ends else escape(value)
 
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
