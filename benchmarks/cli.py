@@ -126,6 +126,8 @@ def _explain(error: Exception) -> int:
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    completing = "_ARGCOMPLETE" in os.environ  # set by a shell in which Tab was pressed
+    typed = os.environ.get("COMP_LINE", "").split() if completing else arguments
     parser = _Parser(
         prog="deqmcl",
         description="Benchmark of self-localization for robots with a known plan.",
@@ -135,7 +137,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
         own = subparsers.add_parser(name, allow_abbrev=False, help=words)
-        if name not in arguments:
+        if name not in typed:
             continue
         command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
         own.description = command.__doc__
@@ -143,6 +145,10 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         traced = "show a traceback when something fails"
         own.add_argument("--debug", action="store_true", help=traced)
         own.set_defaults(run=command.run)
+    if completing:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)  # ends the process
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags

@@ -103,8 +103,8 @@ def _wrong(method: str, **params: object) -> str:
     return filled(DIFF, row("hedge/ends", "guided-stale", method, **params))
 
 
-def _cost(scenario: str, method: str, **params: object) -> str:
-    return filled("{cost:.1f} × `mcl-map`", row("hedge/costs", scenario, method, **params))
+def _cost(scenario: str, method: str, particles: int) -> str:
+    return filled("{cost:.1f} × `mcl-map`", row("hedge/costs", scenario, method, particles))
 
 
 def _room() -> str:
@@ -116,7 +116,7 @@ def _room() -> str:
             *(filled(c, hedged) for c in columns[:2]),
             _wrong("mcl-plan-hedged"),
             filled(columns[2], hedged),
-            _cost("guided", "mcl-plan-hedged"),
+            _cost("guided", "mcl-plan-hedged", 300),
         ]
     ]
     labels = {
@@ -259,7 +259,7 @@ def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object
         few, many = (row(report, scenario, method, n, **params) for n in (300, 1000))
         cells = [filled(c, found) for found in (few, many) for c in ("{error:.1f}", DIFF)]
         if hedged:
-            cost = _cost(scenario, method)
+            cost = _cost(scenario, method, 1000)
             rows.append([label, *cells, *(filled(c, many) for c in late), cost])
             continue
         rows.append([label, *cells, *(filled(c, many) for c in (*late, "{ms_per_step:.2f}"))])
@@ -299,14 +299,170 @@ def _no_harm() -> str:
                 row("matched-sharp/results", scenario, method, n)
                 for method in ("mcl-map", "mcl-plan")
             )
-            error = f"{{error:.{digits}f}}"
-            cells = [filled(error, found) for found in (base, plan)]
+            hedged = row("hedge/harmless", scenario, "mcl-plan-hedged", n)
             more = f"{{diff:+.{digits}f}} ({{diff_low:.{digits}f}} to {{diff_high:.{digits}f}})"
             share = "{relative:+.1p} % ({relative_low:.1p} to {relative_high:.1p})"
-            cells += [filled(more, plan), filled(share, plan)]
-            rows.append([f"`{scenario}`", f"{n:,}", *cells])
-    head = " | N: | map-based MCL: | `mcl-plan`: | difference, 95 % interval: | of the error:"
-    return _table(head, rows)
+            cells = [filled(c, found) for found in (plan, hedged) for c in (more, share)]
+            error = filled(f"{{error:.{digits}f}}", base)
+            rows.append([f"`{scenario}`", f"{n:,}", error, *cells])
+    head = " | N: | map-based MCL: | `mcl-plan`, difference: | of the error:"
+    return _table(f"{head} | `mcl-plan-hedged`, difference: | of the error:", rows)
+
+
+SENSORS = ((1, 100.0, "weak"), (9, 50.0, "middle"), (9, 5.0, "sharp"))
+NOISES = ((0.02, "small"), (0.2, "large"))
+AUTHORS = {
+    "guided": "from the true pose, at every step (`guided`)",
+    "guided-before": "before the start (`guided-before`)",
+    "guided-estimate": "from the localizer's estimate (`guided-estimate`)",
+    "guided-stale": "for another start (`guided-stale`)",
+}
+
+
+def _in_world(report: str, beams: int, sigma: float, noise: float) -> list[dict[str, str]]:
+    """The rows of a report for a sensor and a noise of the motion, of the present."""
+
+    def holds(row: Mapping[str, str]) -> bool:
+        world = json.loads(row["world"])
+        given = world["lidar.beams"], world["lidar.sigma"], world["noise.drive"]
+        return given == (beams, sigma, noise) and row.get("offset", "0") == "0"
+
+    return [row for row in _rows(report) if holds(row)]
+
+
+def _shown(found: Mapping[str, str]) -> str:
+    """A difference with enough digits; bold if its interval and Holm's p exclude 0."""
+    digits = 1 if abs(float(found["diff"])) >= 5 else 2
+    spec = f"{{diff:+.{digits}f}} ({{diff_low:.{digits}f}} to {{diff_high:.{digits}f}})"
+    low, high = float(found["diff_low"]), float(found["diff_high"])
+    sure = (low > 0 or high < 0) and float(found["p_holm"]) < 0.05
+    return f"**{filled(spec, found)}**" if sure else filled(spec, found)
+
+
+def _authors() -> str:
+    rows = []
+    for scenario, words in AUTHORS.items():
+        first = words
+        for beams, sigma, sensor in SENSORS:
+            for noise, size in NOISES:
+                world = _in_world("hedge/authors", beams, sigma, noise)
+                by = {r["method"]: r for r in world if r["scenario"] == scenario}
+                base = filled("{error:.1f}", by["mcl-map"])
+                cells = [_shown(by[method]) for method in ("mcl-plan", "mcl-plan-hedged")]
+                rows.append([first, f"{sensor}, {size}", base, *cells])
+                first = ""
+    head = "the plan was made … | sensor, noise | `mcl-map`, px: | `mcl-plan`:"
+    return _table(f"{head} | `mcl-plan-hedged`:", rows)
+
+
+def _stale() -> str:
+    rows = []
+    for beams, sigma, sensor in SENSORS:
+        for noise, size in NOISES:
+            world = _in_world("hedge/stale", beams, sigma, noise)
+            by = {(r["method"], json.loads(r["params"])["particles"]): r for r in world}
+            base = filled("{error:.2f}", by["mcl-map", 300])
+            cells = [
+                _shown(by[key])
+                for key in (("mcl-map", 150), ("mcl-plan-hedged", 300), ("mcl-plan-hedged", 600))
+            ]
+            rows.append([f"{sensor}, {size}", base, *cells])
+    head = "sensor, noise | `mcl-map`, N = 300: | `mcl-map`, N = 150:"
+    return _table(f"{head} | hedged, N = 150 + 150: | hedged, N = 300 + 300:", rows)
+
+
+def _signals() -> str:
+    rows = []
+    for beams, sigma, sensor in SENSORS:
+        for noise, size in NOISES:
+            found = {
+                (r["method"], r["signal"]): filled(
+                    "{auroc:.2f} ({auroc_low:.2f} to {auroc_high:.2f})", r
+                )
+                for r in _in_world("hedge/authors-plans", beams, sigma, noise)
+            }
+            plan = ("feasible", "log_evidence", "log_evidence_20", "tempering", "quality")
+            cells = [found["mcl-plan", name] for name in plan]
+            cells += [found["mcl-plan-hedged", name] for name in ("trusted", "trusted_lap")]
+            rows.append([f"{sensor}, {size}", *cells])
+    head = " | feasible share: | log-evidence: | its mean over 20 steps: | λ:"
+    return _table(f"{head} | quality (scans alone): | trust, q: | its least in a lap:", rows)
+
+
+def _ends() -> str:
+    labels = {
+        "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
+        "`mcl-plan`": ("mcl-plan", {}),
+        "`mcl-plan`, `keep` = 0": ("mcl-plan", {"keep": 0.0}),
+        "`deq-mcl`": ("deq-mcl", {}),
+        "`deq-mcl-rejuvenated`": ("deq-mcl-rejuvenated", {}),
+        "`mcl-h`": ("mcl-h", {}),
+        "`mcl-pilots`": ("mcl-pilots", {}),
+    }
+    rows = [
+        [
+            label,
+            *(
+                _shown(row("hedge/ends", scenario, method, **params))
+                for scenario in ("guided", "guided-stale")
+            ),
+        ]
+        for label, (method, params) in labels.items()
+    ]
+    return _table("method | the plan is right (`guided`): | for another start:", rows)
+
+
+def _variants() -> str:
+    scenarios = ("guided", "paper", "guided-stale", "guided-before")
+    labels = {f"s = {s:g}": {"switching": s} for s in (0.0001, 0.001, 0.01, 0.05, 0.1)}
+    rows = [
+        [
+            label,
+            *(_shown(row("hedge/variants", s, "mcl-plan-hedged", **params)) for s in scenarios),
+        ]
+        for label, params in (labels | {"s = 0.001, `mutual`": {"mutual": True}}).items()
+    ]
+    alone = {"keep": 0.0}
+    rows.insert(0, ["`mcl-plan`, `keep` = 0"])
+    rows[0] += [_shown(row("hedge/variants", s, "mcl-plan", **alone)) for s in scenarios]
+    return _table(" | " + " | ".join(f"`{s}`:" for s in scenarios), rows)
+
+
+def _hedged_lost() -> str:
+    columns = [SUCCESS, METRES, DIFF_METRES, "{false_commitment:.0p} %"]
+    first = {"plans": "first"}
+    rows = []
+    for scenario in ("lost", "lost-wrong-route", "lost-weak", "kidnapped", "kidnapped-stale"):
+        name = f"`{scenario}`"
+        for label, method, params in (
+            ("`mcl-map`", "mcl-map", {}), ("`mcl-plan`", "mcl-plan", {}),
+            ("`mcl-plan-hedged`", "mcl-plan-hedged", {}),
+            ("`mcl-map`, `start_draws`", "mcl-map", DRAWS),
+            ("`mcl-plan-hedged`, the first plan only", "mcl-plan-hedged", first),
+        ):  # fmt: skip
+            found = row("hedge/lost", scenario, method, 2000, **params)
+            late = scenario.startswith("kidnapped")
+            cells = [c.replace("localize", "recover") if late else c for c in columns]
+            if late:
+                cells[0] = RECOVERED
+            filled_in = [filled(c, found) for c in cells]
+            filled_in[2] = filled_in[2] or "baseline"
+            rows.append([name, label, *filled_in])
+            name = ""
+    head = "scenario | method | localized to the end, or recovered: | metres until then, median:"
+    return _table(f"{head} | difference in metres: | false commitment:", rows)
+
+
+def _hedged_driving() -> str:
+    rows = []
+    for scenario in ("driving", "driving-route"):
+        for n in (500, 2000):
+            for method in ("mcl-map", "mcl-plan", "mcl-plan-hedged"):
+                found = row("hedge/driving", scenario, method, n)
+                cells = [filled(c, found) for c in (ARRIVED, "{spl:.2f}", "{contacts:.1f}")]
+                first = f"`{scenario}`" if method == "mcl-map" and n == 500 else ""
+                rows.append([first, f"{n:,}", f"`{method}`", *cells])
+    return _table("scenario | N: | method | arrived without contact: | SPL: | contacts:", rows)
 
 
 def _lost() -> str:
@@ -505,6 +661,13 @@ TABLES = {
     "plan-sensor, guided": lambda: _every_method("guided", IN_GUIDED),
     "plan-sensor, paper": lambda: _every_method("paper", IN_PAPER),
     "matched-sharp": _no_harm,
+    "hedge, authors": _authors,
+    "hedge, stale": _stale,
+    "hedge, signals": _signals,
+    "hedge, ends": _ends,
+    "hedge, variants": _variants,
+    "hedge, lost": _hedged_lost,
+    "hedge, driving": _hedged_driving,
     "lost": _lost,
     "lost-hard": _lost_hard,
     "kidnapped": _kidnapped,
@@ -534,13 +697,19 @@ def sentences() -> Iterable[tuple[str, str]]:
     yield "README.md", f"{plan:.1f} px, map-based MCL {base:.1f}, the paper's filter {deq:.1f} (N"
     yield "README.md", f"with 1,000 has {n('error', sensor, 'guided', 'mcl-plan', 1000):.1f}"
     gained = [-n("diff", sensor, "paper", "mcl-plan", many) for many in (300, 1000)]
-    yield "README.md", f"`mcl-plan` is better by {gained[0]:.1f} and {gained[1]:.1f}."
+    yield (
+        "docs/reports/paper-200.md",
+        f"`mcl-plan` is better by {gained[0]:.1f} and {gained[1]:.1f}.",
+    )
     shares = [
         -n("diff", sensor, "paper", method, many)
         for method in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
         for many in (300, 1000)
     ]
-    yield "README.md", f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300"
+    yield (
+        "docs/reports/paper-200.md",
+        f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
+    )
     over_200 = filled(INTERVAL, row("paper-200/paper", "paper", "deq-mcl"))
     yield "README.md", _plain(f"than MCL ({over_200})").replace("+", "")
     yield "README.md", f"has the same {n('success_1m', 'amcl/lost', 'lost', 'mcl-map'):.0p} %"

@@ -18,6 +18,7 @@ from localizers.inference.hedge import hedged
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
+from localizers.models.plan_sensor import PlanSensor
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
 from localizers.naming.plugins import absolute_name
@@ -42,6 +43,7 @@ __all__ = [
     "Localizer",
     "OdometryMotion",
     "OmniMotion",
+    "PlanSensor",
     "PointsBelief",
     "PoseBelief",
     "Prior",

@@ -2,8 +2,12 @@
 
 import argparse
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.design import Sweep
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +24,7 @@ def run(options: argparse.Namespace) -> str:
     with doing("loading the localizers"):
         localizers = [(name, _parameters(name)) for name in names()]
     agents = [(name, str(agent.__doc__).partition("\n")[0]) for name, agent in AGENTS.items()]
-    suites = [(name, f"{s.combinations:,} trials: {s.title}") for name, s in SUITES.items()]
+    suites = [(name, f"{_size(s)}: {s.title}") for name, s in SUITES.items()]
     suites += [(name, f"all of {', '.join(members)}") for name, members in FAMILIES.items()]
     return "\n\n".join(
         (
@@ -42,6 +46,10 @@ def _parameters(name: str) -> str:
     except Exception as error:
         return f"cannot be loaded: {one_line(str(error))}"
     return "any parameters" if known is None else ", ".join(known)
+
+
+def _size(sweep: "Sweep") -> str:
+    return f"{sweep.planned:,} trials on {sweep.trials} worlds"
 
 
 def _lines(rows: Iterable[tuple[str, str]]) -> str:

@@ -24,7 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     shared.add_setting(parser)
-    add("--trials", type=int, default=10, metavar="K", help="worlds (10)")
+    shared.add_trials(parser, 10)
     add(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )

@@ -78,9 +78,20 @@ def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add the root seed."""
-    parser.add_argument("--seed", type=int, default=0, help="root of all randomness (0)")
+def add_seed(parser: argparse.ArgumentParser, default: int | None = 0) -> None:
+    """Add the root seed; None: that of the sweep."""
+    help_ = f"root of all randomness ({_else(default)})"
+    parser.add_argument("--seed", type=int, default=default, metavar="S", help=help_)
+
+
+def add_trials(parser: argparse.ArgumentParser, default: int | None = None) -> None:
+    """Add the number of worlds; None: that of the sweep."""
+    help_ = f"worlds of each setting ({_else(default)})"
+    parser.add_argument("--trials", type=int, default=default, metavar="K", help=help_)
+
+
+def _else(default: int | None) -> str:
+    return "as in the sweep" if default is None else str(default)
 
 
 def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
@@ -126,8 +137,10 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
     """
     from benchmarks.execution.apart import parameters
     from deqmcl_gym.validation import InputError, one_of
+    from localizers import absolute_name
     from localizers.naming.registry import complete
 
+    as_given = {absolute_name(name): name for name in localizers}
     found: dict[str, dict[str, Any]] = {}
     for word in words:
         place, equals, value = word.partition("=")
@@ -136,7 +149,9 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
             raise InputError(
                 f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
             )
-        name = one_of("localizer in --param", complete(given), localizers)
+        name = complete(given)
+        name = as_given.get(absolute_name(name), name)
+        one_of("localizer in --param", name, localizers)
         known = parameters(name)
         if known is not None:
             one_of(f"parameter of localizer {name!r} in --param", key, known)
@@ -204,6 +219,53 @@ def sweep_of(
     with checking():
         check(sweep)
     return sweep
+
+
+def changed(options: argparse.Namespace, sweeps: Mapping[str, "Sweep"]) -> dict[str, "Sweep"]:
+    """Return the sweeps with the worlds, the root seed and the parameters that are asked for.
+
+    A parameter is changed in every sweep that has the localizer, also where the sweep sets or
+    varies it. The method of a limit keeps its own, such as its particles.
+
+    Args:
+        options: of ``add_trials``, ``add_seed`` and ``add_params``.
+        sweeps: by name.
+
+    Raises:
+        InputError: a bad value, or a localizer or parameter that none of them has.
+    """
+    from benchmarks.setup.changes import Changes
+    from deqmcl_gym.validation import integer
+
+    found = dict(sweeps)
+    names = [method.name for sweep in sweeps.values() for method in sweep.localizers]
+    own = params_named(options.param, list(dict.fromkeys(names)))
+    for part, sweep in sweeps.items():
+        trials, seed = sweep.trials, sweep.seed
+        if options.trials is not None:
+            trials = integer("--trials", options.trials, low=1, high=100_000)
+        if options.seed is not None:
+            seed = integer("--seed", options.seed)
+        found[part] = replace(
+            sweep,
+            trials=trials,
+            seed=seed,
+            localizers=tuple(
+                replace(method, params=method.params | own.get(method.name, {}))
+                for method in sweep.localizers
+            ),
+            limits=tuple(
+                replace(
+                    limit,
+                    method=replace(
+                        limit.method,
+                        params=Changes(own.get(limit.method.name, {})) | limit.method.params,
+                    ),
+                )
+                for limit in sweep.limits
+            ),
+        )
+    return found
 
 
 def setting_words(sweep: "Sweep") -> str:

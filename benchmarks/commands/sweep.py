@@ -23,6 +23,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOCALIZER[,…]",
         help="localizers to add",
     )
+    shared.add_trials(parser)
+    shared.add_seed(parser, None)
+    shared.add_params(parser)
     shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
@@ -85,7 +88,7 @@ def _swept(options: argparse.Namespace) -> str:
     )
     how.where.check()
     with shared.checking():
-        sweeps = sweeps_named(options.suite, added)
+        sweeps = shared.changed(options, sweeps_named(options.suite, added))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():

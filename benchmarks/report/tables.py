@@ -170,8 +170,8 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
         "AUROC of what a filter makes of a plan against whether the plan, laid from the true pose, "
         "collides. feasible: share of the belief from which it does not; tempering: λ; "
         "log_evidence: of the belief with the plan over that without; log_evidence_20: its mean "
-        "over 20 steps; trusted: P(the plans are about this robot); trusted_lap: its mean over a "
-        "lap, against whether the plan collides in most of its steps; quality: P(not lost) by the "
+        "over 20 steps; trusted: P(the plans are about this robot); trusted_lap: its least in a "
+        "lap, against whether the plan collides at any of its steps; quality: P(not lost) by the "
         "scans. 1: a plan in conflict always has the smaller value; ½: chance. The scenarios of a "
         "line are taken together."
     )

@@ -100,9 +100,9 @@ class Agent(Protocol):
             info: the env's latest, without the truth.
 
         Returns:
-            action: to be carried out next, (distance px, turn rad).
-            plan: actions meant to follow, (h, 2), which the localizer gets with the next scan;
-                None: those that the env then shows.
+            The action to be carried out next, (distance px, turn rad), and the plan after it,
+            (h, 2), which the localizer gets with the next scan; None: that which the env then
+            shows.
         """
 
 

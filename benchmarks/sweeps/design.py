@@ -5,13 +5,14 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup.changes import NOTHING, Changes, jsonable
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.tables.pairing import BASELINE
-from benchmarks.trials.spec import Method, Trial, changes_of
+from benchmarks.trials.spec import Method, Run, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
@@ -26,7 +27,7 @@ class Limit:
         method: with its particles, which no axis changes.
         of: localizers with its target, which are held against it; (): all that no other limit
             names.
-        trials: worlds of each setting, the first ones.
+        trials: worlds of each setting, the first ones; all, if the sweep has fewer.
         filter_seeds: runs on each; from two on they tell how near it is to its own limit.
     """
 
@@ -100,7 +101,7 @@ class Sweep:
         title: one line, for the report.
         localizers: the methods compared.
         scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
-        lag: L; also a parameter of each localizer that has a use for it.
+        lag: the lag L; also a parameter of each localizer that has a use for it.
         world: changes to the world.
         assumed: changes to what the filters assume.
         disturbance: wrappers around the world, innermost first.
@@ -152,8 +153,6 @@ class Sweep:
         if self.baseline != BASELINE:
             one_of("baseline", self.baseline, [method.name for method in self.localizers])
         _refuse_two_limits(self.limits)
-        for limit in self.limits:
-            integer("trials of the limit", limit.trials, low=1, high=self.trials)
         if self.combinations > MOST:
             raise InputError(
                 f"the sweep has {self.combinations:,} trials, more than {MOST:,}: vary less, or "
@@ -165,7 +164,20 @@ class Sweep:
         """How many trials are asked for, counted without listing them; equal ones count twice."""
         points = math.prod(len(axis) for axis in self.vary)
         runs = len(self.localizers) * self.trials * self.filter_seeds
-        return points * (runs + sum(limit.trials * limit.filter_seeds for limit in self.limits))
+        return points * (runs + sum(math.prod(self._size(limit)) for limit in self.limits))
+
+    @property
+    def planned(self) -> int:
+        """How many trials it runs, counted by cells: equal combinations are one."""
+        points = math.prod(len(axis) for axis in self.vary)
+        sizes = [(self.trials, self.filter_seeds)] * (points * len(self.localizers))
+        for limit in self.limits:
+            sizes += [self._size(limit)] * points
+        known: dict[str, frozenset[Run]] = {}
+        for first, size in zip(self.cells(), sizes, strict=True):
+            name = json.dumps(first.canonical())
+            known[name] = known.get(name, frozenset()) | {size}
+        return sum(map(_runs_within, known.values()))
 
     @property
     def names(self) -> list[str]:
@@ -182,7 +194,7 @@ class Sweep:
     def limiting(self, limit: Limit) -> Iterator[Trial]:
         """Yield the trials of one of its limits, in the same order."""
         for base in self._points():
-            yield from self._runs(base, limit.method, limit.trials, limit.filter_seeds)
+            yield from self._runs(base, limit.method, *self._size(limit))
 
     def listed(self) -> Iterator[Trial]:
         """Yield all combinations: the methods', then the limits'."""
@@ -190,7 +202,7 @@ class Sweep:
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        limits = tuple(replace(limit, trials=1, filter_seeds=1) for limit in self.limits)
+        limits = tuple(replace(limit, filter_seeds=1) for limit in self.limits)
         return replace(self, trials=1, filter_seeds=1, limits=limits).listed()
 
     def distinct(self) -> list[Trial]:
@@ -208,6 +220,10 @@ class Sweep:
         if self.limits:
             said["limit"] = [limit.json() for limit in self.limits]
         return said
+
+    def _size(self, limit: Limit) -> Run:
+        """Return the worlds and filter seeds of a limit."""
+        return min(limit.trials, self.trials), limit.filter_seeds
 
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""
@@ -234,6 +250,13 @@ class Sweep:
         for number in range(trials):
             for filter_seed in range(filter_seeds):
                 yield Trial(**same, trial=number, filter_seed=filter_seed)
+
+
+@cache
+def _runs_within(sizes: frozenset[Run]) -> int:
+    """Count the runs within one or more numbers of worlds and filter seeds."""
+    worlds = range(max(trials for trials, _ in sizes))
+    return sum(max(seeds for trials, seeds in sizes if trials > world) for world in worlds)
 
 
 def _absolute(axis: Axis) -> Axis:

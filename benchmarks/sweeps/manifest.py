@@ -185,10 +185,10 @@ def append(folder: Path, made: Verified) -> None:
 
 
 def _less(theirs: Any, ours: dict[str, Any]) -> Any:
-    """Return an identity as if it were ours, as far as ours has more worlds or localizers."""
+    """Return an identity as if it were ours, but for more worlds or localizers and the title."""
     try:
         held, asked = theirs["sweep"], ours["sweep"]
-        more = {
+        more = {"title": asked["title"]} | {
             name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
         }
         if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:

@@ -87,8 +87,8 @@ def _steps(runs: Sequence[Mapping[str, Floats]], name: str) -> Steps:
 
 
 def _laps(runs: Sequence[Mapping[str, Floats]]) -> Steps:
-    """The mean trust of a world's laps, and whether the plan conflicts in most steps of each."""
+    """The lowest trust of each lap of a world, and whether its plan ever conflicts."""
     laps = [_steps([run], "trusted") for run in runs]
-    means = [(trusted.mean(), conflict.mean() > 0.5) for trusted, conflict in laps if trusted.size]
-    trusted, conflict = zip(*means, strict=True) if means else ((), ())
+    ends = [(trusted.min(), conflict.any()) for trusted, conflict in laps if trusted.size]
+    trusted, conflict = zip(*ends, strict=True) if ends else ((), ())
     return np.array(trusted), np.array(conflict, bool)

@@ -23,7 +23,7 @@ class Setting:
         scenario: name of the world and of what the filters assume.
         world, assumed: changes to both, by dotted name.
         disturbance: wrappers around the world, innermost first.
-        lag: L.
+        lag: the lag L.
         seed: root of all randomness.
     """
 

@@ -121,6 +121,7 @@ CONTENTS = {
         "docs/your-map-your-log",
         "docs/gallery/index",
         "docs/learning",
+        "docs/faq",
     )
     + _tree(
         "Results",
@@ -135,6 +136,8 @@ CONTENTS = {
     + _tree(
         "Reference",
         "docs/site/api",
+        "docs/site/api-wrappers",
+        "docs/site/api-benchmarks",
         "docs/equations",
         "docs/decisions/README",
         "docs/README",

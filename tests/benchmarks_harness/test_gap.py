@@ -118,7 +118,7 @@ def ran(sweep):
 
 
 def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
-    assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct())
+    assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct()) == SWEEP.planned
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
     assert {t.params for t in limits} == {Changes(MANY)}
@@ -127,16 +127,24 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
 
+def test_a_limit_has_as_many_worlds_as_the_sweep_at_most():
+    fewer = replace(SWEEP, trials=1)
+    assert {trial.trial for trial in fewer.limiting(*SWEEP.limits)} == {0}
+    assert fewer.combinations == 2 * 3 + 4 == len(fewer.distinct()) == fewer.planned
+
+
 def test_an_axis_over_what_the_limit_fixes_runs_it_once():
     varied = {"vary": [{"params.particles": [10, 20, 30]}]}
     sweep = sweep_of(SWEEP.canonical() | varied, title="varied")
     assert len({t.params for t in sweep.limiting(*sweep.limits)}) == 1
     assert sweep.combinations - len(sweep.distinct()) == 2 * 8 + 2 * 15  # and dead reckoning
+    assert sweep.planned == len(sweep.distinct())
 
 
 def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
     sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
     apart = of_sweep(sweep, results(ran(sweep)))
+    assert sweep.planned == len(sweep.distinct())
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]
 
@@ -153,7 +161,6 @@ def test_what_is_written_of_a_limit_is_read_again():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"limit": {"name": "mcl", "trials": 6}}, ["trials of the limit", "6", "5"]),
         ({"limit": {"name": "mcl", "filter_seeds": 0}}, ["filter_seeds of the limit", "0"]),
         ({"limit": {"name": "mlc"}}, ["'mlc'"]),
         ({"limit": {"trials": 2}}, ["limit has no name"]),

@@ -8,7 +8,9 @@ import sysconfig
 import tomllib
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
+import pytest
 from deqmcl_command import exit_code, lines, process, python
 from test_links import ROOT
 
@@ -46,6 +48,13 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_
     rows = {row["offset"]: row for row in lines(results, "results.csv") if row["method"] == NAMED}
     assert math.isfinite(float(rows["0"]["error"]))
     assert NAMED in (results / "report.html").read_text()
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/environment.md"])
+def test_the_table_of_ids_names_every_environment(page):
+    rows = re.findall(r"^\| (`\w+-v0`.*?) \|", (ROOT / page).read_text(), re.MULTILINE)
+    named = [f"deqmcl_gym/{name}" for row in rows for name in re.findall(r"`(\S+)`", row)]
+    assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
 
 
 def test_the_code_shown_is_the_file_that_new_localizer_writes():

@@ -92,7 +92,27 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     for name in scenario_names():
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
-    assert re.search(r"^  headline +10,800 trials: ", said, re.MULTILINE)
+    assert re.search(r"^  plan-sensor +32,720 trials on 200 worlds: ", said, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("deqmcl lea", {"leaderboard"}),
+        ("deqmcl new-map --co", {"--corridor", "--corridors"}),
+        ("deqmcl x", {""}),
+    ],
+)
+def test_tab_completes_commands_and_their_options(tmp_path, line, offered):
+    told = tmp_path / "offered"
+    shell = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(told),
+        "_ARGCOMPLETE_IFS": "|",
+    }
+    position = {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    process(DEQMCL, env=os.environ | shell | position)
+    assert {word.strip() for word in told.read_text().split("|")} == offered
 
 
 ROOT = Path(__file__).parents[2]

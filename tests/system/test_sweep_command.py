@@ -12,7 +12,7 @@ from sweep_command import sweep, tables, trial_files, write_small
 from benchmarks.report import writing
 from benchmarks.sweeps import dry_run, manifest
 from benchmarks.sweeps.suites import FAMILIES, SUITES
-from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 
 
 def test_a_sweep_writes_tables_manifest_and_one_file_per_trial_and_no_lock_stays(finished):
@@ -62,6 +62,40 @@ def test_shards_into_one_folder_or_joined_by_copying_come_to_the_whole(
     assert len(ran) == 4
     assert tables(out) == tables(finished)
     assert not list(out.glob(".deqmcl*"))
+
+
+LIMITED = """
+[[vary]]
+params.particles = [5, 6]
+
+[limit]
+name = "mcl"
+params.particles = 30
+trials = 2
+"""
+
+
+def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_them(tmp_path, ran):
+    file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
+    given = "--trials", "1", "--seed", "3", "--param", "mcl.particles=7"
+    assert sweep(file, out, *given, "--param", 'mcl.resampler="multinomial"') == 0
+    said = json.loads((out / "manifest.json").read_text())
+    assert said["command"][-2:] == ["--param", 'mcl.resampler="multinomial"']
+    own = "particles = 7, resampler = 'multinomial'"
+    text = file.read_text().replace("= 30", "= 30\nparams.resampler = 'multinomial'")
+    text = text.replace("trials = 2", "trials = 1\nseed = 3", 1)
+    file.write_text(text.replace('"mcl",', f'{{ name = "mcl", params = {{ {own} }} }},'))
+    assert read_sweep(file).canonical() == said["identity"]["sweep"]
+    assert len(ran) == 2 + 2  # mcl is the same at both points of the axis; its limit runs twice
+
+
+def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ran):
+    file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
+    assert sweep(file, out, "--trials", "1") == 0
+    file.write_text(file.read_text().replace('"small"', '"larger"'))
+    assert sweep(file, out) == 0
+    assert len(ran) == 2 * (2 + 1 + 2)  # mcl at two points, dead reckoning, the limit's runs
+    assert json.loads((out / "manifest.json").read_text())["identity"]["sweep"]["title"] == "larger"
 
 
 @pytest.mark.parametrize(

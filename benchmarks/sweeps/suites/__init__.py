@@ -75,7 +75,7 @@ def paper_sweep(
         localizers: names; each gets those of ``params`` (and ``lag``) that it has a use for.
         trials: number of worlds.
         seed: root of all randomness.
-        lag: L.
+        lag: the lag L.
         params: of the localizers.
     """
     return Sweep(
