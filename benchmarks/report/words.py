@@ -11,10 +11,9 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import reading
-from benchmarks.tables.text import full_name, percent, short_name
+from benchmarks.tables.text import TITLES, full_name, percent, short_name
 from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
-from localizers.naming.registry import is_plug_in
 
 
 class Said(NamedTuple):
@@ -162,7 +161,7 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     outcomes: dict[str, list[str]] = {}
     for panel, one in found:
         for row in panel.ranked:
-            if is_plug_in(row.method.name) and not row.is_baseline and row is not one.winner:
+            if row.method.name not in TITLES and not row.is_baseline and row is not one.winner:
                 what = _outcome(row)
                 what = what[0].lower() + what[1:]
                 brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"

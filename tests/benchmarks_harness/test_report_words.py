@@ -5,12 +5,14 @@ import re
 import pytest
 from report_cases import changed, finished, paired, parsed, results, trials, written
 
+import localizers
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
 from benchmarks.report.words import conclusion, findings, power_hint, runner_up, spoken
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
+from benchmarks.tables.text import TITLES
 
 ONE = (0,)
 
@@ -228,6 +230,7 @@ def test_of_one_method_in_several_settings_the_ends_are_told_and_nothing_is_comp
 
 
 def test_a_plug_in_is_in_the_verdict_whoever_is_best():
+    assert set(localizers.names()) == set(TITLES)  # all others are plug-ins
     own = "./file.py:Mine"
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
     assert " Plug-in Mine: 24.0 px, larger error than mcl." in spoken(panel_of(records)).text
