@@ -59,23 +59,26 @@ def run(options: argparse.Namespace) -> str:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
             drawing = beside.submit(paper_figures, chosen(sweep.distinct()), figures)
             results = running.results()
+            drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Drawn(out))
+            files = write_report(out, results, Drawn(out)) + drawn
             if lacking := incomplete_sentence(results):
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(lacking)
-            files += drawing.result()
         write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
-    return f"{table}\n{conclusion(results)}\n\nWritten to {out}: table.md, {named}."
+    return f"{table}\n{conclusion(results).text}\n\nWritten to {out}: table.md, {named}."
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:
     from benchmarks.tables.table_1 import reading, table_1
+    from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
-    title = f"Table 1, scenario {sweep.scenario}: {worlds}, {shared.setting_words(sweep)}"
+    title = (
+        f"Table 1, scenario {short_name(sweep.scenario)}: {worlds}, {shared.setting_words(sweep)}"
+    )
     mark = "# " if style == "github" else ""
     rows = [row for panel in results.panels for row in panel.rows]
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]

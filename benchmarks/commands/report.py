@@ -31,4 +31,4 @@ def run(options: argparse.Namespace) -> str:
     written = [path.relative_to(out) for path in rewrite_report(options.folder, out, results)]
     names = [str(path) for path in written if len(path.parts) == 1]
     said = f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
-    return f"{said}\n{conclusion(results)}"
+    return f"{said}\n{conclusion(results).text}"

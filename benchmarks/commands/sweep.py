@@ -109,7 +109,7 @@ def _swept(options: argparse.Namespace) -> str:
         with begun(sweep, out / part, how, command=options.words) as running:
             results = running.results()
             files = write_report(out / part, results)
-        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results)}")
+        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results).text}")
         if results.failures or how.shard is None:
             failed += filter(None, [incomplete_sentence(results)])
     if (why := no_report()) is not None:

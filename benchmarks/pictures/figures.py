@@ -1,4 +1,4 @@
-"""The paper's figures 4 and 5 and an animation of the lap, always of trial 0: no picking.
+"""The paper's figures 4 and 5 and an animation of the lap, always of world 0: no picking.
 
 Curves are by matplotlib, an optional extra.
 """
@@ -73,13 +73,34 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
+FIGURES = {  # by how the file's name begins: heading, what is to be seen
+    **{
+        f"fig4_{method}": (
+            f"Figure 4: half-way round, {method}",
+            "Particles about the present, orange; with a queue also about the past, pink, and the "
+            "future, light blue. Cross: the estimate, their mean. Line: the plan, from the robot.",
+        )
+        for method in FIG_4_METHODS
+    },
+    f"fig5_step{FIG_5_STATE}": (
+        f"Figure 5: state {FIG_5_STATE} when it is present",
+        "The belief about it is orange. Its particles were drawn L steps earlier, as a future.",
+    ),
+    "fig5_step": (
+        f"Figure 5: state {FIG_5_STATE}, looked back at",
+        "The belief about the same state is pink now; the ring is where the robot was. No new "
+        "particles were drawn: those that later scans contradict are gone, copies of others stand "
+        "in their places. So the SD shrinks; the error does only if the right ones are left.",
+    ),
+    "lap": ("The lap", "As figure 4, every 4th step."),
+}
 LAP_STRIDE = 4  # steps per frame
 LAP_MILLISECONDS = 120
 _LONGEST = 560.0  # px of the paper's room
 _LEAST_SCALE = 0.01
 
 
-def camera_of(stage: Stage, scale: float = 2.0) -> Camera:
+def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
     """Return a camera for the room of a trial, set up.
 
     A building is drawn smaller: 560 image pixels times the scale are the most to a side.
@@ -114,14 +135,14 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
         if method in seen:
             camera, episode = seen[method]
             half_way = episode[(len(episode) - 1) // 2]
-            contents[f"fig4_{method}.png"] = png(camera.frame(half_way, method))
+            contents[f"fig4_{method}.png"] = png(camera.frame(half_way, [method]))
     if FIG_5_METHOD in seen:
         contents |= _fig_5(*seen[FIG_5_METHOD])
     shown = [method for method in LAP_METHODS if method in seen]
     if shown:
         small = camera_of(stages[0], scale=1.2)
         laps = [
-            [small.frame(moment, method) for moment in seen[method][1][::LAP_STRIDE]]
+            [small.frame(moment, [method]) for moment in seen[method][1][::LAP_STRIDE]]
             for method in shown
         ]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
@@ -135,11 +156,12 @@ def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:
     if later >= len(episode):
         return {}
     images = {}
+    truth, unit = episode[FIG_5_STATE].truth, camera.view.floor_plan.unit
     for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
-        unit = camera.view.floor_plan.unit
-        seen = _error_and_spread(episode[step].belief, offset, episode[FIG_5_STATE].truth, unit)
-        note = f"state {FIG_5_STATE} seen at step {step}: {seen}"
-        images[f"fig5_step{step}.png"] = png(camera.frame(episode[step], FIG_5_METHOD, note))
+        seen = _error_and_spread(episode[step].belief, offset, truth, unit)
+        words = [f"{FIG_5_METHOD}, state {FIG_5_STATE} seen at step {step}", seen]
+        frame = camera.frame(episode[step], words, truth if offset else None)
+        images[f"fig5_step{step}.png"] = png(frame)
     return images
 
 

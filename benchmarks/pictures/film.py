@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import PIL.Image
 
-from benchmarks.tables.text import TITLES, state_name
+from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import Fixes, driven, metre
 from deqmcl_gym.numerics import arrays
@@ -36,7 +36,6 @@ _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to f
     (0, ORANGE, "present"),
 )
 _BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown no plan
-_TALL = 24  # image pixels per line of text
 _LAST = 1500  # ms that the last image stays
 
 
@@ -54,16 +53,28 @@ class Camera:
     radius: float
     lag: int
 
-    def frame(self, moment: Moment, method: str, note: str = "") -> Image:
-        """Draw one moment: clouds, robot, step number; below it the method, a note, a legend."""
+    def frame(self, moment: Moment, words: Sequence[str], past: Reals | None = None) -> Image:
+        """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
+
+        Args:
+            moment: what is drawn.
+            words: lines of them.
+            past: the true pose at offset -L, if the estimate is to be of it: it has a ring.
+        """
         drawing, clouds = self.scene(moment)
+        marks = [("robot", GRAY), ("estimate", BLACK)]
+        if moment.plan is not None and len(moment.plan):
+            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+            marks.append(("plan", _PLAN))
         drawing.robot(moment.truth, self.radius)
-        image = with_strip(drawing.image, 2 * _TALL + 8)
-        left, below = self.view.margin, drawing.image.shape[0]
-        title = TITLES.get(method, method)
-        write_words(image, f"{title}{', ' if note else ''}{note}", (left, below + _TALL - 8))
-        write_legend(image, [*clouds, ("robot", GRAY)], (left, below + 2 * _TALL - 4))
-        return image
+        if past is not None:
+            _ring(drawing, past.tolist(), self.radius)
+            marks.append(("true pose then", _BEST))
+        if (held := moment.belief.points(0 if past is None else -self.lag)) is not None:
+            _cross(drawing, mean_pose(*held))
+        legend = [*clouds, *marks]
+        longest = [*self.layers, *marks]  # frames side by side have one height
+        return _captioned(drawing, words, legend, longest)
 
     @property
     def layers(self) -> list[tuple[str, Color]]:
@@ -123,9 +134,9 @@ def side_by_side(images: Sequence[Image]) -> Image:
 
 _BEST: Color = (0, 114, 178)
 _PLAN: Color = (0, 158, 115)
-_LINE = 20  # image pixels per line of text
+_LINE = 24  # image pixels per line of text
 _STRIP = 32  # image pixels: height of the curve of q
-_SIZE = 0.42  # of letters
+_SIZE = 0.5  # of letters: legible where two rooms are a column wide
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
 
@@ -176,17 +187,14 @@ class Film:
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
-        (place,) = drawing.view.pixels([mean[:2]])
-        cv2.drawMarker(
-            drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA
-        )
+        _cross(drawing, mean)
         note = self._localized(drawing) if whole else ""
         unit = camera.view.floor_plan.unit
         x, y, _ = moment.truth.tolist()
         off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
-        words = [self.title, f"step {moment.step}: best {best_off}, mean {mean_off} off{note}"]
+        words = [self.title, f"step {moment.step}: best {best_off}, mean {mean_off} off", note]
         longest = [*_MARKS, *camera.layers]
         if not self._trusted:
             return _captioned(drawing, words, [*_MARKS, *clouds], longest)
@@ -211,10 +219,10 @@ class Film:
         )
         metres = fixes.metres_to_localize
         if not math.isfinite(metres):
-            return ", never localized"
+            return "never localized"
         place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
         cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
-        return f", localized after {metres * unit:.{1 if unit == 1 else 0}f} {name}"
+        return f"localized after {metres * unit:.{1 if unit == 1 else 0}f} {name}"
 
 
 def _present(moment: Moment) -> tuple[Reals, Floats]:
@@ -240,6 +248,11 @@ def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
 
 
+def _cross(drawing: Drawing, pose: tuple[float, ...]) -> None:
+    (place,) = drawing.view.pixels([pose[:2]])
+    cv2.drawMarker(drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA)
+
+
 def _at(place: Floats) -> tuple[int, int]:
     column, row = np.rint(place).astype(int).tolist()
     return column, row
@@ -257,9 +270,9 @@ def _captioned(
     lines = len(words) + len(_rows(longest, width - 2 * left))
     image = with_strip(drawing.image, 2 * math.ceil(_LINE * lines / 2) + 8)
     for place, line in enumerate(words, 1):
-        write_words(image, line, (left, below + place * _LINE - 4), _SIZE)
+        write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):
-        write_legend(image, row, (left, below + place * _LINE - 4), _SIZE)
+        write_legend(image, row, (left, below + place * _LINE - 6), _SIZE)
     return image
 
 
@@ -269,7 +282,7 @@ def _with_trust(image: Image, trusted: Sequence[float], view: View) -> Image:
     image = with_strip(image, _STRIP + 12)
     top, right = below + 4, image.shape[1] - left
     write_words(image, f"trust in plans {trusted[-1]:.2f}", (left, top + _STRIP // 2 + 4), _SIZE)
-    start = left + 150
+    start = left + 170
     cv2.rectangle(image, (start, top), (right, top + _STRIP), GRAY, 1)
     shown = np.asarray(trusted[-((right - start) // 2) :])
     columns, rows = start + 2 * np.arange(shown.size), top + (1.0 - shown) * _STRIP

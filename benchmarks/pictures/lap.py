@@ -44,7 +44,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
     title = TITLES.get(trial.localizer, trial.localizer)
-    film = Film(figures.camera_of(stage, scale=1.6), title, figures.LAP_STRIDE)
+    film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
     trace = trace_of(episode, trial.offsets, stage.task)

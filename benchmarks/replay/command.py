@@ -125,7 +125,7 @@ def run_replay(
             files = write_part(out, "replay", _contents(replay, rows, results, said))
     apart = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(rows)
-    texts = [conclusion(results), *accuracy(rows), replay.overview]
+    texts = [conclusion(results).text, *accuracy(rows), replay.overview]
     texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")

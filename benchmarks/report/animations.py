@@ -10,10 +10,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from msgspec import Struct
 
 from benchmarks.files import as_written
+from benchmarks.pictures.figures import FIGURES
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
@@ -33,6 +35,15 @@ class _Entry(Struct):
     trials: list[str]
 
 
+class Figure(NamedTuple):
+    """A picture of ``deqmcl paper``: its file's name and content, and its words."""
+
+    name: str
+    content: bytes
+    title: str
+    caption: str
+
+
 @dataclass(frozen=True)
 class Drawn:
     """Takes the pictures that a sweep has drawn in its folder, if they are of the same trials."""
@@ -50,6 +61,17 @@ class Drawn:
     def given(self) -> Iterator[Callable[[Animation], Promise]]:
         """As ``drawing`` promises animations, but nothing is started."""
         yield lambda shown: lambda: self._of(shown)
+
+    @cached_property
+    def figures(self) -> list[Figure]:
+        """The paper's figures, if ``deqmcl paper`` has drawn them in the folder."""
+        folder = self.folder / "figures"
+        found = []
+        for path in sorted(folder.glob("*")):
+            words = (words for start, words in FIGURES.items() if path.name.startswith(start))
+            if (told := next(words, None)) and as_written(folder, path.name):
+                found.append(Figure(path.name, content_of(path), *told))
+        return found
 
     @cached_property
     def _index(self) -> dict[str, _Entry]:

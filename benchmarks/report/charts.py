@@ -1,11 +1,13 @@
 """The charts of a panel, its rows drawn: errors, and runs of robots lost, kidnapped or driving."""
 
 import math
+from statistics import median
 from textwrap import wrap
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from benchmarks.report.curves import FAR, LOG_RATIO, left_out, spaced
 from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
 from benchmarks.report.tables import Table
 from benchmarks.report.words import estimated, p_value
@@ -57,7 +59,7 @@ _TESTS = (
 _CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
         "Localized against metres driven",
-        "localized for good, % of runs",
+        "localized to the end, % of runs",
         "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
         "end.",
     ),
@@ -247,6 +249,9 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
     profiles = {panel.labels[m]: profile(records) for m, records in panel.records.items()}
     if all(len(errors) < 2 for errors in profiles.values()):
         return None
+    most = {label: max(one.mean for one in own.values()) for label, own in profiles.items() if own}
+    out = [label for label, error in most.items() if error > FAR * median(most.values())]
+    profiles = {label: errors for label, errors in profiles.items() if label not in out}
     figure, axes = canvas(4.8, 2.9, legend_of=profiles)
     for label, errors in profiles.items():
         estimates(axes, list(errors), list(errors.values()), looks[label], label)
@@ -259,7 +264,8 @@ def offset_chart(panel: Panel, looks: Looks) -> Picture | None:
         name=f"offsets-{panel.number}",
         title="Along the queue",
         caption="Error of the belief at t about x[t+k], over the same states for every k; bars are "
-        "95 % bootstrap intervals over worlds. A method without a queue is a single mark.",
+        f"95 % bootstrap intervals over worlds. A method without a queue is a single mark."
+        f"{left_out(out, 'the median')}",
         alt=f"Error against the offset of the state, {panel.title}",
     )
 
@@ -273,7 +279,14 @@ def speed_chart(panel: Panel, looks: Looks) -> Picture | None:
     for row in timed:
         label = panel.labels[row.method]
         estimates(axes, [row.milliseconds], [row.error], looks[label], label, size=7)
-    axes.set(xlabel="localizer's time per step, ms (median over runs)", xlim=(0, None))
+    times = [row.milliseconds for row in timed]
+    wide = min(times) > 0 and max(times) > LOG_RATIO * min(times)
+    axes.set(xlabel="localizer's time per step, ms (median over runs)")
+    if wide:
+        spaced(axes, [one * 10**power for power in range(-3, 6) for one in (1, 2, 5)])
+        axes.set_xlim(0.7 * min(times), 1.4 * max(times))
+    else:
+        axes.set_xlim(0, None)
     axes.set(ylabel="error e of x[t]", ylim=(0, None))
     return picture(
         figure,
@@ -308,7 +321,7 @@ def calibration_chart(panel: Panel, looks: Looks) -> Picture | None:
     return picture(
         figure,
         name=f"calibration-{panel.number}",
-        title="Calibration",
+        title="Coverage",
         caption="How often the truth lies inside the belief's credible regions of x[t]. Below the "
         "line a belief is overconfident, above it too cautious. Bars: 95 % bootstrap intervals "
         "over worlds; marks are spread horizontally.",

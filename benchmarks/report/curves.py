@@ -1,14 +1,17 @@
 """Curves over every number that was swept: of the world, of what is assumed, of a localizer."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from matplotlib.axes import Axes
 
 from benchmarks.report.svg import INK, Look, Picture, canvas, estimates, picture
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import Estimate
+from benchmarks.tables.text import short_name
 
 Place = dict[str, Any]  # where a panel lies: values by dotted name
 Curves = dict[str, dict[float, Estimate]]  # what is known of each method, by label and value
@@ -16,7 +19,7 @@ Coordinates = frozenset[tuple[str, Any]]
 
 _TICKS = 8  # values that are named on an axis
 FAR = 3  # times the baseline's error: a difference that would hide all others
-_LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
+LOG_RATIO = 8  # a range of values wider than this is drawn on a logarithmic axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +157,19 @@ def _left_out(chart: _Chart, quantity: Quantity) -> list[str]:
     return list(dict.fromkeys(far))
 
 
+def spaced(axes: Axes, ticks: Sequence[float]) -> None:
+    """Give an axis a logarithmic scale with these ticks."""
+    axes.set_xscale("log")
+    axes.set_xticks(ticks, [f"{value:g}" for value in ticks])
+    axes.set_xticks([], minor=True)
+
+
+def left_out(labels: Sequence[str], of: str) -> str:
+    """Say which methods are not drawn, as they are too far off; "" if all are."""
+    said = f" Left out, above {FAR} times {of}: {', '.join(labels)}."
+    return said if labels else ""
+
+
 def _drawn(
     name: str,
     chart: _Chart,
@@ -168,11 +184,9 @@ def _drawn(
     finite = sorted(filter(math.isfinite, chart.panels))
     if len(finite) <= _TICKS:
         axes.set_xticks(finite, [f"{value:g}" for value in finite])
-    if finite and finite[0] > 0 and finite[-1] / finite[0] >= _LOG_RATIO:
-        axes.set_xscale("log")
-        axes.set_xticks(finite, [f"{value:g}" for value in finite])
-        axes.set_xticks([], minor=True)
-    words = coordinate_words(chart.key)
+    if finite and finite[0] > 0 and finite[-1] / finite[0] >= LOG_RATIO:
+        spaced(axes, finite)
+    words, *others = coordinate_words([chart.key, *chart.followers])
     axes.set(xlabel=words, ylabel=quantity.axis)
     margin = 0.05 * (max(ends) - min(ends))
     lowest = min(ends) - margin if quantity.lowest is None else quantity.lowest
@@ -180,25 +194,58 @@ def _drawn(
     axes.axhline(0, color=INK, linewidth=0.8)
     title = f"{quantity.title} over {words}" + (f": {chart.where}" if chart.where else "")
     caption = quantity.caption
-    if out := _left_out(chart, quantity):
-        caption += f" Left out, above {quantity.far:g} times the baseline's error: "
-        caption += f"{', '.join(out)}."
-    if others := ", ".join(map(coordinate_words, chart.followers)):
-        caption += f" Together with {words} change: {others}."
+    caption += left_out(_left_out(chart, quantity), "the baseline's error")
+    if others:
+        caption += f" Together with {words} change: {', '.join(others)}."
     return picture(figure, name=name, title=title, caption=caption, alt=title)
 
 
 def _where(rest: Coordinates, others: Iterable[Coordinates]) -> str:
     """What sets a chart apart from the others over the same coordinate."""
     shared = frozenset.intersection(*others)
-    return ", ".join(
-        str(value) if key in ("scenario", "disturbance") else f"{coordinate_words(key)} {value}"
-        for key, value in sorted(rest - shared)
-    )
+    apart = dict(sorted(rest - shared))
+    plain = [short_name(str(apart.pop(key))) for key in ("disturbance", "scenario") if key in apart]
+    return ", ".join(filter(None, [valued(apart), *reversed(plain)]))
 
 
-def coordinate_words(key: str) -> str:
-    """Return what a coordinate is called in a chart."""
-    if key == "lag":
-        return "lag L"
-    return key.removeprefix("params.").removeprefix("world.").replace("assumed.", "assumed ")
+_WORDS = {  # of what can be swept: what it is called, its unit
+    "lag": ("lag L", ""),
+    "lidar.sigma": ("σ of the lidar", ""),
+    "lidar.beams": ("beams", ""),
+    "scan.sigma": ("σ of scans", ""),
+    **{f"{who}.{name}": (f"noise of {name}", "") for who in ("noise", "motion")
+       for name in ("drive", "turn", "drift")},
+    "floor_plan.office.corridor": ("width of corridors", "m"),
+    "route.length": ("length of the route", "m"),
+}  # fmt: skip
+
+
+def _words(key: str) -> tuple[str, str]:
+    """What a coordinate is called, and its unit; one without words by its name."""
+    group, _, name = key.partition(".")
+    if group == "params":
+        return name, ""
+    words, unit = _WORDS.get(name or group, (name.replace(".", " ").replace("_", " "), ""))
+    return f"assumed {words}" if group == "assumed" else words, unit
+
+
+def coordinate_words(keys: Sequence[str]) -> list[str]:
+    """Return what coordinates are called in a chart; least and most of a range have one name."""
+    merged = dict.fromkeys(_merged(key, keys) for key in keys)
+    return [", ".join(filter(None, _words(key))) for key in merged]
+
+
+def valued(place: Mapping[str, Any]) -> str:
+    """Return coordinates with their values, as "length of the route 8 to 12 m"."""
+    values: dict[str, list[str]] = {}
+    for key, value in sorted(place.items(), key=lambda item: "max_" in item[0]):
+        told = f"{value:g}" if is_number(value) else str(value)
+        values.setdefault(_merged(key, place), []).append(told)
+    named = ((*_words(key), " to ".join(told)) for key, told in values.items())
+    return ", ".join(f"{words} {told} {unit}".strip() for words, unit, told in named)
+
+
+def _merged(key: str, keys: Container[str]) -> str:
+    """The name without min_ and max_, if both are among the keys."""
+    ends = {key.replace(a, b) for a, b in (("min_", "max_"), ("max_", "min_"))}
+    return key.replace("min_", "").replace("max_", "") if all(e in keys for e in ends) else key

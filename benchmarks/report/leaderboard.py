@@ -161,7 +161,10 @@ def _runs(read: Sequence[Source]) -> Table:
         )
     header = ["run", "folder", "command", "versions", "code (SHA-256)"]
     return Table(
-        "What made the numbers: the command, versions and digest of every run.", header, lines
+        "What made the numbers: the command, versions and digest of every run.",
+        header,
+        lines,
+        words=True,
     )
 
 

@@ -7,14 +7,14 @@ from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
-from benchmarks.report.words import capital
-from benchmarks.tables.text import full_name
+from benchmarks.report.words import Said, capital
+from benchmarks.tables.text import short_name
 from deqmcl_gym.files import command_line
 
 
@@ -26,7 +26,7 @@ def html(story: Story) -> str:
         title=results.title,
         story=story,
         sections=story.sections,
-        baseline=full_name(results.baseline),
+        baseline=short_name(results.baseline),
         partial=bool(results.missing or results.failures),
         command=command_line(results.command),
         environment=json.dumps(results.environment, indent=2),
@@ -51,6 +51,7 @@ def page(template: str, **values: Any) -> str:
     engine.filters["inline"] = lambda picture: Markup(picture.inline)  # matplotlib has escaped it
     engine.filters["base64"] = lambda content: b64encode(content).decode()
     engine.filters["whole"] = whole
+    engine.filters["cell"] = cell
     engine.filters["capital"] = capital
     light = "".join(f"--{look.name}: {look.color}; " for look in LOOKS)
     dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
@@ -60,10 +61,23 @@ def page(template: str, **values: Any) -> str:
     return engine.get_template(template).render(style=style, **values)
 
 
-def whole(cell: str) -> str:
-    """Return a table's cell so that lines break nowhere but before an interval or an SD."""
-    inside = re.sub(r"\([^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), cell)
-    return re.sub(r"(?<=\d) (?=[%×▲▼○])", "\u00a0", inside)
+def whole(text: str) -> str:
+    """Return a text so that lines break neither within an interval or SD nor before a unit."""
+    inside = re.sub(r"\([^()]*\d[^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), text)
+    return re.sub(r"(?<=\d) (?=[%×▲▼○]|px\b|m\b|points\b|to [−\d]|of \d)", "\u00a0", inside)
+
+
+def parted(cell: str) -> tuple[str, str]:
+    """Return a number and the interval or SD behind it; "" if there is none."""
+    value, found, ends = whole(cell).partition(" (")
+    apart = found and value[:1] in "+−0123456789" and ends.endswith(")")
+    return (value, f"({ends}") if apart else (whole(cell), "")
+
+
+def cell(text: str) -> Markup:
+    """Return a table's cell: an interval or SD is on a line of its own in all rows, or in none."""
+    value, ends = parted(text)
+    return Markup("{} <span>{}</span>").format(value, ends) if ends else escape(value)
 
 
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
@@ -74,7 +88,7 @@ def markdown(story: Story, folder: str) -> str:
     results = story.results
     parts = [
         f"# {plain(results.title)}",
-        f"**{plain(story.conclusion)}**",
+        _bold(story.conclusion),
         plain(story.overview),
         f"{story.progress} How to read it: "
         "docs/reports.md of deqmcl-gym has every number's definition.",
@@ -83,7 +97,12 @@ def markdown(story: Story, folder: str) -> str:
         shown = [*story.glances, *([story.validity] if story.validity else [])]
         parts += ["## At a glance", *(table_text("", glance) for glance in shown)]
     for section in story.sections:
-        parts += _section(section, folder)
+        parts += _section(section, folder, known=bool(story.figures))
+    if story.figures:
+        parts += ["## The paper's figures, of world 0"]
+        parts += [
+            f"![{f.title}]({folder}/{f.name})\n\n**{f.title}.** {f.caption}" for f in story.figures
+        ]
     if story.curves:
         parts += ["## Over the swept parameters", *(_image(one, folder) for one in story.curves)]
     if story.failed.lines:
@@ -100,10 +119,10 @@ def markdown(story: Story, folder: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _section(section: Section, folder: str) -> list[str]:
+def _section(section: Section, folder: str, *, known: bool) -> list[str]:
     panel = section.panel
     parts = [f"## {panel.number}. {plain(panel.title)}"]
-    parts.append(plain(f"{section.verdict} {section.runner_up}"))
+    parts.append(f"{_bold(section.verdict)} {plain(section.runner_up)}".strip())
     if panel.verdict is not None:
         parts.append(table_text("", section.table))
         parts.append("\n".join(f"- {plain(one)}" for one in section.findings))
@@ -112,9 +131,15 @@ def _section(section: Section, folder: str) -> list[str]:
         parts += _block(block, folder)
     for one in section.animations:
         parts += [f"![{one.title}]({folder}/{one.name}.webp)", f"*{one.title}. {one.caption}*"]
-    if section.no_animation:
+    if section.no_animation and not known:
         parts.append(f"No animation: {plain(section.no_animation)}")
     return [part for part in parts if part]
+
+
+def _bold(said: Said) -> str:
+    """A verdict, its first words in bold."""
+    more = said.text.removeprefix(said.short)
+    return f"**{plain(said.short)}**{plain(more)}"
 
 
 def _block(block: Block, folder: str) -> list[str]:
@@ -141,7 +166,7 @@ def images(story: Story) -> dict[str, bytes]:
     """Return the files that results.md shows, by name."""
     drawn = {f"{picture.name}.svg": picture.standalone.encode() for picture in story.pictures}
     animations = [one for section in story.sections for one in section.animations]
-    return drawn | animation_files(animations)
+    return drawn | animation_files(animations) | {one.name: one.content for one in story.figures}
 
 
 def fenced(text: str, kind: str = "") -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.pictures import styled
 from benchmarks.report import charts, error_tables, tables, tracks, words
-from benchmarks.report.animations import Drawn, animations_of
+from benchmarks.report.animations import Drawn, Figure, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -143,7 +143,8 @@ class Section:
 
     Attributes:
         panel: what its tables are of.
-        verdict, runner_up, findings, power: sentences.
+        verdict: who is best.
+        runner_up, findings, power: sentences.
         table: of its methods, the best first.
         blocks: tables and charts, part by part.
         animations: of the best, median and worst world.
@@ -151,7 +152,7 @@ class Section:
     """
 
     panel: Panel
-    verdict: str
+    verdict: words.Said
     runner_up: str
     findings: list[str]
     power: str
@@ -167,23 +168,26 @@ class Story:
 
     Attributes:
         results: what it is about.
-        conclusion, overview, progress: sentences.
+        conclusion: who is best, on all that was run.
+        overview, progress: sentences.
         glances: tables with a line for each section; empty if there is one section.
         validity: of plans, with a line for several sections.
         sections: panel by panel.
         curves: over what was swept.
+        figures: the paper's, if the folder has them.
         failed, left_out: trials without a result, files that are no trial.
         notes, warnings: further sentences, if whoever writes the report has some.
     """
 
     results: Results
-    conclusion: str
+    conclusion: words.Said
     overview: str
     progress: str
     glances: list[Table]
     validity: Table | None
     sections: list[Section]
     curves: list[Picture]
+    figures: Sequence[Figure]
     failed: Table
     left_out: Table
     notes: Sequence[str] = ()
@@ -228,6 +232,7 @@ def story_of(
             validity=tables.validity_table(several),
             sections=sections,
             curves=charts_over(panels, look),
+            figures=drawn.figures if drawn else (),
             failed=_failed(results),
             left_out=_left_out(results),
             notes=notes,
@@ -247,7 +252,7 @@ def _failed(results: Results) -> Table:
         where = f"{trial.localizer} on {trial.scenario}, world {trial.trial}"
         lines.append([f"{where}, filter seed {trial.filter_seed}", failure.reason])
     caption = "Trials that raised an error; no mean includes them."
-    return Table(caption, ["trial", "reason"], lines)
+    return Table(caption, ["trial", "reason"], lines, words=True)
 
 
 def _left_out(results: Results) -> Table:
@@ -255,7 +260,8 @@ def _left_out(results: Results) -> Table:
     lines = [[name, why] for name, why in listed[:_LISTED]]
     if len(listed) > _LISTED:
         lines.append([f"… and {len(listed) - _LISTED:,} more", ""])
-    return Table("Files in the folder that are no trials of this sweep.", ["file", "why"], lines)
+    caption = "Files in the folder that are no trials of this sweep."
+    return Table(caption, ["file", "why"], lines, words=True)
 
 
 def _awaited(promises: Sequence[Promise]) -> dict[str, Any]:

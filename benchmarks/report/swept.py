@@ -19,7 +19,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 
-_CELL = 1.0, 0.66  # inches
+_CELL = 1.15, 0.72  # inches
 _LEFT, _BETWEEN, _BELOW, _ABOVE = 0.75, 0.18, 0.55, 0.3
 _COLORS = LinearSegmentedColormap.from_list("ahead", ["#d55e00", "#f4f4f4", "#0072b2"])
 _PALE = 0.6  # of the colours' range is used, so that black is legible on all
@@ -38,7 +38,10 @@ def regime_maps(panels: Sequence[Panel]) -> list[Picture]:
     if len(swept) != 3:
         return []
     *_, last = swept
-    squares = {place.get(last): _square_words((last, *swept[last]), place) for place in places}
+    squares = {
+        place.get(last): curves.valued({key: place.get(key) for key in (last, *swept[last])})
+        for place in places
+    }
     cells: dict[str, dict[tuple[Any, ...], tuple[Comparison, Comparison]]] = {}
     for place, panel in zip(places, panels, strict=True):
         reference = next((row for row in panel.present if row.is_baseline), None)
@@ -69,7 +72,7 @@ def _drawn(
     width = _LEFT + len(squares) * (wide + _BETWEEN)
     height = _BELOW + high + _ABOVE
     figure = Figure(figsize=(width, height))
-    words = [curves.coordinate_words(key) + (" …" if swept[key] else "") for key in swept]
+    words = [", ".join(curves.coordinate_words([key, *swept[key]])) for key in swept]
     most = max(abs(_ahead(row, score)) for row, _ in cells.values() if score.name in row.journey)
     scale = Normalize(-1, 1)
     for number, square in enumerate(squares):
@@ -91,11 +94,6 @@ def _drawn(
     alt = f"{title}. Clearly ahead of the baseline in {better} of {len(cells)} settings, "
     alt += f"clearly behind in {worse}."
     return picture(figure, name=name, title=title, caption=_caption(score), alt=alt)
-
-
-def _square_words(keys: Sequence[str], place: Mapping[str, Any]) -> str:
-    last = {key: curves.coordinate_words(key).rpartition(".")[2] for key in keys}
-    return ", ".join(f"{name} {place.get(key)}" for key, name in last.items())
 
 
 def _square(axes: Axes, across: Sequence[Any], upwards: Sequence[Any], *, first: bool) -> None:
@@ -120,9 +118,9 @@ def _fill(
     values = [_level(one.journey.get(score.name), score) for one in (reference, row)]
     ink: dict[str, Any] = {"ha": "center", "va": "center", "color": "#1f2328"}
     axes.text(x, y + 0.24, mean, fontsize=11, fontweight=weight, **ink)
-    axes.text(x, y - 0.06, ends, fontsize=8, **ink)
+    axes.text(x, y - 0.06, ends, fontsize=9, **ink)
     unit = "%" if score.unit == "share" else "m"
-    axes.text(x, y - 0.3, f"{' → '.join(values)} {unit}", fontsize=8, **ink)
+    axes.text(x, y - 0.3, f"{' → '.join(values)} {unit}", fontsize=9, **ink)
 
 
 def _level(own: JourneyScore | None, score: Score) -> str:

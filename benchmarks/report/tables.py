@@ -6,13 +6,16 @@ from typing import NamedTuple
 
 from tabulate import tabulate
 
-from benchmarks.report.words import estimated
+from benchmarks.report.words import estimated, where
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent, state_name
+from benchmarks.tables.text import fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
+
+_LETTERS = 140  # of a table, across a page
+_NAME = 32  # letters of a method that stand on one line
 
 
 class Table(NamedTuple):
@@ -22,6 +25,7 @@ class Table(NamedTuple):
         caption, header, lines: words.
         strong: cells in bold, by line and column.
         own: lines of plug-ins, which are the reader's own methods.
+        words: whether its cells are words, which begin at the left.
     """
 
     caption: str
@@ -29,6 +33,18 @@ class Table(NamedTuple):
     lines: list[list[str]]
     strong: Collection[tuple[int, int]] = ()
     own: Collection[int] = ()
+    words: bool = False
+
+    @property
+    def looks(self) -> str:
+        """How a page shows it: wide if its cells do not fit side by side on one line each."""
+        most = [max(map(len, column)) for column in zip(*self.lines, strict=True)]
+        shown = {
+            "words": self.words,
+            "wide": not self.words and sum(most) + 3 * len(most) > _LETTERS,
+            "named": self.header[0] == "method" and most and most[0] <= _NAME,
+        }
+        return " ".join(name for name, so in shown.items() if so)
 
     def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
         """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
@@ -37,7 +53,7 @@ class Table(NamedTuple):
             self.header,
             tablefmt=style,
             disable_numparse=True,
-            colalign=("left", *["right"] * (len(self.header) - 1)),
+            colalign=("left", *["left" if self.words else "right"] * (len(self.header) - 1)),
         )
 
     def marked_up(self, words: Callable[[str], str], strong: str) -> list[list[str]]:
@@ -141,7 +157,7 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     for row in rows:
         first, *_ = row.panels
         told = {name: own for name, own in row.signals.items() if _tells(own)}
-        scenarios = ", ".join(panel.setting.scenario for panel in row.panels)
+        scenarios = ", ".join(short_name(panel.setting.scenario) for panel in row.panels)
         lines.append(
             [
                 ", ".join([scenarios, *first.title.split(", ")[1:]]),
@@ -186,4 +202,4 @@ def all_labels(panels: Sequence[Panel]) -> list[str]:
 
 def numbered(panel: Panel) -> str:
     """The title of a panel in a column of settings, behind its number."""
-    return f"{panel.number}. {panel.title.removeprefix('scenario ')}"
+    return f"{panel.number}. {where(panel)}"

@@ -1,8 +1,9 @@
-"""Numbers, names, verdicts and findings in words."""
+"""Numbers, verdicts and findings in words."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
@@ -10,9 +11,28 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import reading
-from benchmarks.tables.text import full_name, percent
+from benchmarks.tables.text import TITLES, full_name, percent, short_name
 from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
+
+
+class Said(NamedTuple):
+    """A verdict: who is best in a few words, with which numbers, and further sentences."""
+
+    short: str
+    numbers: str = ""
+    more: str = ""
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        first = f"{self.short}: {self.numbers}." if self.numbers else f"{self.short}."
+        return f"{first} {self.more}".rstrip()
+
+    @property
+    def rest(self) -> str:
+        """What stands below the first words."""
+        return f"{capital(self.numbers)}{'.' * bool(self.numbers)} {self.more}".strip()
 
 
 def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
@@ -47,14 +67,6 @@ def capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def named(row: Comparison, panel: Panel) -> str:
-    """The method's name in words, with the parameters that tell it from others of the name."""
-    localizer, label = row.method.name, panel.labels[row.method]
-    name = full_name(localizer)
-    variant = label.removeprefix(localizer).removeprefix(name).strip()
-    return f"{name} ({variant})" if variant else name
-
-
 def p_value(p: float) -> str:
     """A p-value with two digits."""
     if math.isnan(p):
@@ -65,17 +77,17 @@ def p_value(p: float) -> str:
 def overview(results: Results, panels: Sequence[Panel]) -> str:
     """What was run, in one paragraph."""
     methods = dict.fromkeys(row.method.name for panel in panels for row in panel.rows)
-    named = ", ".join(full_name(name) for name in methods) or "none"
+    worded = {short_name(name): full_name(name) for name in methods}
+    listed = ", ".join(n if n == words else f"{n} ({words})" for n, words in worded.items())
     worlds = {row.worlds for panel in panels for row in panel.rows}
     seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
     settings = counted({len(panels)}, "setting")
     return (
-        f"{counted({len(methods)}, 'localizer')} ({named}) on {settings}, "
-        f"{counted(worlds, 'world')} per setting{several}. On the same world all "
-        "methods see the same true path and the same scans, and filters start from the same cloud: "
-        "differences are taken world by world, with "
-        f"{full_name(results.baseline)} as the baseline."
+        f"{counted({len(methods)}, 'localizer')} on {settings}, {counted(worlds, 'world')} per "
+        f"setting{several}: {listed or 'none'}. On the same world all methods see the same true "
+        "path and the same scans, and filters start from the same cloud: differences are taken "
+        f"world by world, with {short_name(results.baseline)} as the baseline."
     )
 
 
@@ -101,41 +113,77 @@ def counted(counts: set[int], one: str) -> str:
 _MANY = 100_000  # worlds
 
 
-def conclusion(results: Results) -> str:
+def conclusion(results: Results) -> Said:
     """The verdict on all that was run; of several settings, who is best in how many."""
     if len(results.panels) == 1:
         return spoken(results.panels[0])
     found = [(panel, one) for panel in results.panels if (one := panel.verdict) is not None]
     if not found:
-        return "No trial is finished."
-    best = Counter(named(one.best, panel) for panel, one in found if one.best is not None)
-    none, baseline = len(found) - best.total(), full_name(results.baseline)
+        return Said("No trial is finished")
+    settings, baseline = counted({len(found)}, "setting"), short_name(results.baseline)
+    if all(len(panel.records) == 1 for panel, _ in found):
+        ends = sorted(found, key=lambda one: one[1].first.worse)
+        told = (
+            f"{_brief(panel, one.first)} in {where(panel)}" for panel, one in ends[:: len(ends) - 1]
+        )
+        return Said(f"{settings}, nothing to compare in them", " to ".join(told))
+    best = Counter(p.labels[one.best.method] for p, one in found if one.best is not None)
+    none = len(found) - best.total()
     if not best:
-        return f"In none of {none} settings is a method confirmed to be better than {baseline}."
+        short = f"In none of {settings} is a method confirmed to be better than {baseline}"
+        return Said(short, more=_plug_ins(found))
     (leader, most), *others = best.most_common()
-    said = ", ".join([f"{leader} is best in {most}", *(f"{one} in {n}" for one, n in others)])
-    rest = f"; in {none} no method is confirmed to be better than {baseline}" if none else ""
-    return f"Of {len(found)} settings, {said}{rest}."
+    rest = [", ".join(f"{one} in {n}" for one, n in others)] if others else []
+    rest += [f"in {none} no method is confirmed to be better than {baseline}"] if none else []
+    return Said(f"{leader} is best in {most} of {settings}", "; ".join(rest), _plug_ins(found))
 
 
-def spoken(panel: Panel) -> str:
+def where(panel: Panel) -> str:
+    """The title of a panel, which names the scenario and what differs from it."""
+    return panel.title.removeprefix("scenario ")
+
+
+def spoken(panel: Panel) -> Said:
     """The verdict on a panel; where the plan alone is best, on its filters, too."""
     found = panel.verdict
     if found is None:
-        return "No error is known." if panel.records else "No trial is finished."
-    said = capital(_sentence(panel, found))
+        return Said("No error is known" if panel.records else "No trial is finished")
+    said = _verdict(panel, found)
+    more = []
     if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
-        scanning = _sentence(panel, panel.of_filters).replace("No method", "none", 1)
-        said += f" Of the methods that use scans, {scanning}"
-    return said
+        scanning = _verdict(panel, panel.of_filters).text.replace("No method", "none", 1)
+        more.append(f"Of the methods that use scans, {scanning}")
+    return said._replace(more=" ".join([*more, _plug_ins([(panel, found)])]).strip())
+
+
+def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
+    """What is known of the reader's own methods, where no other sentence names them."""
+    outcomes: dict[str, list[str]] = {}
+    for panel, one in found:
+        for row in panel.ranked:
+            if row.method.name not in TITLES and not row.is_baseline and row is not one.winner:
+                what = _outcome(row)
+                what = what[0].lower() + what[1:]
+                brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"
+                outcomes.setdefault(panel.labels[row.method], []).append(brief)
+    said = []
+    for label, own in outcomes.items():
+        counts = Counter(own).items()
+        several = [
+            f"{what} in {counted({n}, 'setting')}" if len(found) > 1 else what for what, n in counts
+        ]
+        said.append(f"Plug-in {label}: {', '.join(several)}.")
+    return " ".join(said)
 
 
 def runner_up(panel: Panel) -> str:
-    """How far the next method is behind the winner; "" if there is none, or it is the baseline."""
+    """How far the next method is behind the best; "" without one, or if next is the baseline."""
     found = panel.verdict
-    if found is None or found.following is None or found.following.method == found.winner.baseline:
+    if found is None or found.best is None or found.following is None:
         return ""
-    name, reached = named(found.following, panel), _brief(panel, found.following)
+    if found.following.method == found.best.baseline:
+        return ""
+    name, reached = panel.labels[found.following.method], _brief(panel, found.following)
     lead, form, unit = found.lead, ".2f", panel.unit
     if math.isnan(lead.low) or lead == (0, 0, 0):
         return f"Next is {name}: {reached}."
@@ -159,7 +207,7 @@ def power_hint(panel: Panel) -> str:
     needed = ", ".join(f"{rounded(n)} for {panel.labels[method]}" for method, n in worlds.items())
     return (
         f"Worlds needed to detect a difference of {small:g} {panel.unit} to "
-        f"{named(base, panel)} with 80 % power: about {needed}."
+        f"{panel.labels[base.method]} with 80 % power: about {needed}."
     )
 
 
@@ -168,29 +216,29 @@ def rounded(worlds: int) -> str:
     return f"{int(float(f'{worlds:.2g}')):,}" if worlds <= _MANY else f"more than {_MANY:,}"
 
 
-def _sentence(panel: Panel, found: Verdict) -> str:
+def _verdict(panel: Panel, found: Verdict) -> Said:
     row = found.winner
-    name, reached = named(row, panel), _reached(panel, row)
+    name, reached = panel.labels[row.method], _reached(panel, row)
     if found.best is not None:
         aside = ""
         if found.first is not row:
-            more = _brief(panel, found.first)
-            aside = f" ({named(found.first, panel)} has {more}, which is not confirmed)"
-        apart = _against(row, f" {named(panel.baseline_of(row), panel)}")
+            more = f"{panel.labels[found.first.method]} has {_brief(panel, found.first)}"
+            aside = f" ({more}, which is not confirmed)"
+        apart = _against(row, f" {panel.labels[panel.baseline_of(row).method]}")
         price = "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
-        return f"{name} is best: {reached}, {apart}{price}{aside}."
+        return Said(f"{name} is best", f"{reached}, {apart}{price}{aside}")
     if row.is_baseline:
         if panel.tests == 0:
-            return f"{name}: {reached}; nothing to compare it with."
-        return f"No method is better than the baseline, {name}: {reached}."
+            return Said(f"{name} alone, nothing to compare it with", reached)
+        return Said(f"No method is better than the baseline, {name}", reached)
     base, own = panel.baseline_of(row), row.standing
     ahead = f"{'smallest error' if row.aim is None else 'largest share'}: {name}, {reached}"
     if math.isnan(own.diff.low):
-        return f"{ahead}, on too few worlds to compare it."
-    return (
-        f"No method is confirmed to be better than {named(base, panel)} "
-        f"({_brief(panel, base)}). {capital(ahead)}, {_against(row)}; "
-        f"{_doubt(row.paired_worlds, own.p_holm, panel.tests)}."
+        return Said("Too few worlds to compare methods", ahead)
+    return Said(
+        f"No method is confirmed to be better than {panel.labels[base.method]}",
+        f"it has {_brief(panel, base)}. {capital(ahead)}, {_against(row)}; "
+        f"{_doubt(row.paired_worlds, own.p_holm, panel.tests)}",
     )
 
 
@@ -249,14 +297,14 @@ def findings(panel: Panel) -> list[str]:
     outcomes: dict[str, list[str]] = {}
     for row in panel.ranked:
         if not row.is_baseline:
-            outcomes.setdefault(_outcome(row), []).append(named(row, panel))
+            outcomes.setdefault(_outcome(row), []).append(panel.labels[row.method])
     sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
     return [*sentences, *filter(None, (_few(panel.present), reading(panel.rows)))]
 
 
 def _outcome(row: Comparison) -> str:
     """What is known of a method beside its baseline."""
-    other, own, aim = full_name(row.baseline.name), row.standing, row.aim
+    other, own, aim = short_name(row.baseline.name), row.standing, row.aim
     diff = own.diff
     if math.isnan(diff.mean):
         unknown, none = "a shared world's error is unknown", "no finished world in common"

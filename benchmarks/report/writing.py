@@ -104,6 +104,8 @@ def _source(results: Results, drawn: "Drawn | None") -> str:
     """Name all that a report is made of: results, animations, code and libraries."""
     lacking = drawn.lacking({one.key for one in results.finished}) if drawn else ""
     digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
+    for figure in drawn.figures if drawn else ():
+        digest.update(figure.content)
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())

@@ -214,11 +214,13 @@ def _has(params: Changes, name: str, value: Any) -> bool:
 
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     """The scenario and what differs from it; lag and seed where settings differ in them."""
+    scenarios = {setting.scenario for setting in settings}
+    alike = len(set(map(short_name, scenarios))) < len(scenarios)
     several_lags = len({setting.lag for setting in settings}) > 1
     several_seeds = len({setting.seed for setting in settings}) > 1
     titles = {}
     for setting in settings:
-        words = [f"scenario {setting.scenario}"]
+        words = [f"scenario {setting.scenario if alike else short_name(setting.scenario)}"]
         words += [f"{name} {value}" for name, value in setting.world.short().items()]
         words += _assumed(setting)
         words += map(disturbance_words, setting.disturbance)

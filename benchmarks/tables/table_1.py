@@ -92,16 +92,16 @@ def reading(rows: Iterable[Comparison]) -> str:
     if blind is None or not filters:
         return ""
     best = min(filters, key=lambda row: row.error.mean)
-    theirs = f"{full_name(best.method.name)}: {fixed(best.error.mean)}"
+    theirs = f"{short_name(best.method.name)}: {fixed(best.error.mean)}"
     if blind.error.mean < best.error.mean:
         return (
-            f"Dead reckoning on the plan, which uses no scan, has a smaller error at x[t] than "
+            f"{blind.method.name}, which uses no scan, has a smaller error at x[t] than "
             f"every filter ({fixed(blind.error.mean)}; the best filter is {theirs}): here the plan "
             "alone predicts the path better than the filters do, so the table shows how well "
             "filters tolerate wrong assumptions, not whether localization is needed."
         )
     return (
-        f"Dead reckoning on the plan (error {fixed(blind.error.mean)} at x[t]) is worse than the "
+        f"{blind.method.name} (error {fixed(blind.error.mean)} at x[t]) is worse than the "
         f"best filter ({theirs})."
     )
 

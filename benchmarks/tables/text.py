@@ -27,9 +27,9 @@ TITLES = PRINTED | {
 }
 
 
-def short_name(localizer: str) -> str:
-    """A name for pictures: a plug-in's class or file without the way to it."""
-    return localizer.rsplit(":", 1)[-1].rsplit("/", 1)[-1]
+def short_name(name: str) -> str:
+    """A name for readers: a plug-in's class, or the file of a scenario, without the way to it."""
+    return name.rsplit(":", 1)[-1].replace("\\", "/").rsplit("/", 1)[-1].removesuffix(".toml")
 
 
 def full_name(localizer: str) -> str:

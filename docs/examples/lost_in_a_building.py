@@ -35,6 +35,7 @@ clouds = {name: belief.points()[0] for name, belief in beliefs.items()}
 # %%
 # The estimate is the mean of the heaviest cluster of particles.
 
+start = info["truth"][:2]
 truth, ways = [], {name: [] for name in runners}
 while info["planned_count"]:
     ranges, _, _, _, info = room.step(info["planned_actions"][0])
@@ -45,9 +46,11 @@ while info["planned_count"]:
         ways[name].append(localizers.best_cluster(*belief.points(), unit="m").mean)
 
 # %%
-# Top: all particles before the first step, and the route from the robot (the dot), whose place no
-# filter knows. Bottom: position error. This is one run: `Lost, kidnapped, driving <../lost.html>`_
-# has many, and says when a route does not help.
+# Top: all particles before the first scan, and the route from the robot (the ring), whose place no
+# filter knows. Most clouds on the right are elsewhere: from there the route is feasible, too. But
+# some particles are in the ring, and the first scans, which fit only there, make them the heaviest
+# cluster; on the left fewer are. Bottom: position error. This is one run: `Lost, kidnapped,
+# driving <../lost.html>`_ has many, and says when a route does not help.
 
 truth = np.array(truth)
 figure, axes = plt.subplot_mosaic("ab;cc", figsize=(10, 6.4), layout="constrained")
@@ -57,8 +60,12 @@ for view, (name, cloud) in zip("ab", clouds.items(), strict=True):
     axes[view].imshow(
         grid.occupancy == 0, cmap="gray", origin="lower", extent=(0, width, 0, height)
     )
-    axes[view].plot(*cloud[:, :2].T, ",", color="tab:orange")
-    axes[view].plot(*route.T, "o-", color="tab:blue", markevery=[0], linewidth=2)
+    axes[view].plot(*route.T, color="tab:blue", linewidth=2)
+    axes[view].plot(*cloud[:, :2].T, ".", color="tab:orange", markersize=1.5)
+    ring = {"markersize": 14, "markerfacecolor": "none", "markeredgewidth": 2}
+    axes[view].plot(*start, "o", color="tab:blue", **ring)
+    near = np.hypot(*(cloud[:, :2] - start).T) < 1
+    print(f"{name}: {near.sum()} of {len(cloud):,} particles within 1 m before the first scan")
     axes[view].set(title=name, xticks=[], yticks=[])
     error = np.hypot(*(np.array(ways[name]) - truth)[:, :2].T)
     print(f"{name}: within 1 m in {(error < 1).sum()} of {len(error)} steps")

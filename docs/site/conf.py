@@ -12,7 +12,7 @@ from sphinx.ext.napoleon import docstring
 from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
-from benchmarks.report.pages import whole
+from benchmarks.report.pages import parted
 
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
@@ -93,7 +93,13 @@ for module in (autodoc, typehints, docstring):
     module.stringify_annotation = _named
 
 HATS = re.compile(r"\\hat (\w)")  # else an index goes below the letter
-SPELLINGS = ((r"\gt ", "> "), (r"\lt ", "< "), (r"\dots", r"\ldots"), ("°", r"^{\circ}"))
+SPELLINGS = (
+    (r"\gt ", "> "),
+    (r"\lt ", "< "),
+    (r"\dots", r"\ldots"),
+    ("°", r"^{\circ}"),
+    ("½", r"\frac{1}{2}"),
+)
 
 
 def _tree(caption, *documents):
@@ -147,12 +153,22 @@ def _with_contents(app, document, source):
     source[0] += CONTENTS.get(document, "")
 
 
+LETTERS = 95  # of a table, across the page
+WORDS = 34  # letters of its first column, in which lines may break anywhere
+
+
 def _keep_cells_whole(app, document):
-    """Break table cells only before an interval, as reports do."""
-    for cell in document.findall(nodes.entry):
-        for text in cell.findall(lambda node: isinstance(node, nodes.Text)):
+    """Break all cells of a table before an interval, as reports do, or none."""
+    for table in document.findall(nodes.table):
+        rows = [[cell.astext() for cell in row] for row in table.findall(nodes.row)]
+        most = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        most[0] = min(most[0], WORDS)
+        table["classes"] += ["wide"] if sum(most) + 2 * len(most) > LETTERS else []
+        for text in list(table.findall(nodes.Text)):
             if not isinstance(text.parent, nodes.literal | nodes.math):
-                text.parent.replace(text, nodes.Text(whole(text.astext())))
+                value, ends = parted(text.astext())
+                shown = [nodes.Text(f"{value} "), nodes.inline("", ends, classes=["ends"])]
+                text.parent.replace(text, shown if ends else nodes.Text(value))
 
 
 def _as_mathml(self, node, as_block):

@@ -64,6 +64,26 @@ def test_the_best_method_stands_first_in_bold_and_the_baseline_is_named(latex):
     assert third.startswith(r"\textless{}b\textgreater{}\&Mine\$x\$ (plug-in) & 24.")
 
 
+def test_of_several_settings_the_first_table_is_all_of_them_and_captions_are_short():
+    both = paired(THREE) + paired(THREE, scenario="sharp")
+    text = latex_files(results(both))["tables.tex"].decode("ascii")
+    first, *others = re.findall(r"\\begin\{tabular\}.*?\\end\{tabular\}", text, re.DOTALL)
+    assert "1. paper & 20." in first
+    assert "2. sharp & 20." in first
+    assert r"$\blacktriangle" in first
+    assert len(others) == 2
+    captions = re.findall(r"\\caption\{(.*)\}", text)
+    assert [len(one.split()) < 40 for one in captions] == [True] * 3
+
+
+def test_every_figure_of_the_folder_is_in_the_document():
+    given_results = results(trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0]))
+    files = pdf_files(given_results)
+    shown = re.findall(r"includegraphics\{(.*)\}", files.pop("figures.tex").decode("ascii"))
+    assert shown == list(files)
+    assert r"\input{figures}" in latex_files(given_results)["document.tex"].decode()
+
+
 def test_the_bibliography_is_that_of_the_citation_file(latex):
     text = re.sub("[{}]", "", latex["references.bib"])
     paper = CITATION["references"][0]
@@ -79,9 +99,10 @@ def test_the_figures_are_pdf_of_which_the_same_results_give_the_same_bytes():
     given_results = results(trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0]))
     files = pdf_files(given_results)
     assert {"figures/points-1.pdf", "figures/time-1-2.pdf"} <= files.keys()
+    assert pdf_files(given_results) == files
+    del files["figures.tex"]
     assert all(content.startswith(b"%PDF-") for content in files.values())
     assert b"/Subtype /Image" not in b"".join(files.values())  # vectors
-    assert pdf_files(given_results) == files
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")

@@ -29,7 +29,7 @@ def reported(tmp_path_factory):
 
 def of_html(text):
     """The cells of each table, line by line."""
-    for table in re.findall("<table>.*?</table>", text, re.DOTALL):
+    for table in re.findall("<table[ >].*?</table>", re.sub("</?span>", "", text), re.DOTALL):
         lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)
         yield [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one) for one in lines]
 

@@ -55,11 +55,11 @@ def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_othe
     for sigma, n in product((5.0, 20.0, 50.0), (100, 300)):
         records += trials("mcl", [1.0], params={"particles": n}, world={"lidar.sigma": sigma})
     assert [chart.title for chart in curves(records)] == [
-        "Error over lidar.sigma: particles 100",
-        "Error over lidar.sigma: particles 300",
-        "Error over particles: lidar.sigma 5.0",
-        "Error over particles: lidar.sigma 20.0",
-        "Error over particles: lidar.sigma 50.0",
+        "Error over σ of the lidar: particles 100",
+        "Error over σ of the lidar: particles 300",
+        "Error over particles: σ of the lidar 5",
+        "Error over particles: σ of the lidar 20",
+        "Error over particles: σ of the lidar 50",
     ]
 
 
@@ -76,8 +76,8 @@ def test_what_changes_together_is_one_curve():
         changes = {"world": {"noise.drive": noise}, "assumed": {"motion.drive": 2 * noise}}
         records += trials("mcl", [noise], **changes)
     (chart,) = curves(records)
-    assert "noise.drive" in words_of(chart)
-    assert chart.caption.endswith("Together with noise.drive change: assumed motion.drive.")
+    assert ">noise of drive<" in chart.standalone
+    assert chart.caption.endswith("Together with noise of drive change: assumed noise of drive.")
 
 
 def test_of_several_that_change_together_the_axis_has_the_values_of_most():
@@ -86,8 +86,8 @@ def test_of_several_that_change_together_the_axis_has_the_values_of_most():
         noise = {"noise.drift": level / 10, "noise.drive": level, "noise.turn": level}
         records += trials("mcl", [level], world=noise)
     (chart,) = curves(records)
-    assert chart.title == "Error over noise.drive"
-    assert chart.caption.endswith("change: noise.drift, noise.turn.")
+    assert chart.title == "Error over noise of drive"
+    assert chart.caption.endswith("change: noise of drift, noise of turn.")
 
 
 @given(st.integers(1, 15), st.integers(1, 5))
@@ -162,8 +162,8 @@ def test_a_cell_has_the_difference_its_interval_and_both_values():
     assert metres.count("7.0 → 1.0 m") == metres.count("7.0 → 10.0 m") == 2
     assert success.count("50 → 100 %") == success.count("50 → 0 %") == 2
     for told in (success, metres):
-        assert told.count("floor_plan.office.corridor") == 2
-        assert told.count("max_length 60.0, min_length 40.0") == 1
+        assert told.count("width of corridors, m") == 2
+        assert told.count("length of the route 40 to 60 m") == 1
 
 
 def test_it_counts_where_the_method_is_clearly_ahead_and_where_behind():

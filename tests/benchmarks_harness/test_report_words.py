@@ -5,12 +5,14 @@ import re
 import pytest
 from report_cases import changed, finished, paired, parsed, results, trials, written
 
+import localizers
 from benchmarks.report import error_tables, tables, words
 from benchmarks.report.error_tables import gap_table, rival_tables
 from benchmarks.report.words import conclusion, findings, power_hint, runner_up, spoken
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
+from benchmarks.tables.text import TITLES
 
 ONE = (0,)
 
@@ -25,12 +27,12 @@ def said(records):
 
 
 FINDINGS = {
-    "Smaller error than MCL: a.": (20, [16] * 25),
-    "Larger error than MCL: a.": (20, [24] * 25),
-    "Statistically indistinguishable from MCL: a.": (20, [19, 21] * 15),
-    "Smaller error than MCL, but not confirmed by the signed-rank test: a.": (20, [16, 17, 18, 19]),
-    "Exactly the error of MCL at x[t] in every world: a.": (5, [5] * 20),
-    "Not compared with MCL (one world is too few): a.": (5, [1]),
+    "Smaller error than mcl: a.": (20, [16] * 25),
+    "Larger error than mcl: a.": (20, [24] * 25),
+    "Statistically indistinguishable from mcl: a.": (20, [19, 21] * 15),
+    "Smaller error than mcl, but not confirmed by the signed-rank test: a.": (20, [16, 17, 18, 19]),
+    "Exactly the error of mcl at x[t] in every world: a.": (5, [5] * 20),
+    "Not compared with mcl (one world is too few): a.": (5, [1]),
 }
 
 
@@ -58,19 +60,19 @@ def test_of_few_shared_worlds_it_is_said_what_can_be_found(mcl, methods, worlds)
     possible = methods * 2 / 2**worlds < 0.05
     if worlds < 20:
         doubt = "" if possible else ", but not confirmed by the signed-rank test"
-        assert outcome == f"Smaller error than MCL{doubt}"
+        assert outcome == f"Smaller error than mcl{doubt}"
         assert ("only large differences can be detected" in last) == possible
         assert ("no difference, however large, can have p < 0.05" in last) != possible
 
 
 def test_an_error_that_is_unknown_is_not_compared():
     (sentence,) = said([finished("mcl", 0, 1.0), finished("a", 0, None)])
-    assert sentence == "Not compared with MCL (a shared world's error is unknown): a."
+    assert sentence == "Not compared with mcl (a shared world's error is unknown): a."
 
 
 def test_worlds_that_are_not_shared_are_not_compared():
     (sentence, _) = said([*trials("mcl", [5.0, 5.0]), finished("a", 2, 1.0)])
-    assert sentence == "Not compared with MCL (no finished world in common): a."
+    assert sentence == "Not compared with mcl (no finished world in common): a."
 
 
 def test_the_overview_counts_localizers_settings_worlds_and_seeds():
@@ -78,7 +80,8 @@ def test_the_overview_counts_localizers_settings_worlds_and_seeds():
     records = [one for seed in (0, 1) for one in paired(two, 3, filter_seed=seed)]
     text = words.overview(results(records), [panel_of(records)])
     assert text.startswith(
-        "2 localizers (MCL, DEQ-MCL) on 1 setting, 3 worlds per setting, each with 2 filter seeds."
+        "2 localizers on 1 setting, 3 worlds per setting, each with 2 filter seeds: mcl (MCL), "
+        "deq-mcl (DEQ-MCL)."
     )
 
 
@@ -154,44 +157,47 @@ def test_the_verdict_has_the_numbers_of_results_csv_and_timings_csv(tmp_path):
     best = rows["mcl-map"]
     low, mean, high = (-100 * float(best[f"relative{end}"]) for end in ("_high", "", "_low"))
     expected = (
-        f"Map-based MCL is best: {float(best['error']):.1f} px, {mean:.0f} % "
-        f"below MCL (95 %: {low:.0f} to {high:.0f}), smaller in "
+        f"mcl-map is best: {float(best['error']):.1f} px, {mean:.0f} % "
+        f"below mcl (95 %: {low:.0f} to {high:.0f}), smaller in "
         f"{float(best['win_rate']) * int(best['paired_worlds']):g} of 30 worlds; costs "
         f"{spent['mcl-map'] / spent['mcl']:.2g} × the time."
     )
     share = float(best["diff"]) / float(rows["mcl"]["error"])
     assert float(best["relative"]) == pytest.approx(share)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert re.search('<p class="verdict">(.*?)</p>', page)[1] == expected
-    assert expected in (tmp_path / "results.md").read_text(encoding="utf-8").replace("\\", "")
-    assert conclusion(results(records)) == expected
+    assert re.search('<p class="verdict">(.*?)</p>', page)[1] == "mcl-map is best"
+    numbers = expected.partition(": ")[2]
+    assert f"<p>{numbers}" in page.replace("\u00a0", " ")
+    told = (tmp_path / "results.md").read_text(encoding="utf-8").replace("\\", "")
+    assert f"**mcl-map is best**: {numbers}" in told
+    assert conclusion(results(records)).text == expected
 
 
 CASES = {
-    "MCL: 20.0 px; nothing to compare it with.": {"mcl": [20.0] * 9},
-    "No method is better than the baseline, MCL: 20.0 px.": {"mcl": [20.0] * 9, "a": [21.0] * 9},
-    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 16.0 px, "
+    "mcl alone, nothing to compare it with: 20.0 px.": {"mcl": [20.0] * 9},
+    "No method is better than the baseline, mcl: 20.0 px.": {"mcl": [20.0] * 9, "ekf": [21.0] * 9},
+    "No method is confirmed to be better than mcl: it has 20.0 px. Smallest error: ekf, 16.0 px, "
     "20 % below (95 %: 20 to 20), smaller in 5 of 5 worlds; 5 worlds cannot give p < 0.05 in 1 "
-    "test, 6 can.": {"mcl": [20.0] * 5, "a": [16.0] * 5},
-    "No method is confirmed to be better than MCL (20.0 px). Smallest error: a, 19.0 px, "
+    "test, 6 can.": {"mcl": [20.0] * 5, "ekf": [16.0] * 5},
+    "No method is confirmed to be better than mcl: it has 20.0 px. Smallest error: ekf, 19.0 px, "
     "5.0 % below (95 %: −1.2 to 11.6), smaller in 5 of 8 worlds; p = 0.25.": {
         "mcl": [20.0] * 8,
-        "a": [16.0, 17, 18, 18.5, 19.5, 20.5, 21, 21.5],
+        "ekf": [16.0, 17, 18, 18.5, 19.5, 20.5, 21, 21.5],
     },
-    "Dead reckoning on the plan is best: 9.00 px, 55 % below MCL (95 %: 55 to 55), smaller in 9 of "
-    "9 worlds; costs 4.7 × the time. Of the methods that use scans, a is best: 16.0 px, 20 % below "
-    "MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × the time.": {
+    "dead-reckoning is best: 9.00 px, 55 % below mcl (95 %: 55 to 55), smaller in 9 of "
+    "9 worlds; costs 4.7 × the time. Of the methods that use scans, ekf is best: 16.0 px, "
+    "20 % below mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × the time.": {
         "mcl": [20.0] * 9,
         "dead-reckoning": [9.0] * 9,
-        "a": [16.0] * 9,
+        "ekf": [16.0] * 9,
     },
-    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
-    "the time.": {"mcl": [20.0] * 9, "a": [16.0] * 9},
-    "A is best: 16.0 px, 20 % below MCL (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 0.33 × "
-    "the time (b has 14.4 px, which is not confirmed).": {
+    "ekf is best: 16.0 px, 20 % below mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × "
+    "the time.": {"mcl": [20.0] * 9, "ekf": [16.0] * 9},
+    "ekf is best: 16.0 px, 20 % below mcl (95 %: 20 to 20), smaller in 9 of 9 worlds; costs 1.0 × "
+    "the time (grid has 14.4 px, which is not confirmed).": {
         "mcl": [20.0] * 9,
-        "a": [16.0] * 9,
-        "b": [1.0, 1, 1, 1, 21, 22, 27, 27, 29],
+        "ekf": [16.0] * 9,
+        "grid": [1.0, 1, 1, 1, 21, 22, 27, 27, 29],
     },
 }
 
@@ -199,17 +205,50 @@ CASES = {
 @pytest.mark.parametrize("expected", CASES)
 def test_the_verdict_says_only_what_is_known(expected):
     records = [one for name, errors in CASES[expected].items() for one in trials(name, errors)]
-    assert spoken(panel_of(records)) == expected
+    said = spoken(panel_of(records))
+    assert said.text == expected
+    assert said.text == f"{said.short}: {said.rest[0].lower()}{said.rest[1:]}"
+    assert len(said.short.split()) <= 10
 
 
 def test_of_several_settings_it_is_counted_who_is_best():
     records = paired({"mcl": (20.0, ONE), "deq-mcl": (16.0, ONE)})
     records += paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="sharp")
-    assert conclusion(results(records)) == (
-        "Of 2 settings, DEQ-MCL is best in 1; in 1 no method is confirmed to be better than MCL."
+    assert conclusion(results(records)).text == (
+        "deq-mcl is best in 1 of 2 settings: in 1 no method is confirmed to be better than mcl."
     )
-    assert conclusion(results(records[-2:] + records[:2])).startswith("In none of 2 settings")
-    assert conclusion(results([])) == "No trial is finished."
+    worse = paired({"mcl": (20.0, ONE), "deq-mcl": (24.0, ONE)}, scenario="matched")
+    few = conclusion(results(records[len(worse) :] + worse))
+    assert few.text == "In none of 2 settings is a method confirmed to be better than mcl."
+    assert conclusion(results([])).text == "No trial is finished."
+
+
+def test_of_one_method_in_several_settings_the_ends_are_told_and_nothing_is_compared():
+    records = trials("mcl", [20.0] * 3, scenario="a") + trials("mcl", [8.0] * 3, scenario="b")
+    said = conclusion(results(records)).text
+    assert said == "2 settings, nothing to compare in them: 8.00 px in b to 20.0 px in a."
+
+
+def test_a_plug_in_is_in_the_verdict_whoever_is_best():
+    assert set(localizers.names()) == set(TITLES)  # all others are plug-ins
+    own = "./file.py:Mine"
+    records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
+    assert " Plug-in Mine: 24.0 px, larger error than mcl." in spoken(panel_of(records)).text
+    records += paired({"mcl": (20.0, ONE), own: (24.0, ONE)}, scenario="sharp")
+    assert (
+        " Plug-in Mine: larger error than mcl in 2 settings." in conclusion(results(records)).text
+    )
+
+
+def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
+    def titles(*scenarios):
+        records = [one for name in scenarios for one in trials("mcl", [1.0], scenario=name)]
+        return [panel.title for panel in panels(records)]
+
+    assert titles("/far/hall.toml", "/far/own.py:Room") == ["scenario hall", "scenario Room"]
+    assert titles("/a/hall.toml", "/b/hall.toml") == [
+        "scenario /a/hall.toml", "scenario /b/hall.toml",
+    ]  # fmt: skip
 
 
 def test_the_next_method_is_named_with_what_it_is_behind():
@@ -221,5 +260,5 @@ def test_the_next_method_is_named_with_what_it_is_behind():
 
 def test_the_hint_names_a_number_of_worlds_for_every_method_that_differs():
     records = paired({"mcl": (20.0, ONE), "a": (19.9, ONE)}) + trials("b", [20.0] * 12)
-    needed = "Worlds needed to detect a difference of 1 px to MCL with 80 % power: about "
+    needed = "Worlds needed to detect a difference of 1 px to mcl with 80 % power: about "
     assert re.fullmatch(rf"{needed}[\d,]+ for a, [\d,]+ for b\.", power_hint(panel_of(records)))

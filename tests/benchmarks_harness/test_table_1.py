@@ -73,9 +73,9 @@ def sentence(**errors):
     [
         (
             3.25,
-            "has a smaller error at x[t] than every filter (3.25; the best filter is MCL: 6.00)",
+            "has a smaller error at x[t] than every filter (3.25; the best filter is mcl: 6.00)",
         ),
-        (8.0, "(error 8.00 at x[t]) is worse than the best filter (MCL: 6.00)."),
+        (8.0, "(error 8.00 at x[t]) is worse than the best filter (mcl: 6.00)."),
     ],
 )
 def test_it_is_said_whether_dead_reckoning_wins(error, said):

@@ -72,7 +72,7 @@ def test_what_is_printed_is_the_table_with_the_papers_values_and_the_honest_sent
     for words in ("Table 1, scenario paper: 2 worlds, N = 100, L = 20", "20.95 (17.66)", "deq-mcl"):
         assert words in done.stdout
     written = (out / "table.md").read_text()
-    (said,) = re.findall(r"^Dead reckoning on the plan.*\.$", done.stdout, re.MULTILINE)
+    (said,) = re.findall(r"^dead-reckoning.*\.$", done.stdout, re.MULTILINE)
     assert said in written
     assert "| DEQ-MCL" in written
     assert "20.95 (17.66)" in written
