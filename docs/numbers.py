@@ -112,7 +112,7 @@ def _room() -> str:
     hedged = row("hedge/rooms", "guided", "mcl-plan-hedged", 300)
     rows = [
         [
-            "**`mcl-plan-hedged`: the same, beside a filter that sees no plan**",
+            "**`mcl-plan-hedged`: each plan an observation, beside a filter that sees none**",
             *(filled(c, hedged) for c in columns[:2]),
             _wrong("mcl-plan-hedged"),
             filled(columns[2], hedged),
@@ -120,7 +120,7 @@ def _room() -> str:
         ]
     ]
     labels = {
-        "`mcl-plan`: each plan is an observation": "mcl-plan",
+        "`mcl-plan`: each plan an observation": "mcl-plan",
         "`deq-mcl`, the paper's filter": "deq-mcl",
         "`deq-mcl-rejuvenated`, future renewed": "deq-mcl-rejuvenated",
         "`mcl-pilots`: looks ahead by roll-outs": "mcl-pilots",
