@@ -357,16 +357,12 @@ def _authors() -> str:
 
 def _stale() -> str:
     rows = []
+    kinds = (("mcl-map", 300), ("mcl-map", 150), ("mcl-plan-hedged", 300), ("mcl-plan-hedged", 600))
     for beams, sigma, sensor in SENSORS:
         for noise, size in NOISES:
             world = _in_world("hedge/stale", beams, sigma, noise)
             by = {(r["method"], json.loads(r["params"])["particles"]): r for r in world}
-            base = filled("{error:.2f}", by["mcl-map", 300])
-            cells = [
-                _shown(by[key])
-                for key in (("mcl-map", 150), ("mcl-plan-hedged", 300), ("mcl-plan-hedged", 600))
-            ]
-            rows.append([f"{sensor}, {size}", base, *cells])
+            rows.append([f"{sensor}, {size}", *(filled("{error:.2f}", by[kind]) for kind in kinds)])
     head = "sensor, noise | `mcl-map`, N = 300: | `mcl-map`, N = 150:"
     return _table(f"{head} | hedged, N = 150 + 150: | hedged, N = 300 + 300:", rows)
 

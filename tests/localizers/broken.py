@@ -177,10 +177,12 @@ class LeavesAProcess(MyLocalizer):
 
 
 class RobotAndPriorNotChanged(MyLocalizer):
-    """Moves the walls that are drawn."""
+    """Moves the walls that are drawn, read-only as they are."""
 
     def reset(self, prior, plan, rng):
-        self.robot.floor_plan.walls[:] += 0.5
+        walls = self.robot.floor_plan.walls
+        walls.flags.writeable = True
+        walls += 0.5
         return super().reset(prior, plan, rng)
 
 
