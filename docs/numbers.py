@@ -410,17 +410,18 @@ def _ends() -> str:
 
 def _variants() -> str:
     scenarios = ("guided", "paper", "guided-stale", "guided-before")
-    labels = {f"s = {s:g}": {"switching": s} for s in (0.0001, 0.001, 0.01, 0.05, 0.1)}
+    labels = {"`mcl-plan`, `keep` = 0": ("keep", 0.0)}
+    labels |= {f"s = {s:g}": ("switching", s) for s in (0.0001, 0.001, 0.01, 0.05, 0.1)}
+    labels["s = 0.001, `mutual`"] = "mutual", True
+    found = {
+        (r["scenario"], name, value): r
+        for r in _rows("hedge/variants")
+        for name, value in json.loads(r["params"]).items()
+        if r["offset"] == "0"
+    }
     rows = [
-        [
-            label,
-            *(_shown(row("hedge/variants", s, "mcl-plan-hedged", **params)) for s in scenarios),
-        ]
-        for label, params in (labels | {"s = 0.001, `mutual`": {"mutual": True}}).items()
+        [label, *(_shown(found[s, *kind]) for s in scenarios)] for label, kind in labels.items()
     ]
-    alone = {"keep": 0.0}
-    rows.insert(0, ["`mcl-plan`, `keep` = 0"])
-    rows[0] += [_shown(row("hedge/variants", s, "mcl-plan", **alone)) for s in scenarios]
     return _table(" | " + " | ".join(f"`{s}`:" for s in scenarios), rows)
 
 
