@@ -367,6 +367,21 @@ def _stale() -> str:
     return _table(f"{head} | hedged, N = 150 + 150: | hedged, N = 300 + 300:", rows)
 
 
+def _equal_time() -> str:
+    rows = []
+    for label, method, n in (
+        ("`mcl-plan`, N = 1,000", "mcl-plan", 1000),
+        ("`mcl-plan-hedged`, N = 1,000", "mcl-plan-hedged", 1000),
+        ("map-based MCL, N = 8,000", "mcl-map", 8000),
+        ("MCL, N = 8,000", "mcl", 8000),
+    ):
+        found = row("hedge/equal-time", "guided", method, n)
+        spec = "{diff:+.2f} ({diff_low:.2f} to {diff_high:.2f})"
+        cost = filled("{cost:.2g}", row("hedge/costs", "equal-time", method, n))
+        rows.append([label, filled("{error:.2f}", found), filled(spec, found), cost])
+    return _table(" | error: | difference, 95 % interval: | time per step / `mcl-map`'s:", rows)
+
+
 def _signals() -> str:
     rows = []
     for beams, sigma, sensor in SENSORS:
@@ -660,6 +675,7 @@ TABLES = {
     "matched-sharp": _no_harm,
     "hedge, authors": _authors,
     "hedge, stale": _stale,
+    "hedge, equal time": _equal_time,
     "hedge, signals": _signals,
     "hedge, ends": _ends,
     "hedge, variants": _variants,
