@@ -22,6 +22,7 @@ does not: this is insurance, not the posterior of the two-mode model.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -30,13 +31,14 @@ import numpy as np
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior
 from localizers.beliefs import quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.parts import Action, Actions
+from localizers.inference.parts import Action, Actions, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
 from localizers.inference.weights import log_sum_exp
@@ -214,16 +216,25 @@ def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) ->
     chosen = np.flatnonzero(rng.random(belief.log_weights.size) < share)
     if chosen.size == 0:
         return belief
-    drawn, states = None, belief.queue.since(-belief.queue.present)
-    for offset, held in zip(range(0, -len(states), -1), reversed(states), strict=True):
-        if (points := other.points(offset)) is None:
-            break
-        if drawn is None:
-            drawn = pointed_at(points[1], (np.arange(chosen.size) + rng.random()) / chosen.size)
-        held[:, chosen] = points[0][drawn].T
+    states = belief.queue.since(-belief.queue.present)
+    drawn = _paths_of(other, (np.arange(chosen.size) + rng.random()) / chosen.size)
+    for held, new in zip(reversed(states), drawn, strict=False):
+        held[:, chosen] = new
     log_weights = belief.log_weights.copy()
     log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
     return belief._replace(queue=Queue.of(states), log_weights=log_weights)
+
+
+def _paths_of(belief: Belief, pointers: Floats) -> Iterator[States]:
+    """Yield the present states that pointers fall on, (d, k), then those before them."""
+    if isinstance(belief, ParticleBelief):  # no need to look at all particles at every offset
+        yield from belief.queue.back(pointed_at(belief.weights, pointers))
+        return
+    offset, chosen = 0, None
+    while (points := belief.points(offset)) is not None:
+        chosen = pointed_at(points[1], pointers) if chosen is None else chosen
+        yield points[0][chosen].T
+        offset -= 1
 
 
 def _evidence(belief: Any) -> float:

@@ -43,6 +43,10 @@ def assert_same(queue: Queue, oracle: CopyingQueue) -> None:
         assert (seen is None) == (expected is None)
         if seen is not None:
             assert np.array_equal(seen, expected)
+    some = np.arange(queue.held(0).shape[1])[::-2]
+    for offset, states in enumerate(queue.back(some)):
+        assert np.array_equal(states, oracle.at(-offset)[:, some])
+    assert offset == queue.present
 
 
 @pytest.mark.parametrize("seed", range(60))
