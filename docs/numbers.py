@@ -663,6 +663,25 @@ def _starts() -> str:
     return _table(f"{head} | difference in metres (restricted mean):", rows)
 
 
+def _hedged_starts() -> str:
+    rows = []
+    for building in ("freiburg-079", "intel"):
+        name = building
+        for label, method, params in (
+            ("`mcl-map`, without the plan", "mcl-map", {}),
+            ("`mcl-plan`", "mcl-plan", {}),
+            ("`mcl-plan-hedged`", "mcl-plan-hedged", {}),
+            ("`mcl-map`, `start_draws`", "mcl-map", DRAWS),
+            ("`mcl-plan-hedged`, the first plan only", "mcl-plan-hedged", {"plans": "first"}),
+        ):
+            found = row(f"hedge/{building}", "log", method, 20_000, **params)
+            cells = [filled(c, found) for c in (SUCCESS, METRES, DIFF_METRES)]
+            rows.append([name, label, *cells[:2], cells[2] or "baseline"])
+            name = ""
+    head = "building | localizer | localized to the end (1 m, 30°): | metres to localize, median:"
+    return _table(f"{head} | difference in metres (restricted mean):", rows)
+
+
 TABLES = {
     "plan-sensor, in short": _room,
     "lost, in short": _lost_in_short,
@@ -689,6 +708,7 @@ TABLES = {
     "calibration": _calibration,
     "buildings": _two_buildings,
     "buildings, starts": _starts,
+    "hedge, starts": _hedged_starts,
 }
 
 
