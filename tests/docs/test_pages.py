@@ -30,7 +30,7 @@ def blocks(page, language):
 
 
 RECORD, REPLAY, _ = blocks(LOG, "python notest")
-STARTS, BUILDINGS = blocks(LOG, "toml")
+STARTS, BUILDINGS, HEDGED = blocks(LOG, "toml")
 
 
 def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_path):
@@ -106,11 +106,12 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(tmp_path, monkeypatch
 
 def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():
     given = tomllib.loads(STARTS)
-    for key, value in tomllib.loads(BUILDINGS).items():
-        given[key] = given[key] | value if isinstance(value, dict) else value
-    sweep = sweep_of(given, title="starts")
-    assert len(sweep.distinct()) == len(given["localizers"]) * 60 == 120
-    assert dict(sweep.world)["segment"] == 50.0
+    for changes, localizers, trials in ((BUILDINGS, 2, 60), (HEDGED, 5, 30)):
+        for key, value in tomllib.loads(changes).items():
+            given[key] = given[key] | value if isinstance(value, dict) else value
+        sweep = sweep_of(given, title="starts")
+        assert len(sweep.distinct()) == localizers * trials
+        assert dict(sweep.world)["segment"] == 50.0
 
 
 def test_the_table_of_disturbances_has_all_and_no_others():
