@@ -28,7 +28,8 @@ from deqmcl_gym.world.drawing import (
     write_legend,
     write_words,
 )
-from localizers import best_cluster, mean_pose
+from localizers import Belief, best_cluster, mean_pose
+from localizers.inference.hedge import HedgedBelief
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),
@@ -97,8 +98,8 @@ class Camera:
             size = 3 if self.view.scale > 1 else 2
             drawing.points(held[0], color, size=size)
             legend.insert(0, (f"{words} {state_name(offset)}", color))
-            if offset == 0 and hasattr(moment.belief, "protected"):
-                drawing.points(moment.belief.protected.points()[0], _BLIND, size=size)
+            if offset == 0 and isinstance(moment.belief, HedgedBelief):
+                drawing.points(_present(moment.belief.protected)[0], _BLIND, size=size)
                 legend.insert(1, ("without plans", _BLIND))
         return drawing.number(moment.step), legend
 
@@ -168,16 +169,16 @@ class Film:
         for moment in episode:
             yield moment
             unit = self.camera.view.floor_plan.unit
-            self._best.append(best_cluster(*_present(moment), unit=unit).mean)
+            self._best.append(best_cluster(*_present(moment.belief), unit=unit).mean)
             self.moments.append(moment)
-            if (trusted := getattr(moment.belief, "trusted", None)) is not None:
-                self._trusted.append(trusted)
+            if isinstance(moment.belief, HedgedBelief):
+                self._trusted.append(moment.belief.trusted)
             if moment.step % self.stride == 0:
                 self.frames.append(self._frame(moment))
         self.frames.append(self._frame(moment, whole=True))
 
     def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
-        camera, best, mean = self.camera, self._best[-1], mean_pose(*_present(moment))
+        camera, best, mean = self.camera, self._best[-1], mean_pose(*_present(moment.belief))
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
         if whole:
@@ -225,8 +226,8 @@ class Film:
         return f"localized after {metres * unit:.{1 if unit == 1 else 0}f} {name}"
 
 
-def _present(moment: Moment) -> tuple[Reals, Floats]:
-    points = moment.belief.points()
+def _present(belief: Belief) -> tuple[Reals, Floats]:
+    points = belief.points()
     assert points is not None, "a belief has points of the present"
     return points
 
