@@ -10,9 +10,8 @@ import numpy as np
 from deqmcl_gym.maps.contact_kernels import first_contact
 from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import TURN, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.path_kernels import follow, judged
+from deqmcl_gym.world.path_kernels import drawn, judged
 
 
 def sides(walls: Floats) -> Floats:
@@ -115,25 +114,20 @@ def step(
     """
     poses, gaps, arcs, progress, steps = robots
     of_all, said = Rules(*rules), Moved(*moved)
-    edges, length, (goal, bonus, penalty) = of_all.edges, of_all.length, of_all.rewards
+    noise, edges, length, rewards = of_all.noise, of_all.edges, of_all.length, of_all.rewards
     reach, skin = of_all.reach, of_all.skin
     for i in range(resting.size):
         if resting[i]:
             said.rewards[i] = 0.0
             said.collided[i] = said.terminated[i] = said.truncated[i] = False
             continue
-        x, y = poses[i, 0], poses[i, 1]
+        x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
-        of_drive, of_turn, of_drift = of_all.noise
-        sd_turn = of_turn * abs(turn) + of_drift * distance
-        heading = centred64(poses[i, 2] + turn + sd_turn * normals[i, at[i], 1], TURN)
-        driven = distance * (1 + of_drive * normals[i, at[i], 0])
+        chance = normals[i, at[i], 0], normals[i, at[i], 1]
+        heading, way, dx, dy = drawn(heading, distance, turn, chance, noise, reach)
         at[i] += 1
         steps[i] += 1
-        way, collided = abs(driven), False
-        if way > reach:
-            way, driven = reach, np.copysign(reach, driven)
-        dx, dy = driven * cos64(heading), driven * sin64(heading)
+        collided = False
         if way > 0.0 and gaps[i] <= way + skin:
             gaps[i], share = _ahead(x, y, dx, dy, way, of_all)
             if share < np.inf:
@@ -142,9 +136,11 @@ def step(
                 dx, dy, way = share * dx, share * dy, share * way
         gaps[i] -= way
         poses[i, 0], poses[i, 1], poses[i, 2] = x + dx, y + dy, heading
-        arcs[i], gone = follow(x, y, x + dx, y + dy, arcs[i], edges, length)
-        progress[i] += gone
-        reward, done = judged(gone, progress[i], collided, goal, bonus, penalty)
+        drive = x, y, x + dx, y + dy
+        arcs[i], gained, reward, done = judged(
+            drive, arcs[i], progress[i], collided, edges, length, rewards
+        )
+        progress[i] += gained
         given_up = steps[i] >= of_all.most and not done
         said.rewards[i], said.collided[i], said.terminated[i] = reward, collided, done
         said.truncated[i] = given_up or steps[i] >= of_all.limit
