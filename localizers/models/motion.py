@@ -141,7 +141,7 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        moves = self.moves(increments(action)[None], states.shape[1], rng)
+        moves = self.moves(np.asarray(action)[None], states.shape[1], rng)
         after = np.empty_like(states)
         drive_poses(states, moves[0], after)
         return after
