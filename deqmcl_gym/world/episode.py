@@ -218,8 +218,10 @@ class Episode:
         """
         rules, physics, path = self._rules, self._physics, self.course.path
         x, y, heading = self.pose
-        normals = tuple(self._motion.standard_normal(2).tolist())
-        heading, *drive = drawn(heading, distance, turn, normals, rules.noise, physics.walls.reach)
+        of_drive, of_turn = self._motion.standard_normal(2).tolist()
+        heading, *drive = drawn(
+            heading, distance, turn, (of_drive, of_turn), rules.noise, physics.walls.reach
+        )
         collided = physics.drive(*drive)
         self.pose = (*physics.position, heading)
         self.step += 1
