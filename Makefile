@@ -42,7 +42,7 @@ docs: $(READY)  ## Run the code of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
 
 docs-numbers: $(READY)  ## Write the tables of README and docs from the CSV files of docs/reports
-	$(BIN)/python docs/numbers.py
+	$(BIN)/python -m docs.numbers.pages
 
 site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
 	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site
