@@ -51,7 +51,7 @@ class Report(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         design: digest of the sweep without its title; "" if it was not kept.
         libraries: versions by name.
         trials: how many.
-        minutes: on two cores; 0 if it was not measured.
+        minutes: on two cores; 0 of a suite, which has its own, and where nobody knows.
         verified: the last code that was verified.
         accepted: that it stands as it is.
     """
@@ -107,11 +107,10 @@ def _made() -> str:
         rows.append([
             files,
             f"{report.code[:_DIGITS]}, {report.on}",
-            f"{report.minutes:.0f}" if report.minutes >= 1 else "< 1" if report.minutes else "",
             f"{checked.code[:_DIGITS]}, {checked.on}: {checked.trials} trials" if checked else "",
             f"{accepted.on}: {accepted.reason}" if accepted else "",
         ])  # fmt: skip
-    head = "files | code that made them | minutes: | code verified since | accepted as they are"
+    head = "files | code that made them | code verified since | accepted as they are"
     return table(head, rows)
 
 

@@ -17,7 +17,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msgspec.structs import astuple, replace
@@ -35,7 +35,7 @@ from benchmarks.sweeps.suites import Time
 from benchmarks.sweeps.verifying import fingerprint, sample
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.provenance import code_digest, versions
+from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError
@@ -51,42 +51,48 @@ _SAMPLED = ("trial", "scenario", "method", "world", "filter_seed", "error", "rec
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command; 1 if a report is stale at its end."""
     options = _options(words)
-    reports, code = made.read(), code_digest()
+    reports = made.read()
     if unknown := [name for name in options.names if name not in reports]:
         print(f"There is no report {unknown[0]}; there are {', '.join(reports)}.")
         return 2
+    stale = _stale(reports, options)
+    if options.dry_run or not stale:
+        return int(bool(stale))
+    still = []
+    for name in stale:
+        renewed = _renewed(name, reports[name], Where(jobs=options.jobs), run=not options.verify)
+        if renewed is None:
+            still.append(name)
+        else:
+            made.write(made.read() | {name: renewed})
+    pages.main()
+    if still:
+        print(f"Still stale: {', '.join(still)}.")
+    return int(bool(still))
+
+
+def _stale(reports: Mapping[str, Report], options: argparse.Namespace) -> list[str]:
+    """Say what is stale; return the names of what is asked for of it, the cheapest first."""
+    code = code_digest()
     found = {
         name: why
         for name, report in reports.items()
         if (why := report.stale(code, design(sweep_of(report.command))))
     }
-    stale = {
-        name: why
-        for name, why in sorted(
-            found.items(), key=lambda one: _minutes(reports[one[0]]) or math.inf
-        )
-        if name in options.names
-        or (not options.names and (options.accepted or reports[name].accepted is None))
-    }
-    kept = sum(reports[name].accepted is not None for name in found)
-    print(
-        f"{len(stale)} of {len(reports)} reports are stale; {len(reports) - len(found)} are of "
-        f"this code or verified under it, {kept} are accepted as they are (docs/reports/README.md)."
+    accepted = [name for name in found if reports[name].accepted is not None]
+    asked = options.names or [n for n in found if options.accepted or n not in accepted]
+    stale = sorted(
+        found.keys() & set(asked), key=lambda name: (_minutes(reports[name]) or math.inf, name)
     )
-    for name, why in stale.items():
-        print(f"  {name}: {why}; {_duration(reports[name])}")
-    if options.dry_run or not stale:
-        return int(bool(stale))
-    where = Where(jobs=options.jobs)
-    for name in list(stale):
-        report = _renewed(name, reports[name], where, run=not options.verify)
-        if report is not None:
-            made.write(made.read() | {name: report})
-            del stale[name]
-    pages.main()
-    if stale:
-        print(f"Still stale: {', '.join(stale)}.")
-    return int(bool(stale))
+    and_asked = " and asked for" if options.names else ""
+    print(
+        f"{len(stale)} of {len(reports)} reports are stale{and_asked}; {len(reports) - len(found)} "
+        f"are of this code or verified under it, {len(accepted)} are accepted as they are "
+        "(docs/reports/README.md)."
+    )
+    for name in stale:
+        print(f"  {name}: {found[name]}; {_duration(reports[name])}")
+    return stale
 
 
 def _options(words: Sequence[str] | None) -> argparse.Namespace:
@@ -188,33 +194,32 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
         print(f"{name}: its command failed; run make reports again.")
         return None
     took = (time.monotonic() - begun) / 60 * (where.jobs or available_cpus()) / CORES
-    results = results_in(folder)
+    results, by = results_in(folder), manifest.read(folder).made
     for target, source in report.files.items():
         text = (folder / source).read_text(encoding="utf-8")
         write_text(made.REPORTS / target, with_costs(results) if source == "results.csv" else text)
-    write_text(_sample(name), sampled(folder, results))
-    if new:
-        _keep_time(report.command.removeprefix("sweep "), results.planned, took)
+    write_text(_sample(name), sampled(results, by.code))
+    suite = report.command.removeprefix("sweep ")
+    if new and suite in suites.SUITES:
+        _keep_time(suite, Time(round(took, 1), results.planned, "run"))
     return replace(
         report,
-        code=code_digest(),
+        code=by.code,
         on=_today(),
         design=design(sweep_of(report.command)),
-        libraries=versions(),
+        libraries=by.libraries,
         trials=results.planned,
-        minutes=round(took, 1) if new else report.minutes,
+        minutes=round(took, 1) if new and suite not in suites.SUITES else report.minutes,
         verified=None,
         accepted=None,
     )
 
 
-def _keep_time(suite: str, trials: int, took: float) -> None:
+def _keep_time(suite: str, time: Time) -> None:
     """Keep how long a suite took, for ``deqmcl list``."""
-    if suite in suites.SUITES:
-        known = suites.times() | {suite: Time(round(took, 1), trials, "run")}
-        names = Time.__struct_fields__
-        lines = ([name, *astuple(known[name])] for name in sorted(known))
-        write_text(suites.TIMES, csv_text(["suite", *names], lines))
+    known = suites.times() | {suite: time}
+    lines = ([name, *astuple(known[name])] for name in sorted(known))
+    write_text(suites.TIMES, csv_text(["suite", *Time.__struct_fields__], lines))
 
 
 def with_costs(results: Results) -> str:
@@ -227,13 +232,11 @@ def with_costs(results: Results) -> str:
     return csv_text([*head, "ms_per_step", "cost"], plain)
 
 
-def sampled(folder: Path, results: Results) -> str:
-    """Return the sample of a run's trials as CSV."""
-    held = manifest.read(folder)
+def sampled(results: Results, code: str) -> str:
+    """Return the sample of a run's trials that is drawn by the digest of its code, as CSV."""
     records = {record.key: record for record in results.finished}
-    trials = {key: record.trial for key, record in records.items()}
     rows = []
-    for key, trial in sample(trials, held.made.code).items():
+    for key, trial in sample({key: own.trial for key, own in records.items()}, code).items():
         said = (_name(trial), trial.scenario, trial.localizer, *trial.run)
         rows.append([*said, records[key].scores[0]["error"], fingerprint(records[key])])
     return csv_text(_SAMPLED, rows)
