@@ -310,8 +310,8 @@ def _of_journeys() -> Iterable[str]:
                 ends = (row("hedge/driving", scenario, m, many) for m in ("mcl-map", method))
                 base, share = (100 * float(end["success"]) for end in ends)
                 points.append(base - share)
-    within = round(max(map(abs, fewer["mcl-plan-hedged"])))
+    within = max(map(abs, fewer["mcl-plan-hedged"]))
     yield (
-        f"within {('no', 'one', 'two', 'three', 'four')[within]} points; `mcl-plan` in "
+        f"arrives as often as `mcl-map`, within {within:.0f} points; `mcl-plan` in "
         f"{min(fewer['mcl-plan']):.0f} to {max(fewer['mcl-plan']):.0f} points fewer worlds"
     )
