@@ -88,7 +88,7 @@ def _stale(reports: Mapping[str, Report], options: argparse.Namespace) -> list[s
     print(
         f"{len(stale)} of {len(reports)} reports are stale{and_asked}; {len(reports) - len(found)} "
         f"are of this code or verified under it, {len(accepted)} are accepted as they are "
-        "(docs/reports/README.md)."
+        f"(docs/reports/README.md).{'' if stale else ' Nothing is to be done.'}"
     )
     for name in stale:
         print(f"  {name}: {found[name]}; {_duration(reports[name])}")

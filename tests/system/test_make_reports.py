@@ -66,7 +66,9 @@ def test_what_is_stale_is_named_made_again_and_verified_under_other_code(
     assert len(runs) == 1
     with (reports / "small.csv").open() as file:
         assert {row["method"] for row in csv.DictReader(file)} == {"mcl", "dead-reckoning"}
-    assert renew() == 0  # nothing is to be done
+    capsys.readouterr()
+    assert renew() == 0
+    assert "Nothing is to be done" in capsys.readouterr().out
     under(NEW, monkeypatch)
     assert renew("--dry-run") == 1
     assert renew("--verify") == 0
