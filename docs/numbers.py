@@ -145,7 +145,7 @@ def _room() -> str:
     ]
     rows.append(["dead reckoning on the commands", *still[:2], "", *still[2:]])
     rows[0] = _bold(rows[0], 1, 3)
-    head = "method | error, px (SD): | error − that of map-based MCL, 95 % interval:"
+    head = "method | error, px (SD): | error − that of `mcl-map`, 95 % interval:"
     return _table(f"{head} | with a plan for another start: | lost: | ms per step:", rows)
 
 
@@ -184,14 +184,6 @@ PRINTED = {  # Taniguchi, Fukawa & Yamakawa 2024, Table 1: error (SD), entropy
     "mcl-map": ("25.00 (18.38)", "9.69", ("792.28", "616.85", "0.17", "0.16")),
     "deq-mcl": ("20.95 (17.66)", "7.82", ("419.92", "290.04", "0.09", "0.07")),
 }
-TITLES = {
-    "mcl": "MCL",
-    "mcl-smoother": "MCL with smoother",
-    "mcl-map": "MCL with map-based motion model",
-    "mcl-map-smoother": "map-based MCL with smoother",
-    "deq-mcl": "DEQ-MCL",
-    "dead-reckoning": "dead reckoning on the plan",
-}
 OFFSETS = {0: "x[t]", -20: "x[t-20]", 20: "x[t+20]"}
 INTERVAL = "{diff:+.2f} [{diff_low:+.2f}, {diff_high:+.2f}]"
 
@@ -210,9 +202,9 @@ def _table_1() -> str:
         error, entropy, _ = PRINTED.get(method, ("", "", ()))
         ours = filled("{error:.2f} ({error_sd:.2f})", found)
         nats = _plain(filled("{entropy:.2f}", found)) or "n/a"
-        rows.append([TITLES[method], OFFSETS[offset], ours, error, nats, entropy])
+        rows.append([f"`{method}`", OFFSETS[offset], ours, error, nats, entropy])
         rows[-1].append(_plain(filled(INTERVAL, found)))
-    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - MCL's, 95 %"
+    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - that of `mcl`, 95 %"
     return _table(f"{head} interval:", rows)
 
 
@@ -226,7 +218,7 @@ def _paper_200(scenario: str) -> str:
         digits = {"var_x": ".1f", "var_y": ".1f", "var_cos": ".3f", "var_sin": ".3f"}
         ours = [filled(f"{{{name}:{spec}}}", found) or "n/a" for name, spec in digits.items()]
         cells = [
-            TITLES[method],
+            f"`{method}`",
             OFFSETS[offset],
             filled(INTERVAL, found) or "baseline",
             filled("{error:.2f} ({error_sd:.2f})", found),
@@ -238,7 +230,7 @@ def _paper_200(scenario: str) -> str:
         ]
         rows.append([_plain(cell) for cell in cells])
     head = (
-        "method | of | error - MCL's, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
+        "method | of | error - that of `mcl`, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
     )
     more = "".join(f" | var {part}: | paper:" for part in ("x", "y", "cos θ", "sin θ"))
     return _table(head + more, rows)
@@ -305,7 +297,7 @@ def _no_harm() -> str:
             cells = [filled(c, found) for found in (plan, hedged) for c in (more, share)]
             error = filled(f"{{error:.{digits}f}}", base)
             rows.append([f"`{scenario}`", f"{n:,}", error, *cells])
-    head = " | N: | map-based MCL: | `mcl-plan`, difference: | of the error:"
+    head = " | N: | `mcl-map`: | `mcl-plan`, difference: | of the error:"
     return _table(f"{head} | `mcl-plan-hedged`, difference: | of the error:", rows)
 
 
@@ -372,7 +364,7 @@ def _equal_time() -> str:
     for label, method, n in (
         ("`mcl-plan`, N = 1,000", "mcl-plan", 1000),
         ("`mcl-plan-hedged`, N = 1,000", "mcl-plan-hedged", 1000),
-        ("map-based MCL, N = 8,000", "mcl-map", 8000),
+        ("`mcl-map`, N = 8,000", "mcl-map", 8000),
         ("MCL, N = 8,000", "mcl", 8000),
     ):
         found = row("hedge/equal-time", "guided", method, n)
@@ -777,7 +769,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     base, plan = (n("error", sensor, "paper", name, 300) for name in ("mcl-map", "mcl-plan"))
     deq = n("error", sensor, "paper", "deq-mcl", 300)
     yield "README.md", f"has the same {n('error', 'amcl/rooms', 'guided', 'mcl-map'):.1f} px"
-    yield "README.md", f"{plan:.1f} px, map-based MCL {base:.1f}, the paper's filter {deq:.1f} (N"
+    yield "README.md", f"{plan:.1f} px, `mcl-map` {base:.1f}, the paper's filter {deq:.1f} (N"
     yield "README.md", f"with 1,000 has {n('error', sensor, 'guided', 'mcl-plan', 1000):.1f}"
     gained = [-n("diff", sensor, "paper", "mcl-plan", many) for many in (300, 1000)]
     yield (
@@ -791,7 +783,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     ]
     yield (
         "docs/reports/paper-200.md",
-        f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
+        f"`mcl-map` by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
     )
     over_200 = filled(INTERVAL, row("paper-200/paper", "paper", "deq-mcl"))
     yield "README.md", _plain(f"than MCL ({over_200})").replace("+", "")

@@ -101,7 +101,7 @@ def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):
     assert exit_code("run", *arguments, "--scenario", "guided", "--out", tmp_path) == 0
     present, future = (curve(tmp_path)[offset] for offset in (0, 40))
     steps = present[-1]["state"]
-    assert f"DEQ-MCL, scenario guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
+    assert f"deq-mcl, scenario guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
     assert [row["state"] for row in present] == [*range(int(steps) + 1)]
     # far from the end the whole lag is planned ahead; past it nothing is
     assert [row["state"] for row in future][:100] == [*range(40, 140)]
