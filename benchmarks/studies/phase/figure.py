@@ -28,8 +28,6 @@ _CELLS = 41  # bins of position, and rows of the table
 _NUMBERED = 24  # more fields are too small for their numbers
 _STYLE: Any = {
     "text.parse_math": False,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9,
     "axes.titlesize": 9.5,
     "axes.linewidth": 0.8,
