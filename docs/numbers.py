@@ -204,8 +204,8 @@ def _table_1() -> str:
         nats = _plain(filled("{entropy:.2f}", found)) or "n/a"
         rows.append([f"`{method}`", OFFSETS[offset], ours, error, nats, entropy])
         rows[-1].append(_plain(filled(INTERVAL, found)))
-    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - that of `mcl`, 95 %"
-    return _table(f"{head} interval:", rows)
+    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - `mcl`'s,"
+    return _table(f"{head} 95 % interval:", rows)
 
 
 def _paper_200(scenario: str) -> str:
@@ -229,9 +229,7 @@ def _paper_200(scenario: str) -> str:
             *(cell for pair in zip(ours, printed, strict=True) for cell in pair),
         ]
         rows.append([_plain(cell) for cell in cells])
-    head = (
-        "method | of | error - that of `mcl`, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
-    )
+    head = "method | of | error - `mcl`'s, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
     more = "".join(f" | var {part}: | paper:" for part in ("x", "y", "cos θ", "sin θ"))
     return _table(head + more, rows)
 
