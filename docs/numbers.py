@@ -229,9 +229,9 @@ def _paper_200(scenario: str) -> str:
             *(cell for pair in zip(ours, printed, strict=True) for cell in pair),
         ]
         rows.append([_plain(cell) for cell in cells])
-    head = "method | of | error - `mcl`'s, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
+    head = "method | of | error - `mcl`'s, 95 %: | error (SD): | paper: | entropy: | paper: | "
     more = "".join(f" | var {part}: | paper:" for part in ("x", "y", "cos θ", "sin θ"))
-    return _table(head + more, rows)
+    return _table(f"{head}in walls:{more}", rows)
 
 
 def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object]]]) -> str:
