@@ -80,7 +80,7 @@ def _equal_time() -> str:
     for label, method, n in (
         ("`mcl-plan`, N = 1,000", "mcl-plan", 1000),
         ("`mcl-plan-hedged`, N = 1,000", "mcl-plan-hedged", 1000),
-        ("map-based MCL, N = 8,000", "mcl-map", 8000),
+        ("`mcl-map`, N = 8,000", "mcl-map", 8000),
         ("MCL, N = 8,000", "mcl", 8000),
     ):
         found = row("hedge/equal-time", "guided", method, n)

@@ -32,7 +32,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     base, plan = (n("error", sensor, "paper", name, 300) for name in ("mcl-map", "mcl-plan"))
     deq = n("error", sensor, "paper", "deq-mcl", 300)
     yield "README.md", f"has the same {n('error', 'amcl/rooms', 'guided', 'mcl-map'):.1f} px"
-    yield "README.md", f"{plan:.1f} px, map-based MCL {base:.1f}, the paper's filter {deq:.1f} (N"
+    yield "README.md", f"{plan:.1f} px, `mcl-map` {base:.1f}, the paper's filter {deq:.1f} (N"
     yield "README.md", f"with 1,000 has {n('error', sensor, 'guided', 'mcl-plan', 1000):.1f}"
     gained = [-n("diff", sensor, "paper", "mcl-plan", many) for many in (300, 1000)]
     yield (
@@ -46,7 +46,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     ]
     yield (
         "docs/reports/paper-200.md",
-        f"model by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
+        f"`mcl-map` by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
     )
     over_200 = filled(INTERVAL, row("paper-200/paper", "paper", "deq-mcl"))
     yield "README.md", plain(f"than MCL ({over_200})").replace("+", "")

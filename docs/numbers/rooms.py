@@ -65,7 +65,7 @@ def _room() -> str:
     ]
     rows.append(["dead reckoning on the commands", *still[:2], "", *still[2:]])
     rows[0] = in_bold(rows[0], 1, 3)
-    head = "method | error, px (SD): | error − that of map-based MCL, 95 % interval:"
+    head = "method | error, px (SD): | error − that of `mcl-map`, 95 % interval:"
     return table(f"{head} | with a plan for another start: | lost: | ms per step:", rows)
 
 
@@ -74,14 +74,6 @@ PRINTED = {  # Taniguchi, Fukawa & Yamakawa 2024, Table 1: error (SD), entropy
     "mcl-smoother": ("22.88 (20.01)", "8.88", ("977.39", "611.06", "0.14", "0.11")),
     "mcl-map": ("25.00 (18.38)", "9.69", ("792.28", "616.85", "0.17", "0.16")),
     "deq-mcl": ("20.95 (17.66)", "7.82", ("419.92", "290.04", "0.09", "0.07")),
-}
-TITLES = {
-    "mcl": "MCL",
-    "mcl-smoother": "MCL with smoother",
-    "mcl-map": "MCL with map-based motion model",
-    "mcl-map-smoother": "map-based MCL with smoother",
-    "deq-mcl": "DEQ-MCL",
-    "dead-reckoning": "dead reckoning on the plan",
 }
 OFFSETS = {0: "x[t]", -20: "x[t-20]", 20: "x[t+20]"}
 
@@ -96,10 +88,10 @@ def _table_1() -> str:
         error, entropy, _ = PRINTED.get(method, ("", "", ()))
         ours = filled("{error:.2f} ({error_sd:.2f})", found)
         nats = plain(filled("{entropy:.2f}", found)) or "n/a"
-        rows.append([TITLES[method], OFFSETS[offset], ours, error, nats, entropy])
+        rows.append([f"`{method}`", OFFSETS[offset], ours, error, nats, entropy])
         rows[-1].append(plain(filled(INTERVAL, found)))
-    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - MCL's, 95 %"
-    return table(f"{head} interval:", rows)
+    head = "method | belief about | error (SD): | paper: | entropy: | paper: | error - `mcl`'s,"
+    return table(f"{head} 95 % interval:", rows)
 
 
 def _paper_200(scenario: str) -> str:
@@ -112,7 +104,7 @@ def _paper_200(scenario: str) -> str:
         digits = {"var_x": ".1f", "var_y": ".1f", "var_cos": ".3f", "var_sin": ".3f"}
         ours = [filled(f"{{{name}:{spec}}}", found) or "n/a" for name, spec in digits.items()]
         cells = [
-            TITLES[method],
+            f"`{method}`",
             OFFSETS[offset],
             filled(INTERVAL, found) or "baseline",
             filled("{error:.2f} ({error_sd:.2f})", found),
@@ -123,11 +115,9 @@ def _paper_200(scenario: str) -> str:
             *(cell for pair in zip(ours, printed, strict=True) for cell in pair),
         ]
         rows.append([plain(cell) for cell in cells])
-    head = (
-        "method | of | error - MCL's, 95 %: | error (SD): | paper: | entropy: | paper: | in walls:"
-    )
+    head = "method | of | error - `mcl`'s, 95 %: | error (SD): | paper: | entropy: | paper: | "
     more = "".join(f" | var {part}: | paper:" for part in ("x", "y", "cos θ", "sin θ"))
-    return table(head + more, rows)
+    return table(f"{head}in walls:{more}", rows)
 
 
 def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object]]]) -> str:
@@ -191,7 +181,7 @@ def _no_harm() -> str:
             cells = [filled(c, found) for found in (plan, hedged) for c in (more, share)]
             error = filled(f"{{error:.{digits}f}}", base)
             rows.append([f"`{scenario}`", f"{n:,}", error, *cells])
-    head = " | N: | map-based MCL: | `mcl-plan`, difference: | of the error:"
+    head = " | N: | `mcl-map`: | `mcl-plan`, difference: | of the error:"
     return table(f"{head} | `mcl-plan-hedged`, difference: | of the error:", rows)
 
 
