@@ -15,6 +15,7 @@ from deqmcl_gym.numerics.types import Floats, Singles
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
+_FEW = 64  # the same where much is kept for each
 _FOLD = 16  # beams multiplied before a logarithm is taken, …
 _LEAST, _MOST = 1e-19, 1e19  # … where densities lie between: so the product is a normal float64
 _FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
@@ -151,6 +152,102 @@ def four_parts(
             logs64(product[:count], value[:count])
             for i in range(count):
                 total[i] += value[i]
+
+
+@compiled
+def latent_share(
+    ranges: Floats,
+    expected: Singles,
+    sigma: float,
+    counts: tuple[float, float],
+    floor: float,
+    low: float,
+    high: float,
+    atom: float,
+    out: Floats,
+) -> None:
+    """Fill in log ∫ Beta(u; a, b) Π_b ((1 - u) p_hit + u p_any) du for each pose.
+
+    Pólya's urn: after j beams of which k were unexplained, the next is with probability
+    (a + k) / (a + b + j). The probabilities of all k are carried from beam to beam.
+
+    Args:
+        ranges: o, (B,).
+        expected: ô, (B, n).
+        sigma: of p_hit, a normal density, and its mass beyond the ends of the range.
+        counts: a, b.
+        floor, low, high, atom: of p_any; see ``gaussian_uniform``.
+        out: (n,).
+    """
+    a, b = counts
+    beams, n = ranges.size, expected.shape[1]
+    together = fold(min(a, b) / (a + b + beams), 1.0)  # of an urn's draws
+    few = min(n, _FEW)
+    urn = np.empty((beams + 1, few))
+    hit, miss, part, power = np.empty(few), np.empty(few), np.empty(few), np.empty(few)
+    for start in range(0, n, few):
+        end = min(start + few, n)
+        found = out[start:end]
+        found[:] = 0.0
+        urn[:] = 0.0
+        urn[0] = 1.0
+        for j in range(beams):
+            measured, row = ranges[j], expected[j, start:end]
+            if (measured <= low) | (measured >= high):
+                at_low = measured <= low
+                _mass_beyond(row, low if at_low else high, at_low, sigma, part, power, hit)
+                _shares(atom, hit, miss, part, found)
+            else:
+                _bell(row, measured, sigma, part, power, hit)
+                for i in range(end - start):
+                    hit[i] = _scaled(hit[i], power[i]) / (sigma * _SQRT_2PI)
+                _shares(floor, hit, miss, part, found)
+            each = 1.0 / (a + b + j)
+            for k in range(j + 1, 0, -1):
+                _drawn((b + j - k) * each, (a + k - 1) * each, hit, miss, urn[k - 1], urn[k])
+            for i in range(end - start):
+                urn[0, i] *= (b + j) * each * hit[i]
+            if (j + 1) % together == 0 or j + 1 == beams:
+                _emptied(urn[: j + 2], miss, part, found)
+
+
+@compiled
+def _shares(other: float, hit: Floats, miss: Floats, part: Floats, total: Floats) -> None:
+    """Divide p_hit by p_hit + p_any, whose log is added to ``total``; fill in p_any so divided."""
+    count = total.size
+    for i in range(count):
+        miss[i] = hit[i] + other
+    logs64(miss[:count], part[:count])
+    for i in range(count):
+        total[i] += part[i]
+        hit[i] /= miss[i]
+        miss[i] = other / miss[i]
+
+
+@compiled
+def _drawn(
+    stays: float, turns: float, hit: Floats, miss: Floats, fewer: Floats, urn: Floats
+) -> None:
+    """Fill in the probability of k unexplained beams, of those of k - 1 and k before this one."""
+    for i in range(urn.size):
+        urn[i] = urn[i] * stays * hit[i] + fewer[i] * turns * miss[i]
+
+
+@compiled
+def _emptied(urn: Floats, sums: Floats, part: Floats, total: Floats) -> None:
+    """Divide probabilities of all k, (K, n), by their sums, whose logs are added to ``total``."""
+    count = total.size
+    sums[:] = 0.0
+    for k in range(urn.shape[0]):
+        for i in range(count):
+            sums[i] += urn[k, i]
+    logs64(sums[:count], part[:count])
+    for i in range(count):
+        total[i] += part[i]
+        sums[i] = 1.0 if sums[i] == 0.0 else 1.0 / sums[i]
+    for k in range(urn.shape[0]):
+        for i in range(count):
+            urn[k, i] *= sums[i]
 
 
 @compiled

@@ -1,0 +1,206 @@
+"""Which beams of a scan a belief uses, where the world is not its map: people, moved furniture.
+
+Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments", section
+4: two filters that judge each beam by the belief before the scan. A filter that drops what the
+belief does not expect cannot find out that the belief is wrong: the robot must be localized when
+it starts, and what is counted as evidence (quality, recovery) is that of the beams kept.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import normal_cdf
+from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.validation import InputError, number, one_of
+from localizers.beliefs import best_cluster
+from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
+from localizers.inference.weights import normalized
+from localizers.models.scan import LidarScan, Scan
+
+JUDGES = 512  # particles, evenly spaced, by which beams are judged
+
+
+def judging(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
+    """Return at most ``JUDGES`` of the particles, evenly spaced, and their weights, with sum 1.
+
+    Of particles that all weigh 0 the weights are equal.
+    """
+    stride = (log_weights.size - 1) // JUDGES + 1
+    some = np.ascontiguousarray(log_weights[::stride])
+    if not some.max() > -np.inf:
+        some = np.zeros(some.size)
+    return states[:, ::stride], normalized(some)
+
+
+def left_out(scan: Scan, dropped: Any) -> Scan:
+    """Return the scan without the usable beams that are dropped, (b,)."""
+    beams = np.zeros(scan.ranges.size, np.bool_)
+    beams[scan.usable] = dropped
+    return scan.without(beams)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistanceFilter:
+    """Drop a beam if P(o is shorter than the map says) > γ under the belief: the novelty filter.
+
+    P = Σ w Φ((ô - o) / σ), ô at most the largest range: people and what is new stand in front of
+    the walls. Longer readings, as of removed walls, are never dropped. While the belief is spread
+    over several places nothing is, as what is short from one place is not from another.
+
+    Fox, Burgard & Thrun 1999, section 4.2, equations 9 to 11.
+
+    Attributes:
+        scan: p(o | x, m), whose beams have a σ.
+        share: γ.
+        localized: the least share of the belief in its ``best_cluster`` for beams to be dropped.
+    """
+
+    scan: LidarScan
+    share: float = 0.99
+    localized: float = 0.9
+
+    def __post_init__(self) -> None:
+        number("share", self.share, low=0, high=1)
+        number("localized", self.localized, low=0, high=1)
+        if not hasattr(self.scan.beam, "sigma"):
+            kind = type(self.scan.beam).__name__
+            raise InputError(
+                f"the beam model is of type {kind}, without sigma, but the distance filter "
+                "compares ranges by it: give another beam model or another filter."
+            )
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return the scan without the beams that are too short; see ``BeamFilter``."""
+        poses, weights = judging(states, log_weights)
+        unit = self.scan.floor_plan.unit
+        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < self.localized:
+            return scan
+        dropped = self.shorter(poses, weights, scan) > self.share
+        return left_out(scan, dropped) if dropped.any() else scan
+
+    def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
+        """P(o is shorter than the map says) of each usable beam under weighted poses (3, n), (b,).
+
+        Poses outside say nothing; if all are, it is 0.
+        """
+        sigma: float = self.scan.beam.sigma  # type: ignore[attr-defined]
+        measured, expected = self.scan.compared(poses, scan)
+        inside = ~np.isnan(expected[0])
+        total = float(weights[inside].sum())
+        if total == 0.0:
+            return np.zeros(measured.size)
+        seen = np.minimum(expected[:, inside].astype(np.float64), self.scan.lidar.max_range)
+        below = normal_cdf((seen - measured[:, None]) / sigma)
+        chance: Floats = (below * weights[inside]).sum(axis=1) / total
+        return chance
+
+
+Places = Callable[[States], Indices]  # the place of each state, as a number from 0
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Places are cells of size × size × turn.
+
+    Attributes:
+        size: in the map's unit.
+        turn: rad, a whole part of the circle.
+    """
+
+    size: float
+    turn: float = 2 * np.pi / 72
+
+    def __call__(self, poses: States) -> Indices:
+        """Return the cell of each pose (3, n), numbered from 0, (n,)."""
+        x, y = (np.floor(np.asarray(poses[i], np.float64) / self.size) for i in (0, 1))
+        heading = np.floor((arrays.wrapped(poses[2]) + np.pi) / self.turn)
+        cells = np.stack([x, y, heading % round(2 * np.pi / self.turn)])
+        return np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EntropyFilter:
+    """Drop a beam if it raises the belief's entropy: what does not confirm the belief.
+
+    H = -Σ p log p over places, before and after the one beam. Each is judged by itself. Where the
+    belief is one place, no beam changes it and all are kept.
+
+    Fox, Burgard & Thrun 1999, section 4.1, equations 6 to 8; their places are cells of a grid, too.
+
+    Attributes:
+        scan: p(o | x, m).
+        places: of the states.
+    """
+
+    scan: LidarScan
+    places: Places
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return the scan without the beams that raise the entropy; see ``BeamFilter``."""
+        if scan.beams == 0:
+            return scan
+        poses, weights = judging(states, log_weights)
+        dropped = self.raises(poses, weights, scan)
+        return left_out(scan, dropped) if dropped.any() else scan
+
+    def raises(self, poses: States, weights: Weights, scan: Scan) -> Any:
+        """Whether each usable beam raises the entropy of weighted poses (3, n), (b,)."""
+        place = self.places(poses)
+        before = entropy(np.bincount(place, weights))
+        measured, expected = self.scan.compared(poses, scan)
+        dropped = np.zeros(measured.size, np.bool_)
+        for beam in range(measured.size):
+            one = slice(beam, beam + 1)
+            logs = self.scan.weighed(measured[one], expected[one])
+            after = np.bincount(place, weights * _relative(logs))
+            dropped[beam] = not entropy(after) <= before + _EQUAL
+        return dropped
+
+
+_EQUAL = 1e-12  # nats: entropies of different sums of the same
+
+
+def entropy(masses: Reals) -> float:
+    """-Σ p log p of masses of any sum, nats; NaN if all are 0."""
+    shares = masses[masses > 0]
+    total = float(shares.sum())
+    if total == 0.0:
+        return float("nan")
+    shares = shares / total
+    return -float((shares * arrays.log(shares)).sum())
+
+
+def _relative(logs: Floats) -> Floats:
+    """exp(logs), the largest 1; all 0 if none is possible."""
+    top = float(logs.max())
+    return arrays.exp(logs - top) if top > -np.inf else np.zeros(logs.size)
+
+
+def _distance(scan: LidarScan) -> BeamFilter:
+    return DistanceFilter(scan=scan)
+
+
+def _entropy(scan: LidarScan) -> BeamFilter:
+    return EntropyFilter(scan=scan, places=Cells(5 * pixel(scan.floor_plan.unit)))
+
+
+_FILTERS: dict[str, Callable[[LidarScan], BeamFilter] | None] = {
+    "none": None,
+    "distance": _distance,
+    "entropy": _entropy,
+}
+
+
+def beam_filter(name: str, scan: LidarScan) -> BeamFilter | None:
+    """Return the filter of a name for a scan model; None for "none".
+
+    Raises:
+        InputError: no such filter, or it needs what the beam model lacks.
+    """
+    made = _FILTERS[one_of("beam_filter", name, _FILTERS)]
+    return None if made is None else made(scan)
