@@ -78,6 +78,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "power is fitted to the first part of the log)",
     )
     add(
+        "--fit-beams",
+        action="store_true",
+        help="assume the four-part beam model that fits scans from reference poses in the first "
+        "part of the log, and print it",
+    )
+    add(
         "--nav2",
         type=Path,
         metavar="PARAMS.yaml",
@@ -93,7 +99,7 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
-    from benchmarks.replay.calibration import calibrated
+    from benchmarks.replay.calibration import calibrated, with_fitted_beams
     from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import reading_of, replay_of
@@ -113,6 +119,9 @@ def run(options: argparse.Namespace) -> str:
         replay = replay_of(
             options.log, options.map, reference=options.reference, reading=reading, **told
         )
+    if options.fit_beams:
+        with doing("fitting the beam model to the first part of the log"):
+            replay = with_fitted_beams(replay)
     if "scan.power" not in replay.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
             replay = calibrated(replay)

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
-from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.beliefs import best_cluster
 from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
@@ -165,7 +166,7 @@ class EntropyFilter:
 _EQUAL = 1e-12  # nats: entropies of different sums of the same
 
 
-def entropy(masses: Reals) -> float:
+def entropy(masses: NDArray[Any]) -> float:
     """-Σ p log p of masses of any sum, nats; NaN if all are 0."""
     shares = masses[masses > 0]
     total = float(shares.sum())

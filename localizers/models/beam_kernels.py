@@ -202,11 +202,7 @@ def latent_share(
                 for i in range(end - start):
                     hit[i] = _scaled(hit[i], power[i]) / (sigma * _SQRT_2PI)
                 _shares(floor, hit, miss, part, found)
-            each = 1.0 / (a + b + j)
-            for k in range(j + 1, 0, -1):
-                _drawn((b + j - k) * each, (a + k - 1) * each, hit, miss, urn[k - 1], urn[k])
-            for i in range(end - start):
-                urn[0, i] *= (b + j) * each * hit[i]
+            _drawn(a, b, j, hit, miss, urn)
             if (j + 1) % together == 0 or j + 1 == beams:
                 _emptied(urn[: j + 2], miss, part, found)
 
@@ -225,12 +221,16 @@ def _shares(other: float, hit: Floats, miss: Floats, part: Floats, total: Floats
 
 
 @compiled
-def _drawn(
-    stays: float, turns: float, hit: Floats, miss: Floats, fewer: Floats, urn: Floats
-) -> None:
-    """Fill in the probability of k unexplained beams, of those of k - 1 and k before this one."""
-    for i in range(urn.size):
-        urn[i] = urn[i] * stays * hit[i] + fewer[i] * turns * miss[i]
+def _drawn(a: float, b: float, j: int, hit: Floats, miss: Floats, urn: Floats) -> None:
+    """Turn probabilities of k unexplained of j beams, the rows, into those of j + 1 beams."""
+    each, count = 1.0 / (a + b + j), hit.size
+    for k in range(j + 1, 0, -1):
+        here, before = urn[k], urn[k - 1]
+        stays, turns = (b + j - k) * each, (a + k - 1) * each
+        for i in range(count):
+            here[i] = here[i] * stays * hit[i] + before[i] * turns * miss[i]
+    for i in range(count):
+        urn[0, i] *= (b + j) * each * hit[i]
 
 
 @compiled

@@ -199,10 +199,11 @@ class BeamModel(_Tempered):
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range below max_range, mass at it, (n, B)."""
-        hit, short = (
-            self.hits(ranges, expected, max_range),
-            self.shorts(ranges, expected, max_range),
-        )
+        seen, sigma = np.minimum(expected, max_range), self._width(max_range)
+        inside = normal_cdf((max_range - seen) / sigma) - normal_cdf(-seen / sigma)
+        hit = normal_pdf((ranges - seen) / sigma) / (sigma * inside)
+        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, _NEAREST * max_range / _STEPS))
+        short = np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
         at_max = ranges >= max_range
         density: Floats = (
             self.hit * hit
@@ -211,19 +212,6 @@ class BeamModel(_Tempered):
             + self.rand * ~at_max / max_range
         )
         return density**self.power
-
-    def hits(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """p_hit: N(ô, σ²) cut to [0, max_range], ô at most max_range; of ``expected``'s shape."""
-        seen, sigma = np.minimum(expected, max_range), self._width(max_range)
-        inside = normal_cdf((max_range - seen) / sigma) - normal_cdf(-seen / sigma)
-        density: Floats = normal_pdf((ranges - seen) / sigma) / (sigma * inside)
-        return density
-
-    def shorts(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """p_short: λ exp(-λ o) cut to [0, ô], ô at most max_range; of ``expected``'s shape."""
-        seen = np.minimum(expected, max_range)
-        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, _NEAREST * max_range / _STEPS))
-        return np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
 
     def least_density(self, max_range: float) -> float:
         """Return the least density or mass of a beam far from its expected range."""
