@@ -106,7 +106,8 @@ def calibrated(replay: Replay) -> Replay:
     if count is None:
         return replay
     here = {name: own for name, own in replay.assumed.items() if not name.startswith("prior.")}
-    world = replay.world | {"start": _first(replay), "judged": 0}
+    own = {name: value for name, value in replay.world.items() if name != "judged"}
+    world = Changes({**own, "start": _first(replay)})
     begun = replace(replay, assumed=Changes(here), world=world)
     tried: list[tuple[float, float]] = []
     for power in _POWERS:

@@ -226,7 +226,7 @@ def _drawn(a: float, b: float, j: int, hit: Floats, miss: Floats, urn: Floats) -
     each, count = 1.0 / (a + b + j), hit.size
     for k in range(j + 1, 0, -1):
         here, before = urn[k], urn[k - 1]
-        stays, turns = (b + j - k) * each, (a + k - 1) * each
+        stays, turns = (b + (j - k)) * each, (a + (k - 1)) * each
         for i in range(count):
             here[i] = here[i] * stays * hit[i] + before[i] * turns * miss[i]
     for i in range(count):
