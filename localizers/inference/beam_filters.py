@@ -11,16 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.arrays import normal_cdf
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.beliefs import best_cluster
 from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
-from localizers.inference.weights import normalized
+from localizers.inference.weights import largest, normalized
+from localizers.models import beam_kernels
 from localizers.models.scan import LidarScan, Scan
 
 JUDGES = 512  # particles, evenly spaced, by which beams are judged
@@ -95,9 +96,9 @@ class DistanceFilter:
         total = float(weights[inside].sum())
         if total == 0.0:
             return np.zeros(measured.size)
-        seen = np.minimum(expected[:, inside].astype(np.float64), self.scan.lidar.max_range)
-        below = normal_cdf((seen - measured[:, None]) / sigma)
-        chance: Floats = (below * weights[inside]).sum(axis=1) / total
+        chance, shares = np.empty(measured.size), weights[inside] / total
+        max_range = self.scan.lidar.max_range
+        beam_kernels.shorter(measured, expected[:, inside], shares, sigma, max_range, chance)
         return chance
 
 
@@ -151,35 +152,46 @@ class EntropyFilter:
 
     def raises(self, poses: States, weights: Weights, scan: Scan) -> Any:
         """Whether each usable beam raises the entropy of weighted poses (3, n), (b,)."""
-        place = self.places(poses)
-        before = entropy(np.bincount(place, weights))
         measured, expected = self.scan.compared(poses, scan)
-        dropped = np.zeros(measured.size, np.bool_)
+        logs = np.empty((measured.size + 1, weights.size))
+        logs[0] = 0.0  # no beam
         for beam in range(measured.size):
             one = slice(beam, beam + 1)
-            logs = self.scan.weighed(measured[one], expected[one])
-            after = np.bincount(place, weights * _relative(logs))
-            dropped[beam] = not entropy(after) <= before + _EQUAL
-        return dropped
+            logs[1 + beam] = self.scan.weighed(measured[one], expected[one])
+        found = np.empty(len(logs))
+        place = self.places(poses)
+        entropies(logs, weights, place, np.zeros(int(place.max()) + 1), found)
+        return ~(found[1:] <= found[0] + _EQUAL)
 
 
 _EQUAL = 1e-12  # nats: entropies of different sums of the same
 
 
-def entropy(masses: NDArray[Any]) -> float:
-    """-Σ p log p of masses of any sum, nats; NaN if all are 0."""
-    shares = masses[masses > 0]
-    total = float(shares.sum())
-    if total == 0.0:
-        return float("nan")
-    shares = shares / total
-    return -float((shares * arrays.log(shares)).sum())
+@compiled
+def entropies(
+    log_factors: Floats, weights: Floats, places: Indices, masses: Floats, out: Floats
+) -> None:
+    """Fill in -Σ p log p over places for each row of factors; inf if no weight is left by it.
 
-
-def _relative(logs: Floats) -> Floats:
-    """exp(logs), the largest 1; all 0 if none is possible."""
-    top = float(logs.max())
-    return arrays.exp(logs - top) if top > -np.inf else np.zeros(logs.size)
+    Args:
+        log_factors: of the weights, (k, n).
+        weights: (n,).
+        places: numbers from 0, (n,).
+        masses: overwritten, one for each place.
+        out: (k,).
+    """
+    for row in range(out.size):
+        top = largest(log_factors[row])
+        masses[:] = 0.0
+        total, logs = 0.0, 0.0
+        for i in range(weights.size if top > -np.inf else 0):
+            mass = weights[i] * exp64(log_factors[row, i] - top)
+            masses[places[i]] += mass
+            total += mass
+        for place in range(masses.size):
+            if masses[place] > 0.0:
+                logs += masses[place] * log64(masses[place])
+        out[row] = log64(total) - logs / total if total > 0.0 else np.inf
 
 
 def _distance(scan: LidarScan) -> BeamFilter:
