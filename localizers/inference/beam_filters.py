@@ -1,9 +1,10 @@
 """Which beams of a scan a belief uses, where the world is not its map: people, moved furniture.
 
-Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments", section
-4: two filters that judge each beam by the belief before the scan. A filter that drops what the
-belief does not expect cannot find out that the belief is wrong: the robot must be localized when
-it starts, and what is counted as evidence (quality, recovery) is that of the beams kept.
+Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments" (before:
+Fox, Burgard, Thrun & Cremers 1998): two filters that judge each beam by the belief before the scan.
+A filter that drops what the belief does not expect cannot find out that the belief is wrong: the
+robot must be localized when it starts, and what is counted as evidence (quality, recovery) is that
+of the beams kept.
 """
 
 from collections.abc import Callable
@@ -48,13 +49,13 @@ def left_out(scan: Scan, dropped: Any) -> Scan:
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceFilter:
-    """Drop a beam if P(o is shorter than the map says) > γ under the belief: the novelty filter.
+    """Drop a beam if P(o is shorter than the map says) > γ under the belief.
 
     P = Σ w Φ((ô - o) / σ), ô at most the largest range: people and what is new stand in front of
     the walls. Longer readings, as of removed walls, are never dropped. While the belief is spread
     over several places nothing is, as what is short from one place is not from another.
 
-    Fox, Burgard & Thrun 1999, section 4.2, equations 9 to 11.
+    Fox, Burgard & Thrun 1999; in 1998 the novelty filter.
 
     Attributes:
         scan: p(o | x, m), whose beams have a σ.
@@ -120,9 +121,11 @@ class Cells:
     def __call__(self, poses: States) -> Indices:
         """Return the cell of each pose (3, n), numbered from 0, (n,)."""
         x, y = (np.floor(np.asarray(poses[i], np.float64) / self.size) for i in (0, 1))
-        heading = np.floor((arrays.wrapped(poses[2]) + np.pi) / self.turn)
-        cells = np.stack([x, y, heading % round(2 * np.pi / self.turn)])
-        return np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
+        sector = np.floor((arrays.wrapped(poses[2]) + np.pi) / self.turn)
+        sectors = round(2 * np.pi / self.turn)
+        x, y = x - x.min(), y - y.min()
+        cell = (x * (y.max() + 1) + y) * sectors + sector % sectors  # whole, as float64
+        return np.unique(cell, return_inverse=True)[1].reshape(-1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +135,7 @@ class EntropyFilter:
     H = -Σ p log p over places, before and after the one beam. Each is judged by itself. Where the
     belief is one place, no beam changes it and all are kept.
 
-    Fox, Burgard & Thrun 1999, section 4.1, equations 6 to 8; their places are cells of a grid, too.
+    Fox, Burgard & Thrun 1999, whose places are the cells of a grid.
 
     Attributes:
         scan: p(o | x, m).
