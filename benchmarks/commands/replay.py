@@ -112,7 +112,8 @@ def run(options: argparse.Namespace) -> str:
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
     told = {name: value for name in _SAID if (value := getattr(options, name)) is not None}
     if nav2 is not None:
-        scan = ",".join([nav2.options["scan"], *filter(None, [options.scan])])
+        its_scan = None if options.fit_beams else nav2.options["scan"]
+        scan = ",".join(filter(None, [its_scan, options.scan]))
         told = {**nav2.options, **told, "scan": scan}
     with doing("reading the log and the map"), shared.log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
