@@ -160,7 +160,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
         if key in own:
             raise InputError(f"--param gives {name}.{key} twice: give it once.")
         own[key] = _value(word, value.strip())
-    return {name: Changes(own).beside(Path(), OF_LOCALIZERS) for name, own in found.items()}
+    return {name: dict(Changes(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
 
 
 def _value(word: str, text: str) -> Any:
