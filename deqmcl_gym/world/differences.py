@@ -5,20 +5,30 @@ one with less has.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.maps.altered import Piece, comes_near, free_area, inner_walls
-from deqmcl_gym.maps.map import LENGTH, pixel
+from deqmcl_gym.maps.altered import Piece, altered, comes_near, free_area, inner_walls
+from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.maps.polygons import signed_area
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, array, boolean, integer, keep_plain, number, one_of
+from deqmcl_gym.validation import (
+    InputError,
+    array,
+    boolean,
+    integer,
+    keep_plain,
+    number,
+    one_of,
+    part,
+    shown,
+)
 
 PLACES = ("anywhere", "walls", "rooms", "corridors")
 KINDS = ("removed", "added", "shifted")
@@ -289,6 +299,29 @@ def _shifted(
     middle = to.mean(axis=(0, 1))
     thick = np.abs((piece.boxes - piece.boxes.mean(axis=(0, 1))) @ piece.across).max()
     return to, middle + math.copysign(thick, by) * piece.across
+
+
+def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body: float) -> Map:
+    """Return a map whose walls are changed: what a robot is given if its map is out of date.
+
+    Args:
+        floor_plan: the map.
+        given: keys of ``ChangedWalls`` and ``seed``, 0 by default.
+        points: where a robot of radius ``body`` comes by, (n, 2).
+        body: a length.
+
+    Raises:
+        InputError: an unknown key, a bad value, or so much cannot be changed.
+    """
+    if not isinstance(given, Mapping):
+        raise InputError(f"changed_walls is {shown(given)}, but must be a mapping such as share.")
+    keys = {name: value for name, value in given.items() if name != "seed"}
+    default = scaled(ChangedWalls(), pixel(floor_plan.unit))
+    walls = part("changed_walls", ChangedWalls, keys, default)
+    seed = integer("changed_walls.seed", given.get("seed", 0))
+    way = Way.along(points, body, floor_plan) if walls.keep_route and len(points) else NOWHERE
+    changes = walls.drawn(floor_plan, way, np.random.default_rng(np.random.SeedSequence(seed)))
+    return altered(floor_plan, changes.cleared, changes.filled)
 
 
 @dataclass(frozen=True, kw_only=True)

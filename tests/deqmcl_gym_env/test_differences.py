@@ -246,7 +246,10 @@ def test_people_keep_off_walls_and_the_robot_and_it_stops_before_them():
         for _ in range(200):
             before = crowd(env).places.copy()
             turn = 0.75 if info["collided"] else rng.uniform(-0.1, 0.1)
-            *_, info = env.step(np.array([step, turn], np.float32))
+            *_, ended, given_up, info = env.step(np.array([step, turn], np.float32))
+            if ended or given_up:
+                env.reset()
+                continue
             places = crowd(env).places
             moved += np.abs(places - before).sum()
             assert there(env).free(places, 0.99 * size).all()
