@@ -79,7 +79,7 @@ def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     told = replay.scenario.recording()[1].occupancy
     assert ((told != hall.occupancy) & (hall.occupancy == 100)).any()
     assert not ((told == 100) & (hall.occupancy == 0)).any()
-    assert any("walls are changed on purpose (share 0.5, seed 1" in fact for fact in replay.facts)
+    assert any("changed on purpose" in fact and "share 0.5" in fact for fact in replay.facts)
     with refused("--changed-walls has 0.3"):
         replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", changed_walls="0.3")
 
