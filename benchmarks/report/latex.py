@@ -12,9 +12,10 @@ from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table, all_labels
-from benchmarks.report.words import capital, spoken, where
+from benchmarks.report.words import spoken, where
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import capital
 from deqmcl_gym import __version__
 from deqmcl_gym.files import command_line, utf8
 

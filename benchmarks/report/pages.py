@@ -13,8 +13,8 @@ from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
-from benchmarks.report.words import Said, capital
-from benchmarks.tables.text import short_name
+from benchmarks.report.words import Said
+from benchmarks.tables.text import capital, short_name
 from deqmcl_gym.files import command_line
 
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 from tabulate import tabulate
 
-from benchmarks.report.words import estimated, where
+from benchmarks.report.words import where
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent, short_name, state_name
+from benchmarks.tables.text import estimated, fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
 
 _LETTERS = 140  # of a table, across a page

@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 
 from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table, nees_words
-from benchmarks.report.words import estimated, p_value, rounded
+from benchmarks.report.words import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
-from benchmarks.tables.text import percent
+from benchmarks.tables.text import estimated, p_value, percent
 from benchmarks.tables.tracks import Row, Run, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score

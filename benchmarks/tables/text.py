@@ -1,10 +1,12 @@
-"""Names of methods and states, numbers and tables as text."""
+"""Names of methods and states, numbers, intervals and tables as text."""
 
 import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
+
+from benchmarks.tables.stats import Estimate
 
 PRINTED = {  # in the paper's Table 1
     "deq-mcl": "DEQ-MCL",
@@ -60,3 +62,50 @@ def fixed(value: float, digits: int = 2) -> str:
 def percent(share: float, digits: int = 0) -> str:
     """A share in per cent, or n/a."""
     return "n/a" if math.isnan(share) else f"{100 * share:.{digits}f} %"
+
+
+def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
+    """A mean and its interval, with a true minus; or n/a.
+
+    Args:
+        value: the mean, and its interval if it has one.
+        form: of the mean, "+.2f" if its sign is to be seen; the ends have its digits.
+        unit: behind the mean.
+    """
+    if math.isnan(value.mean):
+        return "n/a"
+    ends = "" if math.isnan(value.low) else f" ({interval(value, form.removeprefix('+'))})"
+    return f"{value.mean:{form}}{unit}".replace("-", "−") + ends
+
+
+def interval(value: Estimate, form: str = ".2f") -> str:
+    """The ends of an interval."""
+    return f"{value.low:{form}} to {value.high:{form}}".replace("-", "−")
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number with this many significant digits, without an exponent."""
+    if math.isnan(value):
+        return "n/a"
+    places = digits - 1 - math.floor(math.log10(abs(value))) if value else 0
+    return f"{round(value, places):.{max(places, 0)}f}".replace("-", "−")
+
+
+def capital(sentence: str) -> str:
+    """The sentence with a capital letter."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def p_value(p: float) -> str:
+    """A p-value with two digits."""
+    if math.isnan(p):
+        return "n/a"
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
+def counted(counts: set[int], one: str) -> str:
+    """From the least to the largest count of a thing."""
+    if not counts:
+        return f"no {one}s"
+    low, high = min(counts), max(counts)
+    return f"{low} to {high} {one}s" if low < high else f"{low} {one}{'s' * (low != 1)}"
