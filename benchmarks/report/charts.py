@@ -2,14 +2,13 @@
 
 import math
 from statistics import median
-from textwrap import wrap
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from benchmarks.report import decisions
 from benchmarks.report.curves import FAR, LOG_RATIO, left_out, spaced
-from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
+from benchmarks.report.svg import INK, Looks, Picture, breadth, canvas, estimates, lines_of, picture
 from benchmarks.report.tables import Table
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
@@ -105,7 +104,7 @@ def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
             axes.fill_between(metres, low, high, step="post", color=color, alpha=0.15, lw=0)
             axes.step(metres, share, where="post", color=color, label=label)
         axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
-        ends = (f"{label} {curve.share[-1]:.0%}" for label, curve in curves.items())
+        ends = (f"{label} {percent(curve.share[-1])}" for label, curve in curves.items())
         charts.append(
             picture(
                 figure,
@@ -166,8 +165,8 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
     """Every world's error by method; thin lines join the same world."""
     rows = panel.present
     labels = [panel.labels[row.method] for row in rows]
-    lines = [wrap(label, _LETTERS) for label in labels]
-    longest = max(len(line) for label in lines for line in label)
+    lines = [lines_of(label, _LETTERS) for label in labels]
+    longest = max(breadth(line) for label in lines for line in label)
     figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * longest)
     worlds = sorted(set().union(*(row.errors for row in rows)))
     spread = 0.3 if len(worlds) > _ROW else 0.0  # by golden steps, so that neighbours differ
@@ -212,7 +211,7 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
     drawn = {row.method: lap_errors(panel.records[row.method]) for row in panel.present}
     tops = (float(np.nanmax(errors.high)) for errors in drawn.values() if errors is not None)
     top = max(tops, default=1.0)
-    titles = {method: wrap(label, _LETTERS) for method, label in panel.labels.items()}
+    titles = {method: lines_of(label, _LETTERS) for method, label in panel.labels.items()}
     above = 0.1 + 0.18 * max(map(len, titles.values()))
     charts: list[Picture] = []
     for row in panel.present:

@@ -138,13 +138,14 @@ def _tabular(table: Table, label: str, caption: str, more: Sequence[str]) -> str
 
 
 def _figure(picture: Picture) -> str:
+    _, left_out, what = picture.caption.partition(" Left out, ")  # a reader must know of that
     return "\n".join(
         (
             f"% {escaped(picture.caption)}" if picture.caption else "%",
             r"\begin{figure}[htbp]",
             r"  \centering",
             rf"  \includegraphics{{figures/{picture.name}.pdf}}",
-            rf"  \caption{{{escaped(picture.title)}.}}",
+            rf"  \caption{{{escaped(f'{picture.title}.{left_out}{what}')}}}",
             rf"  \label{{fig:{picture.name}}}",
             r"\end{figure}",
             "",

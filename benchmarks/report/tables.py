@@ -86,7 +86,7 @@ def calibration_table(panel: Panel) -> Table:
                 fixed(scores["energy_score"].mean),
                 *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
                 nees_words(scores["nees"]),
-                fixed(scores["entropy"].mean),
+                fixed(scores["entropy"].mean).replace("-", "−"),
                 percent(scores["wall_share"].mean, 1),
             ]
         )

@@ -149,8 +149,8 @@ def told(run: Run) -> str:
     """Say how a run ended: where it was lost, or how far off it was at most."""
     track, scores = run.track, run.scores
     if not track.known.size:
-        return f"{scores['agreement_03']:.0%} of the beams within 0.3 m of the map."
-    within = f"{scores[f'within_{FOUND}']:.0%} of its records are within 1 m and 30°"
+        return f"{percent(scores['agreement_03'])} of the beams within 0.3 m of the map."
+    within = f"{percent(scores[f'within_{FOUND}'])} of its records are within 1 m and 30°"
     largest = f"the largest error is {track.errors.translation.max():.2f} m"
     if track.lost is None:
         end = "to" if scores[f"success_{FOUND}"] else "at"  # of the last quarter, or but lately

@@ -13,10 +13,9 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import reading
 from benchmarks.tables.text import (
-    TITLES,
+    WORDS,
     capital,
     counted,
-    full_name,
     interval,
     p_value,
     percent,
@@ -49,8 +48,9 @@ class Said(NamedTuple):
 def overview(results: Results, panels: Sequence[Panel]) -> str:
     """What was run, in one paragraph."""
     methods = dict.fromkeys(row.method.name for panel in panels for row in panel.rows)
-    worded = {short_name(name): full_name(name) for name in methods}
-    listed = ", ".join(n if n == words else f"{n} ({words})" for n, words in worded.items())
+    listed = ", ".join(
+        f"{name} ({WORDS[name]})" if name in WORDS else short_name(name) for name in methods
+    )
     worlds = {row.worlds for panel in panels for row in panel.rows}
     seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
@@ -125,7 +125,7 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     outcomes: dict[str, list[str]] = {}
     for panel, one in found:
         for row in panel.ranked:
-            if row.method.name not in TITLES and not row.is_baseline and row is not one.winner:
+            if row.method.name not in WORDS and not row.is_baseline and row is not one.winner:
                 what = _outcome(row)
                 what = what[0].lower() + what[1:]
                 brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"

@@ -1,4 +1,4 @@
-"""Names of methods and states, numbers, intervals and tables as text."""
+"""Names of methods and what they mean, states, numbers, intervals and tables as text."""
 
 import csv
 import io
@@ -8,35 +8,27 @@ from typing import Any
 
 from benchmarks.tables.stats import Estimate
 
-PRINTED = {  # in the paper's Table 1
-    "deq-mcl": "DEQ-MCL",
+WORDS = {  # what the names of methods mean; the first four as in the paper's Table 1
+    "mcl": "MCL",
     "mcl-smoother": "MCL with smoother",
     "mcl-map": "MCL with map-based motion model",
-    "mcl": "MCL",
-}
-TITLES = PRINTED | {
-    "mcl-map": "map-based MCL",
-    "mcl-map-smoother": "map-based MCL with smoother",
-    "deq-mcl-rejuvenated": "rejuvenated DEQ-MCL",
-    "mcl-h": "map-based MCL with tabulated look-ahead",
-    "mcl-pilots": "map-based MCL with pilots",
-    "mcl-plan": "map-based MCL with the plan as a sensor",
-    "mcl-plan-hedged": "map-based MCL with hedged plans",
+    "deq-mcl": "DEQ-MCL",
+    "mcl-map-smoother": "MCL with map-based motion model and smoother",
+    "deq-mcl-rejuvenated": "DEQ-MCL with its future renewed",
+    "mcl-h": "mcl-map that looks ahead by a table",
+    "mcl-pilots": "mcl-map that looks ahead by roll-outs",
+    "mcl-plan": "mcl-map with plans as observations",
+    "mcl-plan-hedged": "mcl-plan beside a filter that sees no plan",
     "dead-reckoning": "dead reckoning on the plan",
     "grid": "grid filter",
-    "amcl": "AMCL",
-    "ekf": "EKF",
+    "amcl": "Nav2's AMCL",
+    "ekf": "extended Kalman filter",
 }
 
 
 def short_name(name: str) -> str:
     """A name for readers: a plug-in's class, or the file of a scenario, without the way to it."""
     return name.rsplit(":", 1)[-1].replace("\\", "/").rsplit("/", 1)[-1].removesuffix(".toml")
-
-
-def full_name(localizer: str) -> str:
-    """The method's name in words, if it has one."""
-    return TITLES.get(localizer, short_name(localizer))
 
 
 def state_name(offset: int) -> str:

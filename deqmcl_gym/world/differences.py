@@ -37,7 +37,8 @@ _APART = 2.0  # px: between the points of a way that are looked at
 _TRIES = 1000
 _CORNERS = 16  # of a round pillar
 _DIRECTIONS = 32  # in which a place is looked around
-_OBLONG = 3.0  # length of a corridor over its width
+_OBLONG = 2.5  # length of a corridor over its width
+_ACROSS = 3  # directions on both sides of that across a corridor: 34°, as corners of rooms are none
 _AGAIN = 20  # tries to change a wall
 _ADDED = (25.0, 150.0)  # px: from a wall to its copy
 
@@ -84,7 +85,7 @@ class Clutter:
         size: least and greatest side of a box and diameter of a pillar.
         round: share of pillars among them.
         where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is
-            three times as long as that across it; "rooms": elsewhere.
+            2.5 times as long as all within 34° of that across it; "rooms": elsewhere.
         keep_route: whether they keep off the way planned on the map, 0.2 m (10 px) beside the
             robot; otherwise only off its ends.
     """
@@ -178,7 +179,8 @@ def _is_corridor(seen: Floats) -> bool:
     half = _DIRECTIONS // 2
     lines = seen[:half] + seen[half:]
     longest = int(lines.argmax())
-    return bool(lines[longest] >= _OBLONG * lines[(longest + half // 2) % half])
+    across = longest + half // 2 + np.arange(-_ACROSS, _ACROSS + 1)
+    return bool(lines[longest] >= _OBLONG * lines[across % half].max())
 
 
 class Changes(NamedTuple):
