@@ -338,9 +338,13 @@ def _changes(given: str) -> dict[str, Any]:
         if not equals:
             raise InputError(f"--changed-walls has {word}, but must be name=value.")
         numbers = _numbers(value)
-        known: Any = value.split("+") if numbers is None else numbers[0]
-        if name == "seed" and known == int(known or 0):
+        known: Any = value if numbers is None else numbers[0]
+        if name == "kinds":
+            known = value.split("+")
+        elif name == "seed" and isinstance(known, float) and known.is_integer():
             known = int(known)
+        if f"changed_walls.{name}" in found:
+            raise InputError(f"--changed-walls gives {name} twice: give it once.")
         found[f"changed_walls.{name}"] = known
     return found
 

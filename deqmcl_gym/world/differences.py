@@ -218,7 +218,12 @@ class ChangedWalls:
         keep_plain(self)
         number("changed_walls.share", self.share, low=0, high=0.5)
         number("changed_walls.distance", self.distance, low=0, above=True)
-        kinds = (self.kinds,) if isinstance(self.kinds, str) else tuple(self.kinds)
+        kinds = (self.kinds,) if isinstance(self.kinds, str) else self.kinds
+        if not isinstance(kinds, list | tuple):
+            raise InputError(
+                f"changed_walls.kinds is {shown(kinds)}, but must be some of {', '.join(KINDS)}."
+            )
+        kinds = tuple(kinds)
         for kind in kinds or ("",):
             one_of("kind of changed_walls", kind, KINDS)
         object.__setattr__(self, "kinds", kinds)

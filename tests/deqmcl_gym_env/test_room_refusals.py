@@ -148,6 +148,7 @@ MADE = [
     (RoomEnv, {"clutter": {"where": "wall"}}, "did you mean 'walls'?"),
     (RoomEnv, {"clutter": "lots"}, 'or "none" for no clutter'),
     (RoomEnv, {"changed_walls": {"kinds": ("moved",)}}, "unknown kind of changed_walls 'moved'"),
+    (RoomEnv, {"changed_walls": {"kinds": 5}}, "changed_walls.kinds is 5, but must be some of"),
     (RoomEnv, {"changed_walls": {"kinds": ()}}, "unknown kind of changed_walls ''"),
     (RoomEnv, {"floor_plan": HALL, "changed_walls": {}}, "has no inner wall"),
     (RoomEnv, {"floor_plan": HALL, "glass": {}}, "has no inner wall"),

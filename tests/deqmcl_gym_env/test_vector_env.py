@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
+from refusals import refused
 from room_cases import FLOOR_PLANS, SPIKE
 from room_trace import ROOM_ID
 
@@ -120,6 +121,14 @@ def test_rooms_of_cells_that_differ_from_the_map_agree():
     contacts, ends = run_beside(native, loop, 100, planned=0.2, seed=2)
     assert contacts > 10
     assert ends >= 6
+
+
+@pytest.mark.parametrize(("part", "words"), [("people", "people have"), ("glass", "glass have")])
+def test_rooms_with_people_or_glass_run_one_by_one(part, words):
+    with refused(words, 'vectorization_mode="sync"'):
+        gym.make_vec(ROOM_ID, num_envs=2, **{part: {}})
+    many = gym.make_vec(ROOM_ID, num_envs=2, vectorization_mode="sync", **{part: {}})
+    assert many.reset(seed=0)[0].shape == (2, 1)
 
 
 def test_frames_of_rooms_that_differ_are_those_of_single_rooms():
