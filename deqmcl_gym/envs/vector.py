@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -83,7 +84,9 @@ class Rooms:
         rules = self._rules
         if _differs(rules.world):
             drawn = [
-                Reality.drawn(rules.world, rules.course, rules.plan, *episode)
+                Reality.drawn(
+                    rules.world, rules.course, rules.plan, partial(episode_stream, *episode)
+                )
                 for episode in episodes
             ]
             there = [replace(rules, world=real.world) for real in drawn]

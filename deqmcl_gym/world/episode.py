@@ -19,7 +19,7 @@ from deqmcl_gym.world.course import Point, Pose, wrapped
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import judged
 from deqmcl_gym.world.people import Crowded
-from deqmcl_gym.world.reality import Reality, crowd_of
+from deqmcl_gym.world.reality import Reality
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
 
@@ -158,6 +158,7 @@ class Episode:
     """All state that changes between two resets.
 
     Attributes:
+        there: the rules, in the world as it is in this episode.
         course: the path, and the actions planned for it.
         plan: the actions to come.
         step: steps carried out.
@@ -181,17 +182,17 @@ class Episode:
         self._seed, self._number = seed, number
         self._noise = rules.world.noise
         self._motion = self.stream(Stream.MOTION)
-        self._reality = Reality.drawn(rules.world, self.course, self.plan, seed, number)
+        self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
         world = self._reality.world
-        self._there = rules if world is rules.world else replace(rules, world=world)
-        self.pose = self._there.start(self.course, seed, number)
-        if isinstance(self.plan, GuidedPlan) and self._there is not rules:
+        self.there = rules if world is rules.world else replace(rules, world=world)
+        self.pose = self.there.start(self.course, seed, number)
+        if isinstance(self.plan, GuidedPlan) and self.there is not rules:
             self._drive_what_is_there(self.plan)
-        self._crowd = crowd_of(world, self.pose[:2], self.stream(Stream.PEOPLE))
-        caster = self._reality.caster(self._crowd, self.stream(Stream.THROUGH_GLASS))
+        self._crowd = self._reality.crowd(self.pose[:2], self.stream)
+        caster = self._reality.caster(self._crowd, self.stream)
         datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
         self._sensor = LidarSensor(caster, datum, world.lidar, noise)
-        solid = walls if self._there is rules else contacts_of(world)
+        solid = walls if self.there is rules else contacts_of(world)
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)
         self._physics = Physics(solid, self.pose[:2])
@@ -200,23 +201,18 @@ class Episode:
         self.step, self.done, self.ended = 0, False, False
         self.scan = self._sensor.scan(self.pose)
 
-    @property
-    def there(self) -> RoomRules:
-        """The rules, in the world as it is in this episode."""
-        return self._there
-
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot."""
         return self._reality.picture(view, self._crowd)
 
     def _drive_what_is_there(self, plan: GuidedPlan) -> None:
         """Let a driver who has planned on the map see what is there, and plan anew if he must."""
-        journeys, goal = self._there.journeys, self.course.goal
+        journeys, goal = self.there.journeys, self.course.goal
         if self._reality.keeps_route or journeys is None or goal is None:
-            self.plan = replace(plan, world=self._there.world)
+            self.plan = replace(plan, world=self.there.world)
         else:
             self.course = journeys.onwards(goal, self.pose)
-            self.plan = self._there.plan_for(self.course)
+            self.plan = self.there.plan_for(self.course)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
@@ -232,7 +228,7 @@ class Episode:
         Raises:
             InputError: a driver on a route is already at its goal there.
         """
-        journeys, goal, onwards = self._there.journeys, self.course.goal, None
+        journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
                 self.plan = self.plan.left_as_it_is(self)
@@ -242,7 +238,7 @@ class Episode:
         self._physics.place(pose[:2])
         if onwards is not None:
             self.course = onwards
-            self.plan = self._there.plan_for(self.course, self.step)
+            self.plan = self.there.plan_for(self.course, self.step)
             self.arc = self.way = 0.0
             return
         path = self.course.path
