@@ -10,7 +10,7 @@ from deqmcl_gym.maps.map import LENGTH, Caster, Map, Point, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from deqmcl_gym.world.differences import ordered
 
@@ -25,7 +25,8 @@ _TRIES = 100
 class People:
     """People who walk straight from one random place to another in sight of it, and back.
 
-    They pass through each other, but not through the robot: who would come too near turns round.
+    They pass through each other, but not through the robot: who would come too near turns round,
+    and who would either way walks elsewhere, away from it.
 
     Attributes:
         number: how many.
@@ -65,21 +66,36 @@ class Crowd:
         """
         self.radius, px = people.radius, pixel(floor_plan.unit)
         starts = _free(people, floor_plan, robot, people.radius + body + _LEAST * px, rng)
-        corners = [starts]
-        for _ in range(_LEGS if people.number else 0):
-            corners.append(_next(corners[-1], people.radius, floor_plan, _LEAST * px, rng))
-        self._corners = np.stack(corners, axis=1)
-        lengths = np.sqrt((np.diff(self._corners, axis=1) ** 2).sum(axis=2))
-        self._ends = np.cumsum(np.pad(lengths, ((0, 0), (1, 0))), axis=1)
+        self._ground, self._least, self._rng = floor_plan, _LEAST * px, rng
+        self._corners, self._ends = self._paths(starts, None)
         steps = people.seconds * rng.uniform(*people.speed, people.number)
         # a step that begins this far away, or ends there, does not touch the robot in between
         self._apart = people.radius + body + np.maximum(_POLITE * px, steps / 2)
         self._steps, self._arcs = steps, np.zeros(people.number)
+        self._waits = np.zeros(people.number, np.intp)  # steps not taken in a row
         self.places = starts.copy()
 
     def walk(self, robot: Point) -> None:
         """Walk for one step of a robot, which stands still meanwhile."""
-        _walk(self._corners, self._ends, self._steps, self._arcs, self._apart, *robot, self.places)
+        _walk(
+            self._corners, self._ends, self._steps, self._arcs, self._waits, self._apart, *robot,
+            self.places,
+        )  # fmt: skip
+        stuck = np.flatnonzero(self._waits > 1)
+        if stuck.size:
+            self._corners[stuck], self._ends[stuck] = self._paths(self.places[stuck], robot)
+            self._arcs[stuck], self._steps[stuck] = 0.0, np.abs(self._steps[stuck])
+
+    def _paths(self, starts: Floats, robot: Point | None) -> tuple[Floats, Floats]:
+        """Draw where people go, (n, k, 2), at first away from a robot; and the arc lengths."""
+        corners, away = [starts], robot
+        for _ in range(_LEGS if len(starts) else 0):
+            last = corners[-1]
+            corners.append(_next(last, self.radius, self._ground, self._least, away, self._rng))
+            away = None
+        path = np.stack(corners, axis=1)
+        lengths = np.sqrt((np.diff(path, axis=1) ** 2).sum(axis=2))
+        return path, np.cumsum(np.pad(lengths, ((0, 0), (1, 0))), axis=1)
 
 
 class Crowded:
@@ -153,9 +169,17 @@ def _free(
 
 
 def _next(
-    starts: Floats, radius: float, floor_plan: Map, least: float, rng: np.random.Generator
+    starts: Floats,
+    radius: float,
+    floor_plan: Map,
+    least: float,
+    away: Point | None,
+    rng: np.random.Generator,
 ) -> Floats:
-    """Draw the next place of each person in sight, (n, 2); who finds none stays."""
+    """Draw the next place of each person in sight, (n, 2); who finds none stays.
+
+    If there is a place to go away from, the way leads farther from it all along.
+    """
     n = len(starts)
     bearings = rng.uniform(-math.pi, math.pi, n * _LOOKS)
     shares = rng.random(n * _LOOKS)
@@ -164,6 +188,8 @@ def _next(
     ways = shares * np.minimum(seen, _farthest(floor_plan))
     places = befores + ways[:, None] * np.column_stack([arrays.cos(bearings), arrays.sin(bearings)])
     clear = ~floor_plan.collides(befores, places, radius)
+    if away is not None:
+        clear &= ((places - befores) * (befores - away)).sum(axis=1) >= 0.0
     fits: Bools = np.reshape((ways >= least) & clear, (n, _LOOKS))
     chosen = places.reshape(n, _LOOKS, 2)[np.arange(n), fits.argmax(axis=1)]
     return np.where(fits.any(axis=1, keepdims=True), chosen, starts)
@@ -180,6 +206,7 @@ def _walk(
     ends: Floats,
     steps: Floats,
     arcs: Floats,
+    waits: Indices,
     apart: Floats,
     robot_x: float,
     robot_y: float,
@@ -192,6 +219,7 @@ def _walk(
         ends: arc length of each corner, (n, k + 1).
         steps: arc length of a step, negative on the way back, (n,); updated.
         arcs: arc length at which each person is, (n,); updated.
+        waits: steps in a row that each has not taken, (n,); updated.
         apart: distance of each from the robot, (n,).
         robot_x, robot_y: where the robot is.
         places: where each is, (n, 2); updated.
@@ -215,7 +243,9 @@ def _walk(
         before = (places[i, 0] - robot_x) ** 2 + (places[i, 1] - robot_y) ** 2
         if after < before and after < apart[i] * apart[i]:
             steps[i] = -steps[i]
+            waits[i] += 1
             continue
+        waits[i] = 0
         arcs[i], places[i, 0], places[i, 1] = arc, x, y
 
 

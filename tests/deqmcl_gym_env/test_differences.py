@@ -252,6 +252,15 @@ def test_people_keep_off_walls_and_the_robot_and_it_stops_before_them():
         assert moved > 0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_nobody_stands_in_the_way_for_long(seed):
+    small = {"noise": {"drive": 0.02, "turn": 0.02, "drift": 0.02}}
+    infos = infos_of(RoomEnv(**(OFFICE | small), people={"number": 30}), seed)
+    assert math.dist(infos[-1]["truth"][:2], infos[-1]["goal"]) <= 1.0
+    words = "".join("x" if info["collided"] else " " for info in infos).split()
+    assert max(map(len, words), default=0) <= 20  # 8 s
+
+
 def test_who_meets_the_robot_turns_round():
     hall = PolygonMap([(0, 0), (1000, 0), (1000, 40), (0, 40)])
     group = Crowd(
