@@ -324,7 +324,7 @@ def feasible(
 
 
 @compiled
-def _copy(rows: Singles, first: int, out: Singles) -> None:
+def copy_columns(rows: Singles, first: int, out: Singles) -> None:
     """Fill in the columns from ``first`` on of rows that are contiguous, (3, n)."""
     for row in range(3):
         given, taken = rows[row, first : first + out.shape[1]], out[row]
@@ -365,10 +365,10 @@ def roll_out(
         hits, move = collisions[start : start + size], np.empty((3, size), np.float32)
         here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
         near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
-        _copy(poses, start, here)
+        copy_columns(poses, start, here)
         look_up(here, grid, squares[:size], near)
         for step in range(len(moves)):
-            _copy(moves[step], start, move)
+            copy_columns(moves[step], start, move)
             drive(here, move, there)
             look_up(there, grid, squares[:size], next_near)
             count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)

@@ -201,10 +201,7 @@ class RenewedFuture:
         log_old = self.rollout.log_g_of(queued)
         accepted = arrays.log(rng.random(log_old.size)) + log_old < log_new[0]
         return belief.followed(
-            [
-                np.where(accepted, new, old)
-                for new, old in zip(proposed, queued[1:], strict=True)
-            ]
+            [np.where(accepted, new, old) for new, old in zip(proposed, queued[1:], strict=True)]
         )
 
 

@@ -201,8 +201,9 @@ def odometry(motion: object, method: str) -> OdometryMotion:
     return motion
 
 
-_WIDE=2**15
-_DRAWS = 2**17  # normal numbers made at once: more would not fit the processor's cache
+# Made and driven at once: more would not fit the processor's cache
+_DRAWS = 2**17  # normal numbers
+_WIDE = 2**15  # poses
 
 
 @dataclass(frozen=True, kw_only=True)
