@@ -7,7 +7,7 @@ ARGS ?=
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help
-.PHONY: help setup paper test test-slow check format lint types contracts docs docs-numbers site release clean
+.PHONY: help setup paper test test-slow check format lint types contracts docs docs-numbers reports stale site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -23,7 +23,7 @@ test: $(READY)  ## Run the tests, without those of minutes
 test-slow: $(READY)  ## Run the tests of minutes: statistics, random faults
 	$(BIN)/python -m pytest -m slow -n auto $(ARGS)
 
-check: format lint types contracts test docs site release  ## All that CI checks
+check: format lint types contracts test docs stale site release  ## All that CI checks
 
 format: $(READY)  ## Check the formatting (mend it: .venv/bin/ruff format)
 	$(BIN)/ruff format --check
@@ -42,7 +42,13 @@ docs: $(READY)  ## Run the code of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
 
 docs-numbers: $(READY)  ## Write the tables of README and docs from the CSV files of docs/reports
-	$(BIN)/python docs/numbers.py
+	$(BIN)/python -m docs.numbers.pages
+
+reports: $(READY)  ## Verify or make again the reports that are of other code (say which: ARGS=--dry-run)
+	$(BIN)/python -m docs.numbers.remake $(ARGS)
+
+stale: $(READY)  ## Check that no number is of other code, unless that was verified or is accepted
+	$(BIN)/python -m docs.numbers.remake --dry-run
 
 site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
 	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site

@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, settings
 from benchmarks import console
 from benchmarks.trials.stage import Stage
 
+pytest_plugins = ["pytester"]
+
 patient = settings(database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("few", patient, max_examples=25, derandomize=True)
 settings.register_profile("many", patient, max_examples=500)

@@ -11,24 +11,29 @@ if TYPE_CHECKING:  # --help loads nothing heavy
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments: none."""
+    """Add the command's arguments."""
+    parser.add_argument("--suites", action="store_true", help="only the suites")
 
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario, scenario_names
-    from benchmarks.sweeps.suites import FAMILIES, SUITES
+    from benchmarks.sweeps.suites import FAMILIES, SUITES, in_words, minutes
     from localizers import names
 
+    times = {name: in_words(minutes(name)) for name in (*SUITES, *FAMILIES)}
+    suites = [(name, f"{_size(s)}, {times[name]}: {s.title}") for name, s in SUITES.items()]
+    suites += [(name, f"{times[name]}: {', '.join(members)}") for name, members in FAMILIES.items()]
+    shown = f"Suites (deqmcl sweep NAME --out DIR), minutes on two cores\n{_lines(suites)}"
+    if options.suites:
+        return shown
     with doing("loading the localizers"):
         localizers = [(name, _parameters(name)) for name in names()]
     agents = [(name, str(agent.__doc__).partition("\n")[0]) for name, agent in AGENTS.items()]
-    suites = [(name, f"{_size(s)}: {s.title}") for name, s in SUITES.items()]
-    suites += [(name, f"all of {', '.join(members)}") for name, members in FAMILIES.items()]
     return "\n\n".join(
         (
-            f"Suites (deqmcl sweep NAME --out DIR)\n{_lines(suites)}",
+            shown,
             f"Localizers and their parameters\n{_lines(localizers)}",
             f"Scenarios\n{_lines((name, scenario(name).words) for name in scenario_names())}",
             f"Agents\n{_lines(agents)}",

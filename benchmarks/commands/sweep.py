@@ -4,10 +4,15 @@ Trials that the output folder already holds are not run again.
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.commands import shared
 from benchmarks.console import doing
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.design import Sweep
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +34,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
+    add("--until-decided", action="store_true", help="stop each method when that is decided")
+    add("--margin", type=_share, metavar="M", help="difference that does not matter (5%%)")
+    add("--max-worlds", type=int, metavar="K", help="most worlds of each setting (1000)")
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
     shared.add_timeout(parser)
     add("--retry-failed", action="store_true", help="run failed trials again")
@@ -55,9 +63,54 @@ def run(options: argparse.Namespace) -> str:
         return _swept(options)
 
 
+def _share(text: str) -> float:
+    """Return 5% or 0.05 as a number."""
+    number, percent, _ = text.strip().partition("%")
+    try:
+        return float(number) / 100 if percent else float(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
+
+
+def _stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
+    """Return the sweeps with what the options say of when they stop.
+
+    Raises:
+        InputError: options that do not go together, or a bad value.
+    """
+    from benchmarks.sweeps.design import UntilDecided
+    from deqmcl_gym.validation import InputError, integer
+
+    said = {"--margin": options.margin, "--max-worlds": options.max_worlds}
+    given = [name for name, value in said.items() if value is not None]
+    if not options.until_decided:
+        if given:
+            raise InputError(f"{given[0]} is of --until-decided: give that too.")
+        if options.shard and any(sweep.until_decided for sweep in sweeps.values()):
+            raise InputError(_NO_SHARD)
+        return sweeps
+    if options.shard:
+        raise InputError(_NO_SHARD)
+    if options.trials is not None:
+        raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
+    most = 1000 if options.max_worlds is None else options.max_worlds
+    trials = integer("--max-worlds", most, low=1, high=100_000)
+    until = UntilDecided() if options.margin is None else UntilDecided(margin=options.margin)
+    return {
+        part: replace(sweep, trials=trials, until_decided=until) for part, sweep in sweeps.items()
+    }
+
+
+_NO_SHARD = (
+    "--shard runs a part of all trials, but until all comparisons are decided nobody knows which "
+    "these are: leave out --shard or --until-decided."
+)
+
+
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
+    from benchmarks.report import decisions
     from benchmarks.report.words import conclusion
     from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
@@ -88,7 +141,7 @@ def _swept(options: argparse.Namespace) -> str:
     )
     how.where.check()
     with shared.checking():
-        sweeps = shared.changed(options, sweeps_named(options.suite, added))
+        sweeps = _stopping(options, shared.changed(options, sweeps_named(options.suite, added)))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():
@@ -109,7 +162,8 @@ def _swept(options: argparse.Namespace) -> str:
         with begun(sweep, out / part, how, command=options.words) as running:
             results = running.results()
             files = write_report(out / part, results)
-        texts.append(f"{summary(sweep, results, out / part, files)}\n{conclusion(results).text}")
+        lines = [summary(sweep, results, out / part, files), conclusion(results).text]
+        texts.append("\n".join(filter(None, [*lines, decisions.summary(results.panels)])))
         if results.failures or how.shard is None:
             failed += filter(None, [incomplete_sentence(results)])
     if (why := no_report()) is not None:

@@ -13,7 +13,7 @@ from benchmarks.files import own_folder, write_part
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
 from benchmarks.setup.scenario import TrialEnv
-from benchmarks.tables.text import TITLES, csv_text, state_name
+from benchmarks.tables.text import csv_text, state_name
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
@@ -43,7 +43,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     own_folder(out, "run")
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
-    title = TITLES.get(trial.localizer, trial.localizer)
+    title = trial.localizer
     film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)

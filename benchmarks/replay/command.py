@@ -20,6 +20,7 @@ from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
@@ -147,7 +148,7 @@ def misfit_words(share: float, where: str) -> str | None:
     if share >= FEW:
         return None
     return (
-        f"log and map do not fit: seen {where}, only {share:.0%} of the beams are within "
+        f"log and map do not fit: seen {where}, only {percent(share)} of the beams are within "
         f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, and "
         "the map's resolution and origin."
     )

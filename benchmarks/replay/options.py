@@ -116,7 +116,9 @@ class Replay:
         if isinstance(prior, Uniform):
             return "Start: anywhere on the map."
         x, y, heading = prior.mean or self.scenario.room().log[0].reference or (0.0, 0.0, 0.0)
-        return f"Start: known to 0.2 m and 0.1 rad, around ({x:.2f}, {y:.2f}, {heading:.2f} rad)."
+        return (
+            f"Start: known to 0.2 m and 0.1 rad, around ({x:z.2f}, {y:z.2f}, {heading:z.2f} rad)."
+        )
 
 
 def replay_of(

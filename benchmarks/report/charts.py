@@ -2,21 +2,20 @@
 
 import math
 from statistics import median
-from textwrap import wrap
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from benchmarks.report import decisions
 from benchmarks.report.curves import FAR, LOG_RATIO, left_out, spaced
-from benchmarks.report.svg import INK, Looks, Picture, canvas, estimates, picture
+from benchmarks.report.svg import INK, Looks, Picture, breadth, canvas, estimates, lines_of, picture
 from benchmarks.report.tables import Table
-from benchmarks.report.words import estimated, p_value
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import estimated, fixed, p_value, percent
 from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
 from benchmarks.trials.metrics import LEVELS
 
@@ -105,7 +104,7 @@ def journey_charts(panel: Panel, looks: Looks) -> list[Picture]:
             axes.fill_between(metres, low, high, step="post", color=color, alpha=0.15, lw=0)
             axes.step(metres, share, where="post", color=color, label=label)
         axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
-        ends = (f"{label} {curve.share[-1]:.0%}" for label, curve in curves.items())
+        ends = (f"{label} {percent(curve.share[-1])}" for label, curve in curves.items())
         charts.append(
             picture(
                 figure,
@@ -166,8 +165,8 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
     """Every world's error by method; thin lines join the same world."""
     rows = panel.present
     labels = [panel.labels[row.method] for row in rows]
-    lines = [wrap(label, _LETTERS) for label in labels]
-    longest = max(len(line) for label in lines for line in label)
+    lines = [lines_of(label, _LETTERS) for label in labels]
+    longest = max(breadth(line) for label in lines for line in label)
     figure, axes = canvas(4.8, 0.9 + 0.42 * len(rows), left=0.25 + 0.082 * longest)
     worlds = sorted(set().union(*(row.errors for row in rows)))
     spread = 0.3 if len(worlds) > _ROW else 0.0  # by golden steps, so that neighbours differ
@@ -212,7 +211,7 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
     drawn = {row.method: lap_errors(panel.records[row.method]) for row in panel.present}
     tops = (float(np.nanmax(errors.high)) for errors in drawn.values() if errors is not None)
     top = max(tops, default=1.0)
-    titles = {method: wrap(label, _LETTERS) for method, label in panel.labels.items()}
+    titles = {method: lines_of(label, _LETTERS) for method, label in panel.labels.items()}
     above = 0.1 + 0.18 * max(map(len, titles.values()))
     charts: list[Picture] = []
     for row in panel.present:
@@ -242,6 +241,52 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
             )
         )
     return charts
+
+
+def decision_chart(panel: Panel, looks: Looks) -> Picture | None:
+    """Draw the way of every method to its decision: the difference against the worlds seen."""
+    shown = {panel.labels[row.method]: row.decision for row in panel.present if row.decision}
+    shown = {label: own for label, own in shown.items() if own.looks}
+    if not shown or panel.rule is None:
+        return None
+    figure, axes = canvas(4.8, 2.9, left=0.75, legend_of=shown)
+    margin = 100 * panel.rule.margin
+    axes.axhspan(-margin, margin, color=INK, alpha=0.08, linewidth=0)
+    axes.axhline(0, color=INK, linewidth=0.8)
+    most = 2 * margin
+    for label, own in shown.items():
+        worlds = [look.worlds for look in own.looks]
+        apart = [look.interval.percent for look in own.looks]
+        look = looks[label]
+        low, high = ([getattr(one, end) for one in apart] for end in ("low", "high"))
+        means = [one.mean for one in apart]
+        axes.fill_between(worlds, low, high, color=look.color, alpha=0.15, linewidth=0)
+        if len(worlds) == 1 and math.isfinite(low[0] + high[0]):
+            axes.plot(worlds * 2, [low[0], high[0]], color=look.color, alpha=0.4, linewidth=3)
+        axes.plot(worlds, means, color=look.color)
+        done = own.verdict != "open"
+        axes.plot(
+            worlds[-1],
+            means[-1],
+            look.mark,
+            color=look.color,
+            markerfacecolor=look.color if done else "none",
+            label=label,
+        )
+        last = apart[-1]
+        most = max([most, *(1.15 * abs(end) for end in last if math.isfinite(end))])
+    unit = "%" if panel.aim is None else "points"
+    axes.set(xlabel="worlds seen", ylabel=f"difference, {unit}", ylim=(-most, most))
+    axes.set_xlim(0, None)
+    return picture(
+        figure,
+        name=f"decisions-{panel.number}",
+        title="The way to each decision",
+        caption="Difference to the baseline after so many worlds, with the interval that holds at "
+        f"all looks. Grey: the margin of {margin:g} %. A method stops where "
+        "its interval lies beyond the margin or inside it: filled marks; hollow: still open.",
+        alt="; ".join(f"{label}: {decisions.standing(own)}" for label, own in shown.items()),
+    )
 
 
 def offset_chart(panel: Panel, looks: Looks) -> Picture | None:

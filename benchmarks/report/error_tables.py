@@ -3,12 +3,21 @@
 import math
 from collections.abc import Sequence
 
+from benchmarks.report import decisions
 from benchmarks.report.charts import score_cells, score_header
 from benchmarks.report.tables import Table, all_labels, numbered
-from benchmarks.report.words import capital, estimated, p_value, significant
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import fixed, percent, short_name, state_name
+from benchmarks.tables.text import (
+    capital,
+    estimated,
+    fixed,
+    p_value,
+    percent,
+    short_name,
+    significant,
+    state_name,
+)
 from benchmarks.trials.spec import Method
 from localizers.naming.registry import is_plug_in
 
@@ -19,21 +28,23 @@ def verdict_table(panel: Panel) -> Table:
     By the share of runs that succeed, if the panel is about one, and by the errors at x_t.
     """
     rows = panel.ranked
-    header = ["method", *_headed(panel), "ms per step (baseline = 1)", "worlds"]
+    stopping = panel.rule is not None
+    headed = decisions.header(panel) if stopping else _headed(panel)
+    header = ["method", *headed, "ms per step (baseline = 1)", "worlds"]
     lines = [
         [
             marked_label(panel, row),
-            *_compared(row),
+            *(decisions.cells(row) if stopping else _compared(row)),
             f"{fixed(row.milliseconds)} ({significant(row.cost, 2)} ×)",
             str(row.worlds),
         ]
         for row in rows
     ]
-    values = [row.standing.value.mean for row in rows]
-    best = [line for line, value in enumerate(values) if value == values[0]]
+    best = [line for line, row in enumerate(rows) if row.worse == rows[0].worse]
+    said = decisions.caption(panel) if stopping else _captioned(panel)
     return Table(
-        f"{_captioned(panel)} ms per step: the method's own time, median over runs, of the "
-        f"machine that ran them.{_with(panel)}",
+        f"{said} ms per step: the method's own time, median over runs, of the machine that ran "
+        f"them.{_with(panel)}",
         header,
         lines,
         strong=[(line, column) for line in best for column in (0, 1)],
@@ -96,8 +107,8 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     strong: list[tuple[int, int]] = []
     for panel in panels:
         cells = {panel.labels[row.method]: _marked(row) for row in panel.ranked}
-        values = {panel.labels[row.method]: row.standing.value.mean for row in panel.ranked}
-        best = {name for name, value in values.items() if value == next(iter(values.values()))}
+        least = panel.ranked[0].worse
+        best = {panel.labels[row.method] for row in panel.ranked if row.worse == least < math.inf}
         strong += [(len(lines), 1 + place) for place, name in enumerate(labels) if name in best]
         lines.append([numbered(panel), *(cells.get(label, "–") for label in labels)])
     aims = dict.fromkeys(panel.aim for panel in panels)
@@ -107,11 +118,16 @@ def glance_table(panels: Sequence[Panel]) -> Table:
         else f"Share of runs, the largest of a setting in bold: {aim.words}."
         for aim in aims
     ]
-    caption = (
-        f"{' '.join(shown)} ▼ smaller than the baseline's, ▲ larger (95 % interval excludes 0 and "
-        "p < 0.05 after Holm's correction for the tests of the same setting), ○ inconclusive."
+    marks = (
+        "▼ smaller than the baseline's, ▲ larger (95 % interval excludes 0 and p < 0.05 after "
+        "Holm's correction for the tests of the same setting), ○ inconclusive."
     )
-    return Table(caption, ["setting", *labels], lines, strong=strong)
+    if any(panel.rule is not None for panel in panels):
+        marks = (
+            "▼ smaller than the baseline's by more than the margin, ▲ larger, = the same within "
+            "the margin, ○ open. Each number is of the worlds that the method needed."
+        )
+    return Table(f"{' '.join(shown)} {marks}", ["setting", *labels], lines, strong=strong)
 
 
 def rival_tables(panel: Panel) -> list[Table]:
@@ -194,11 +210,16 @@ def _with(panel: Panel) -> str:
 
 
 def _marked(row: Comparison) -> str:
-    """The error or share, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive."""
+    """The error or share, with ▼ if smaller than the baseline's, ▲ if larger, ○ if inconclusive.
+
+    "=" where the two are known to differ by less than a margin.
+    """
     own = row.standing
-    if math.isnan(own.diff.mean):
+    if row.decision is not None and row.decision.verdict == "equivalent":
+        mark = " ="
+    elif math.isnan(own.diff.mean):
         mark = ""
-    elif not own.significant:
+    elif not row.differs:
         mark = " ○"
     else:
         mark = " ▼" if own.diff.mean < 0 else " ▲"

@@ -12,9 +12,10 @@ from benchmarks.report.story import blocks
 from benchmarks.report.svg import HOUSE_STYLE, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table, all_labels
-from benchmarks.report.words import capital, spoken, where
+from benchmarks.report.words import spoken, where
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import capital
 from deqmcl_gym import __version__
 from deqmcl_gym.files import command_line, utf8
 
@@ -137,13 +138,14 @@ def _tabular(table: Table, label: str, caption: str, more: Sequence[str]) -> str
 
 
 def _figure(picture: Picture) -> str:
+    _, left_out, what = picture.caption.partition(" Left out, ")  # a reader must know of that
     return "\n".join(
         (
             f"% {escaped(picture.caption)}" if picture.caption else "%",
             r"\begin{figure}[htbp]",
             r"  \centering",
             rf"  \includegraphics{{figures/{picture.name}.pdf}}",
-            rf"  \caption{{{escaped(picture.title)}.}}",
+            rf"  \caption{{{escaped(f'{picture.title}.{left_out}{what}')}}}",
             rf"  \label{{fig:{picture.name}}}",
             r"\end{figure}",
             "",

@@ -7,14 +7,14 @@ from pathlib import Path
 from benchmarks.report.error_tables import marked_label
 from benchmarks.report.pages import fenced, page, plain, table_text
 from benchmarks.report.tables import Table
-from benchmarks.report.words import capital, done, estimated, significant
+from benchmarks.report.words import done
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import fixed, percent
+from benchmarks.tables.text import capital, estimated, fixed, percent, significant
 from benchmarks.trials.spec import Method, Run, Setting
 from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, one_line

@@ -13,8 +13,8 @@ from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
-from benchmarks.report.words import Said, capital
-from benchmarks.tables.text import short_name
+from benchmarks.report.words import Said
+from benchmarks.tables.text import capital, short_name
 from deqmcl_gym.files import command_line
 
 
@@ -63,7 +63,9 @@ def page(template: str, **values: Any) -> str:
 
 def whole(text: str) -> str:
     """Return a text so that lines break neither within an interval or SD nor before a unit."""
-    inside = re.sub(r"\([^()]*\d[^()]*\)", lambda part: part[0].replace(" ", "\u00a0"), text)
+    inside = re.sub(
+        r"\((?=[^()]*\d)[^()]{,28}\)", lambda part: part[0].replace(" ", "\u00a0"), text
+    )
     return re.sub(r"(?<=\d) (?=[%×▲▼○]|px\b|m\b|points\b|to [−\d]|of \d)", "\u00a0", inside)
 
 

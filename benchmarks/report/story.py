@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.pictures import styled
-from benchmarks.report import charts, error_tables, tables, tracks, words
+from benchmarks.report import charts, decisions, error_tables, tables, tracks, words
 from benchmarks.report.animations import Drawn, Figure, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
@@ -93,6 +93,7 @@ PARTS: Sequence[Part] = (
     *map(_of_journeys, GROUPS),
     Part(
         pictures=lambda panel, looks: [
+            charts.decision_chart(panel, looks),
             *charts.journey_charts(panel, looks),
             charts.points_chart(panel, looks),
             charts.offset_chart(panel, looks),
@@ -226,7 +227,9 @@ def story_of(
         story = Story(
             results=results,
             conclusion=words.conclusion(results),
-            overview=words.overview(results, panels),
+            overview=" ".join(
+                filter(None, (words.overview(results, panels), decisions.summary(panels)))
+            ),
             progress=words.progress(results),
             glances=[glance for glance in glances if glance and several],
             validity=tables.validity_table(several),

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from textwrap import wrap
 from typing import Any
+from unicodedata import east_asian_width
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.pictures import styled
+from benchmarks.pictures import fonts, styled
 from benchmarks.tables.stats import Estimate
 
 INK, FAINT = "#010203", "#010204"  # stand for the page's colours until the picture is written
@@ -74,8 +75,7 @@ _LETTER, _MARK = 0.082, 0.46  # inches: of a letter in a legend, of a mark with 
 HOUSE_STYLE: Any = {  # over matplotlib's defaults, while charts are made
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
+    "font.sans-serif": ["DejaVu Sans"],  # in SVG no other is named: the reader's browser chooses
     "font.size": 10,
     "axes.titlesize": 10,
     "axes.labelsize": 10,
@@ -93,8 +93,6 @@ HOUSE_STYLE: Any = {  # over matplotlib's defaults, while charts are made
     "axes.axisbelow": True,
     "lines.linewidth": 1.6,
 }
-_ANY_SCRIPT = ["DejaVu Sans", "Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei"]
-_PRINT = {"pdf.fonttype": 42, "font.sans-serif": _ANY_SCRIPT}  # the fonts that are there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +136,7 @@ class Picture:
             for line in (*axes.get_xgridlines(), *axes.get_ygridlines()):
                 line.set_color("#dddddd")
         buffer = io.BytesIO()
-        with styled(HOUSE_STYLE | _PRINT):
+        with styled(HOUSE_STYLE | {"pdf.fonttype": 42, "font.sans-serif": fonts()}):
             self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
         return buffer.getvalue()
 
@@ -231,12 +229,22 @@ def picture(figure: Figure, *, name: str, title: str, caption: str, alt: str) ->
     return Picture(name=name, title=title, caption=caption, alt=alt, figure=figure)
 
 
+def breadth(text: str) -> int:
+    """Letters that a text is as broad as: Chinese, Japanese and Korean ones count twice."""
+    return sum(1 + (east_asian_width(letter) in "WF") for letter in text)
+
+
+def lines_of(text: str, letters: int) -> list[str]:
+    """Break a text into lines of so many letters."""
+    return wrap(text, max(1, letters * len(text) // max(1, breadth(text))))
+
+
 def _columns(labels: Collection[str], width: float) -> list[list[str]]:
     """Labels in up to three columns that fit side by side; in one, those too long are wrapped."""
     listed = list(labels)
     for count in (2 if len(listed) == 4 else 3, 2):
         columns = [part.tolist() for part in np.array_split(listed, count) if part.size]
-        if sum(_MARK + _LETTER * max(map(len, column)) for column in columns) <= width:
+        if sum(_MARK + _LETTER * max(map(breadth, column)) for column in columns) <= width:
             return columns
     fitting = int((width - _MARK) / _LETTER)
-    return [["\n".join(wrap(label, fitting)) for label in listed]]
+    return [["\n".join(lines_of(label, fitting)) for label in listed]]

@@ -12,11 +12,12 @@ from matplotlib.patches import Rectangle
 
 from benchmarks.report import curves
 from benchmarks.report.svg import Look, Picture, picture
-from benchmarks.report.words import done, estimated
+from benchmarks.report.words import done
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
+from benchmarks.tables.text import estimated
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 
 _CELL = 1.15, 0.72  # inches
@@ -153,8 +154,11 @@ def _caption(score: Score) -> str:
 def charts_over(panels: Sequence[Panel], looks: Mapping[str, Look]) -> list[Picture]:
     """Draw what was swept: maps where three numbers were and runs are scored whole, else curves.
 
-    They are of what all panels are about: a share of runs that succeed, or the error.
+    They are of what all panels are about: a share of runs that succeed, or the error. None where
+    methods stopped after as many worlds as their decisions needed.
     """
+    if any(panel.rule is not None for panel in panels):
+        return []
     aims = {panel.aim for panel in panels}
     aim = aims.pop() if len(aims) == 1 else None
     quantities = (curves.ERROR, curves.DIFFERENCE) if aim is None else _shares(aim)

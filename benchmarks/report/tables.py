@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 from tabulate import tabulate
 
-from benchmarks.report.words import estimated, where
+from benchmarks.report.words import where
 from benchmarks.tables.auroc import Auroc
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import fixed, percent, short_name, state_name
+from benchmarks.tables.text import estimated, fixed, percent, short_name, state_name
 from benchmarks.trials.metrics import LEVELS
 
 _LETTERS = 140  # of a table, across a page
@@ -86,7 +86,7 @@ def calibration_table(panel: Panel) -> Table:
                 fixed(scores["energy_score"].mean),
                 *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
                 nees_words(scores["nees"]),
-                fixed(scores["entropy"].mean),
+                fixed(scores["entropy"].mean).replace("-", "−"),
                 percent(scores["wall_share"].mean, 1),
             ]
         )

@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 
 from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table, nees_words
-from benchmarks.report.words import estimated, p_value, rounded
+from benchmarks.report.words import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import plug_ins_of, scenario
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
-from benchmarks.tables.text import percent
+from benchmarks.tables.text import estimated, p_value, percent
 from benchmarks.tables.tracks import Row, Run, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
@@ -149,8 +149,8 @@ def told(run: Run) -> str:
     """Say how a run ended: where it was lost, or how far off it was at most."""
     track, scores = run.track, run.scores
     if not track.known.size:
-        return f"{scores['agreement_03']:.0%} of the beams within 0.3 m of the map."
-    within = f"{scores[f'within_{FOUND}']:.0%} of its records are within 1 m and 30°"
+        return f"{percent(scores['agreement_03'])} of the beams within 0.3 m of the map."
+    within = f"{percent(scores[f'within_{FOUND}'])} of its records are within 1 m and 30°"
     largest = f"the largest error is {track.errors.translation.max():.2f} m"
     if track.lost is None:
         end = "to" if scores[f"success_{FOUND}"] else "at"  # of the last quarter, or but lately

@@ -5,13 +5,23 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from benchmarks.report.decisions import BESIDE, ahead
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.table_1 import reading
-from benchmarks.tables.text import TITLES, full_name, percent, short_name
+from benchmarks.tables.text import (
+    WORDS,
+    capital,
+    counted,
+    interval,
+    p_value,
+    percent,
+    short_name,
+    significant,
+)
 from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
 
@@ -35,50 +45,12 @@ class Said(NamedTuple):
         return f"{capital(self.numbers)}{'.' * bool(self.numbers)} {self.more}".strip()
 
 
-def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
-    """A mean and its interval, with a true minus; or n/a.
-
-    Args:
-        value: the mean, and its interval if it has one.
-        form: of the mean, "+.2f" if its sign is to be seen; the ends have its digits.
-        unit: behind the mean.
-    """
-    if math.isnan(value.mean):
-        return "n/a"
-    ends = "" if math.isnan(value.low) else f" ({interval(value, form.removeprefix('+'))})"
-    return f"{value.mean:{form}}{unit}".replace("-", "−") + ends
-
-
-def interval(value: Estimate, form: str = ".2f") -> str:
-    """The ends of an interval."""
-    return f"{value.low:{form}} to {value.high:{form}}".replace("-", "−")
-
-
-def significant(value: float, digits: int = 3) -> str:
-    """A number with this many significant digits, without an exponent."""
-    if math.isnan(value):
-        return "n/a"
-    places = digits - 1 - math.floor(math.log10(abs(value))) if value else 0
-    return f"{round(value, places):.{max(places, 0)}f}".replace("-", "−")
-
-
-def capital(sentence: str) -> str:
-    """The sentence with a capital letter."""
-    return sentence[:1].upper() + sentence[1:]
-
-
-def p_value(p: float) -> str:
-    """A p-value with two digits."""
-    if math.isnan(p):
-        return "n/a"
-    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
-
-
 def overview(results: Results, panels: Sequence[Panel]) -> str:
     """What was run, in one paragraph."""
     methods = dict.fromkeys(row.method.name for panel in panels for row in panel.rows)
-    worded = {short_name(name): full_name(name) for name in methods}
-    listed = ", ".join(n if n == words else f"{n} ({words})" for n, words in worded.items())
+    listed = ", ".join(
+        f"{name} ({WORDS[name]})" if name in WORDS else short_name(name) for name in methods
+    )
     worlds = {row.worlds for panel in panels for row in panel.rows}
     seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
@@ -100,14 +72,6 @@ def progress(results: Results) -> str:
     if results.missing:
         words += f", {results.missing} not run yet: this report is partial"
     return words + "."
-
-
-def counted(counts: set[int], one: str) -> str:
-    """From the least to the largest count of a thing."""
-    if not counts:
-        return f"no {one}s"
-    low, high = min(counts), max(counts)
-    return f"{low} to {high} {one}s" if low < high else f"{low} {one}{'s' * (low != 1)}"
 
 
 _MANY = 100_000  # worlds
@@ -161,7 +125,7 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     outcomes: dict[str, list[str]] = {}
     for panel, one in found:
         for row in panel.ranked:
-            if row.method.name not in TITLES and not row.is_baseline and row is not one.winner:
+            if row.method.name not in WORDS and not row.is_baseline and row is not one.winner:
                 what = _outcome(row)
                 what = what[0].lower() + what[1:]
                 brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"
@@ -195,9 +159,12 @@ def runner_up(panel: Panel) -> str:
 
 
 def power_hint(panel: Panel) -> str:
-    """How many worlds a small difference of errors would need; "" where nothing is known of it."""
+    """How many worlds a small difference of errors would need; "" where nothing is known of it.
+
+    Also where a sweep finds that out by itself.
+    """
     rows = [row for row in panel.present if row.diff_sd > 0]
-    if not rows or panel.aim is not None:
+    if not rows or panel.aim is not None or panel.rule is not None:
         return ""
     base = panel.baseline_of(rows[0])
     small = stats.worth_seeing(base.error.mean)
@@ -232,6 +199,11 @@ def _verdict(panel: Panel, found: Verdict) -> Said:
             return Said(f"{name} alone, nothing to compare it with", reached)
         return Said(f"No method is better than the baseline, {name}", reached)
     base, own = panel.baseline_of(row), row.standing
+    if row.decision is not None:
+        return Said(
+            f"No method is shown to be better than {panel.labels[base.method]}",
+            f"{name} comes first: {_against(row, f' {panel.labels[base.method]}')}",
+        )
     ahead = f"{'smallest error' if row.aim is None else 'largest share'}: {name}, {reached}"
     if math.isnan(own.diff.low):
         return Said("Too few worlds to compare methods", ahead)
@@ -266,6 +238,8 @@ def done(aim: Score) -> str:
 
 def _against(row: Comparison, base: str = "") -> str:
     """How far a method is from its baseline, and how often its error is the smaller one."""
+    if row.decision is not None:
+        return ahead(row.decision, row.aim, base)
     if row.aim is not None:
         points = row.standing.diff.percent
         return f"{points.mean:.0f} points above{base} (95 %: {interval(points, '.0f')})"
@@ -304,7 +278,15 @@ def findings(panel: Panel) -> list[str]:
 
 def _outcome(row: Comparison) -> str:
     """What is known of a method beside its baseline."""
-    other, own, aim = short_name(row.baseline.name), row.standing, row.aim
+    other = short_name(row.baseline.name)
+    if row.decision is not None:
+        return f"{BESIDE[row.decision.verdict]} {other}"
+    return _tested(row, other)
+
+
+def _tested(row: Comparison, other: str) -> str:
+    """The same on a number of worlds that was fixed before."""
+    own, aim = row.standing, row.aim
     diff = own.diff
     if math.isnan(diff.mean):
         unknown, none = "a shared world's error is unknown", "no finished world in common"

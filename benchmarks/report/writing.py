@@ -15,7 +15,14 @@ import msgspec
 from benchmarks.console import doing
 from benchmarks.files import own_folder, refuse_changed, write_part, written
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.csv_files import gaps_csv, plans_csv, results_csv, timings_csv, trials_csv
+from benchmarks.tables.csv_files import (
+    decisions_csv,
+    gaps_csv,
+    plans_csv,
+    results_csv,
+    timings_csv,
+    trials_csv,
+)
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
@@ -122,6 +129,8 @@ def _tables(results: Results) -> dict[str, bytes]:
         "trials.csv": trials_csv(results.finished),
         "timings.csv": timings_csv(results.finished),
     }
+    if results.rule is not None:
+        tables["decisions.csv"] = decisions_csv(compared)
     if any(panel.gaps for panel in compared):
         tables["gaps.csv"] = gaps_csv(compared)
     if read := validities(compared):

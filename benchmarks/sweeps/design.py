@@ -13,7 +13,7 @@ from benchmarks.setup.changes import NOTHING, Changes, jsonable
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.spec import Method, Run, Trial, changes_of
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.validation import InputError, integer, number, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names
 SCALARS = ("scenario", "lag", "disturbance")
@@ -84,6 +84,24 @@ class Axis:
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
+@dataclass(frozen=True, kw_only=True)
+class UntilDecided:
+    """Worlds are run in blocks, and each method only until its comparison is decided.
+
+    Attributes:
+        margin: difference that does not matter, as a share of the baseline's error or of runs.
+    """
+
+    margin: float = 0.05
+
+    def __post_init__(self) -> None:
+        number("margin of until_decided", self.margin, low=0, high=1)
+
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        return {"margin": self.margin}
+
+
 MOST = 1_000_000  # trials
 _SAID = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
@@ -112,6 +130,7 @@ class Sweep:
         vary: axes; the last one turns fastest.
         baseline: localizer that the report compares the others with.
         limits: what optimality gaps are measured from, each for the methods of its target.
+        until_decided: None: all worlds are run; else ``trials`` are the most.
         takes: names of the parameters that a localizer of a name takes; None: any.
     """
 
@@ -129,6 +148,7 @@ class Sweep:
     vary: tuple[Axis, ...] = field(default=())
     baseline: str = BASELINE
     limits: tuple[Limit, ...] = ()
+    until_decided: UntilDecided | None = None
     takes: Takes = field(default=takes, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -219,6 +239,8 @@ class Sweep:
             said["baseline"] = jsonable(self.baseline)
         if self.limits:
             said["limit"] = [limit.json() for limit in self.limits]
+        if self.until_decided:
+            said["until_decided"] = self.until_decided.json()
         return said
 
     def _size(self, limit: Limit) -> Run:
@@ -247,9 +269,9 @@ class Sweep:
         useful = {k: v for k, v in shared.items() if known is None or k in known}
         params = Changes(useful) | method.params
         same = base | {"localizer": method.name, "params": params, "seed": self.seed}
-        for number in range(trials):
+        for world in range(trials):
             for filter_seed in range(filter_seeds):
-                yield Trial(**same, trial=number, filter_seed=filter_seed)
+                yield Trial(**same, trial=world, filter_seed=filter_seed)
 
 
 @cache

@@ -37,7 +37,8 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     share = 1 if options.shard is None else options.shard[1]
     jobs = min(options.where.jobs or available_cpus(), len(trials))
     count = sum(measured for _, measured in times)
-    lines = [f"{sweep.title}: {len(trials):,} trials in {len(cells):,} cells"]
+    most = "at most " if sweep.until_decided else ""
+    lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
         lines.append(f"{equal:,} combinations equal others and are run once")
     lines.append(tabulate(rows[:_SHOWN], ["cell", "trials", "one trial"], disable_numparse=True))
@@ -48,7 +49,7 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
     working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(
-        f"About {needed} with {working}{part}: estimated from "
+        f"{'At most about' if most else 'About'} {needed} with {working}{part}: estimated from "
         f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
         "time per particle. Nothing was written."
     )

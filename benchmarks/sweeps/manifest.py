@@ -191,6 +191,8 @@ def _less(theirs: Any, ours: dict[str, Any]) -> Any:
         more = {"title": asked["title"]} | {
             name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
         }
+        held = {key: value for key, value in held.items() if key != "until_decided"}
+        more |= {key: asked[key] for key in asked if key == "until_decided"}
         if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:
             more["localizers"] = asked["localizers"]
             theirs = theirs | {"plug-ins": ours["plug-ins"] | theirs["plug-ins"]}

@@ -11,8 +11,10 @@ from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables.deciding import Rule
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
@@ -43,11 +45,12 @@ class Results:
         baseline: localizer that the others are compared with.
         failures: trials that failed, in the sweep's order.
         missing: trials that neither finished nor failed yet.
-        planned: distinct trials asked for.
+        planned: distinct trials asked for, as far as the results tell.
         command: the words that started the sweep.
         environment: versions and code, see ``provenance.environment``.
         verified: what other code got the same results, in words.
         left_out: files of the folder that are in no table, and why.
+        rule: when its comparisons are decided; None: the number of worlds was fixed before.
     """
 
     title: str
@@ -61,12 +64,13 @@ class Results:
     baseline: str = BASELINE
     verified: list[str] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    rule: Rule | None = None
 
     @cached_property
     def panels(self) -> list[Panel]:
         """The methods of every setting, compared: all intervals and tests, computed once."""
         failed = [failure.trial for failure in self.failures]
-        return panels(self.records, self.baseline, self.limits, failed)
+        return panels(self.records, self.baseline, self.limits, failed, self.rule)
 
     @property
     def made_by(self) -> str:
@@ -86,19 +90,22 @@ _SHOWN = 20  # lines of a kind
 
 def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
     """Return what the store has of these trials (by key), in their order."""
-    records, failures = [], []
+    records, failures, failed = [], [], {}
     for key, trial in trials.items():
         if (finished := store.get(key, trial)) is not None:
             records.append(finished)
         elif (reason := store.failure(key, trial)) is not None:
             failures.append(Failure(trial=trial, reason=reason))
+            failed[key] = trial
     asked = {named(trial.canonical()) for trial in trials.values()}
+    ended = {*(one.key for one in records), *failed}
+    missing = due(sweep, trials, records, failed.values()).keys() - ended
     results = Results(
         title=sweep.title,
         records=records,
         failures=failures,
-        missing=len(trials) - len(records) - len(failures),
-        planned=len(trials),
+        missing=len(missing),
+        planned=len(ended) + len(missing),
         command=list(made.command),
         environment=made.environment,
         verified=[one.words() for one in made.verified],
@@ -120,6 +127,7 @@ def of_sweep(sweep: Sweep, results: Results) -> Results:
         records=finished(sweep.compared()),
         limits=[LimitRuns(limit.of, finished(sweep.limiting(limit))) for limit in sweep.limits],
         baseline=sweep.baseline,
+        rule=rule_of(sweep),
     )
 
 
@@ -180,7 +188,7 @@ def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) ->
         parts.append(f"{results.missing:,} missing")
     lines = [", ".join(parts) + "."]
     lines += _incomplete(sweep, results)
-    if equal := sweep.combinations - results.planned:
+    if equal := sweep.combinations - sweep.planned:
         lines.append(f"{equal:,} combinations equal others and were run once.")
     names = ", ".join(path.name for path in files if path.parent == out)
     return "\n".join([*lines, f"Written to {out}: {names}."])

@@ -22,9 +22,11 @@ from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import Results, collected, left_out_lines
+from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, one_line, shown
 
@@ -69,12 +71,30 @@ class Running:
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then."""
-        number, of = self.options.shard or (1, 1)
-        part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
-        run_missing(part, self.store, self.options, self.now)
+        if self.sweep.until_decided is None:
+            number, of = self.options.shard or (1, 1)
+            part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
+            run_missing(part, self.store, self.options, self.now)
+        else:
+            self._run_until_decided()
         results = collected(self.sweep, self.trials, self.store, self.made)
         _say(left_out_lines(results, self.store.out))
         return results
+
+    def _run_until_decided(self) -> None:
+        """Run the worlds up to the next look of whatever is open, until nothing is."""
+        asked: dict[str, Trial] = {}
+        records: list[Finished] = []
+        failures: list[Trial] = []
+        while True:
+            needed = due(self.sweep, self.trials, records, failures)
+            new = {key: trial for key, trial in needed.items() if key not in asked}
+            if not new or not run_missing(new, self.store, self.options, self.now):
+                return
+            asked |= new
+            found = {key: self.store.get(key, trial) for key, trial in new.items()}
+            records += filter(None, found.values())
+            failures += [new[key] for key, record in found.items() if record is None]
 
 
 @contextmanager
@@ -124,6 +144,7 @@ def check(sweep: Sweep) -> None:
     Raises:
         InputError: something of it is refused.
     """
+    rule_of(sweep)
     settings: dict[str, Trial] = {}
     methods: dict[str, Trial] = {}
     for trial in sweep.cells():
@@ -136,8 +157,10 @@ def check(sweep: Sweep) -> None:
 
 def run_missing(
     trials: Mapping[str, Trial], store: Store, options: Options, now: Provenance
-) -> None:
+) -> bool:
     """Run the trials (by key) that the store lacks, and store what comes of them.
+
+    Returns whether all have ended; a failure may stop it before.
 
     All methods run on one world before any runs on the next, so that whenever this is stopped,
     what is there can be compared. ``now`` is what workers must have loaded: the keys may be those
@@ -153,7 +176,7 @@ def run_missing(
     _say([f"deqmcl: {store.out / name} {why}; it is run again." for name, why in again.items()])
     store.rejected.clear()
     if not missing:
-        return
+        return True
     keys = {now.key(trial): key for key, trial in missing.items()}
     waiting = [(own, missing[key]) for own, key in keys.items()]
     waiting.sort(key=lambda item: (item[1].trial, item[1].filter_seed))
@@ -166,7 +189,8 @@ def run_missing(
             reason = _keep(store, keys[own], missing[keys[own]], outcome)
             count(reason is not None)
             if options.fail_fast and reason is not None:
-                return
+                return False
+    return True
 
 
 @contextmanager

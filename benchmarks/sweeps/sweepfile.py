@@ -10,7 +10,7 @@ from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, from_folder
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes
+from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
@@ -21,6 +21,7 @@ from localizers.naming.registry import complete
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
+    "until_decided",
 )
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
@@ -122,6 +123,7 @@ def sweep_of(
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         "limits": tuple(_limit(one, folder) for one in limits),
+        "until_decided": _until_decided(given.get("until_decided")),
     }
     if base is None:
         return Sweep(takes=takes, **said)
@@ -159,6 +161,15 @@ def _limit(entry: Any, folder: Path | None) -> Limit:
     of = tuple(_localizer("of in limit", name, folder) for name in listed)
     runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
     return Limit(method=_named("limit", table, folder), of=of, **runs)
+
+
+def _until_decided(table: Any) -> UntilDecided | None:
+    if table is None:
+        return None
+    known = changes.table("until_decided", table, "a table like {margin = 0.05}")
+    for key in known:
+        one_of("key in until_decided", key, ("margin",))
+    return UntilDecided(**known)
 
 
 def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:

@@ -103,6 +103,12 @@ def sample(trials: Mapping[str, Trial], code: str) -> dict[str, Trial]:
     return {key: trial for key, trial in trials.items() if key in chosen}
 
 
+def fingerprint(record: Record) -> str:
+    """Return a digest of all that is in a record, times left out: equal only if it is."""
+    plain = msgspec.to_builtins(_by_score(record), str_keys=True, enc_hook=float)
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:32]
+
+
 def _difference(before: Finished, now: Outcome) -> str | None:
     """Say where a trial's record differs first, its scores before all else; times may differ."""
     if now.record is None:

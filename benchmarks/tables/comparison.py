@@ -7,10 +7,11 @@ from functools import cached_property
 
 from benchmarks.tables import pairing, stats
 from benchmarks.tables.auroc import Auroc, auroc_of
-from benchmarks.tables.journeys import JourneyScore, Outcomes
+from benchmarks.tables.deciding import Decision, Rule, decide
+from benchmarks.tables.journeys import JourneyScore, Outcomes, aim_of
 from benchmarks.tables.pairing import Runs
 from benchmarks.tables.stats import UNKNOWN, Estimate
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method
 
@@ -41,6 +42,10 @@ class Comparison:
             tests of the panel at this offset.
         journey: scores of whole runs by name, if the panel's are about such; only at offset 0.
         aim: the share of whole runs that the panel is about; None if it is about the error.
+        decision: how it stands, if the sweep stops when that is decided; its interval is the only
+            one of the comparison then, and there are no tests.
+        expected: then the error (or share) to be expected on all worlds of the baseline, by which
+            it is ranked, as methods have run on different worlds; NaN elsewhere.
     """
 
     method: Method
@@ -65,6 +70,8 @@ class Comparison:
     p_holm: float = math.nan
     journey: dict[str, JourneyScore] = field(default_factory=dict)
     aim: Score | None = None
+    decision: Decision | None = None
+    expected: float = math.nan
 
     @property
     def is_baseline(self) -> bool:
@@ -86,20 +93,32 @@ class Comparison:
     @property
     def worse(self) -> float:
         """The error, or 1 less the share that is the aim; infinite if it is unknown."""
-        mean = self.standing.value.mean
+        mean = self.standing.value.mean if math.isnan(self.expected) else self.expected
         if math.isnan(mean):
             return math.inf
         return mean if self.aim is None else 1 - mean
 
     @property
+    def differs(self) -> bool:
+        """Whether it is better or worse than its baseline: by the interval and the corrected test.
+
+        Where a sweep stops when that is decided: by the decision.
+        """
+        if self.decision is not None:
+            return self.decision.verdict in ("better", "worse")
+        return self.standing.significant
+
+    @property
     def confirmed(self) -> bool:
-        """Whether it is better than its baseline: by the interval, and by the corrected test."""
-        own = self.standing
-        return own.significant and (own.diff.mean < 0) == (self.aim is None)
+        """Whether it is better than its baseline, and that differs."""
+        return self.differs and (self.standing.diff.mean < 0) == (self.aim is None)
 
 
 def compared(
-    methods: Mapping[Method, Sequence[Finished]], baseline: str, whole: Mapping[Method, Outcomes]
+    methods: Mapping[Method, Sequence[Finished]],
+    baseline: str,
+    whole: Mapping[Method, Outcomes],
+    rule: Rule | None = None,
 ) -> list[Comparison]:
     """Compare the methods of a panel: by method, then offset, in the order of their trials.
 
@@ -109,6 +128,7 @@ def compared(
         methods: their finished trials.
         baseline: localizer that the others are compared with.
         whole: their whole runs, with those that failed.
+        rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
     times = {method: pairing.milliseconds_per_step(records) for method, records in methods.items()}
     rows = []
@@ -136,7 +156,13 @@ def compared(
                 journey={} if offset else whole[method].beside(whole[reference]),
             )
             rows.append(row if row.is_baseline else _against(row, errors, present))
-    return _corrected(rows)
+    rows = _corrected(rows, aim_of(record for own in methods.values() for record in own))
+    if rule is None:
+        return rows
+    bases = {row.method: row for row in rows if row.is_baseline}
+    return [
+        row if row.is_baseline else _decided(row, bases[row.baseline], whole, rule) for row in rows
+    ]
 
 
 def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
@@ -167,12 +193,8 @@ def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
     )
 
 
-def _corrected(rows: list[Comparison]) -> list[Comparison]:
-    """Correct all tests of the panel at one offset together, by Holm's method; set its aim."""
-    # who was carried off is to be found again; who was lost, to be localized
-    held = {name for row in rows for name in row.journey}
-    shares = [s for s in JOURNEY_SCORES.values() if s.tested and s.unit == "share"]
-    aim = next((score for score in reversed(shares) if score.name in held), None)
+def _corrected(rows: list[Comparison], aim: Score | None) -> list[Comparison]:
+    """Correct all tests of the panel at one offset together, by Holm's method; set their aim."""
     corrected = list(rows)
     for offset in {row.offset for row in rows}:
         places = [i for i, row in enumerate(rows) if row.offset == offset]
@@ -186,6 +208,30 @@ def _corrected(rows: list[Comparison]) -> list[Comparison]:
             }
             corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey, aim=aim)
     return corrected
+
+
+def _decided(
+    row: Comparison, base: Comparison, whole: Mapping[Method, Outcomes], rule: Rule
+) -> Comparison:
+    """Return a row with its decision, and without what only a fixed number of worlds allows."""
+    journey = {
+        name: replace(own, diff=Estimate(own.diff.mean), p=math.nan, p_holm=math.nan)
+        for name, own in row.journey.items()
+    }
+    row = replace(
+        row,
+        diff=Estimate(row.diff.mean),
+        relative=Estimate(row.relative.mean),
+        p=math.nan,
+        p_holm=math.nan,
+        journey=journey,
+    )
+    if row.offset != 0:
+        return row
+    found = decide(whole[row.method], whole[row.baseline], row.aim, rule)
+    reference, apart = base.standing.value.mean, found.interval.mean
+    expected = reference * (1 + apart) if row.aim is None else reference + apart
+    return replace(row, decision=found, expected=expected)
 
 
 def _six_digits(p: float) -> float:

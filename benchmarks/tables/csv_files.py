@@ -1,4 +1,4 @@
-"""results.csv, gaps.csv, trials.csv, timings.csv: exact numbers; named parts are JSON."""
+"""The CSV files of a report: exact numbers; named parts are JSON."""
 
 import json
 from collections.abc import Iterable
@@ -32,6 +32,23 @@ def results_csv(panels: Iterable[Panel]) -> str:
         for row in panel.rows
     )
     return csv_text([*_PANEL, *columns], lines)
+
+
+def decisions_csv(panels: Iterable[Panel]) -> str:
+    """Return decisions.csv: a line per panel, method and look; shares of 1, not percent."""
+    lines = (
+        [
+            *(*_panel(panel), *_method(row.method), *_method(row.baseline)),
+            *(row.aim.name if row.aim else "error", panel.rule.margin, look.worlds, *look.interval),
+            row.decision.verdict if look is row.decision.looks[-1] else "",
+        ]
+        for panel in panels
+        for row in panel.present
+        if panel.rule is not None and row.decision is not None
+        for look in row.decision.looks
+    )
+    found = ("score", "margin", "worlds", "difference", "low", "high", "verdict")
+    return csv_text([*_PANEL, "baseline", "baseline_params", *found], lines)
 
 
 def gaps_csv(panels: Iterable[Panel]) -> str:

@@ -136,6 +136,15 @@ def scores_in(records: Iterable[Finished]) -> list[Score]:
     return [score for name, score in JOURNEY_SCORES.items() if name in names]
 
 
+def aim_of(records: Iterable[Finished]) -> Score | None:
+    """Return the share of runs that these are about; None if they are about the error.
+
+    Who was carried off is to be found again; who was lost, to be localized.
+    """
+    shares = [one for one in scores_in(records) if one.tested and one.unit == "share"]
+    return shares[-1] if shares else None
+
+
 def value_in(record: Finished, score: Score) -> float:
     """Return a score of a run; infinite if it is censored, NaN if it is unknown."""
     if record.journey is None or score.name not in record.journey.scores:

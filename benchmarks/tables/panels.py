@@ -5,11 +5,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks.setup.changes import Changes, spelt
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.comparison import Comparison, compared
+from benchmarks.tables.comparison import Comparison, baseline_of, compared
+from benchmarks.tables.deciding import Rule
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes, longest_ways
 from benchmarks.tables.pairing import BASELINE, agree
@@ -44,6 +45,7 @@ class Panel:
         whole: whole runs by method, with those that failed.
         thresholds: of what is far off, and lost.
         unit: of lengths.
+        rule: when its comparisons are decided; None: the number of worlds was fixed before.
     """
 
     number: int
@@ -60,6 +62,7 @@ class Panel:
     whole: dict[Method, Outcomes]
     thresholds: Thresholds
     unit: str
+    rule: Rule | None = None
 
     @property
     def far(self) -> str:
@@ -98,58 +101,115 @@ def ranked(rows: Iterable[Comparison]) -> list[Comparison]:
     return sorted(present, key=lambda row: (row.worse, not row.is_baseline))
 
 
+class Group(NamedTuple):
+    """What a panel is of: the methods of a setting at one value of each swept parameter."""
+
+    setting: Setting
+    swept: Changes
+    methods: list[Method]
+
+    def pairs(self, baseline: str) -> list[tuple[Method, Method]]:
+        """Return each method that is compared, and what with: that localizer, if it is there."""
+        found = ((one, baseline_of(one, self.methods, baseline)) for one in self.methods)
+        return [(method, reference) for method, reference in found if method != reference]
+
+
+def groups(cells: Iterable[tuple[Setting, Method]]) -> list[Group]:
+    """Split methods of settings into what is compared, in their order.
+
+    A setting has a group for every value of the numbers of which one localizer has several; a
+    method without such a parameter is in each of them.
+    """
+    settings: dict[Setting, dict[Method, None]] = {}
+    for setting, method in cells:
+        settings.setdefault(setting, {})[method] = None
+    found = []
+    for setting, methods in settings.items():
+        named = list(dict.fromkeys(method.name for method in methods))
+        listed = sorted(methods, key=lambda method: named.index(method.name))
+        found += [
+            Group(setting, swept, [one for one in listed if agree(one.params, swept)])
+            for swept in _swept(listed)
+        ]
+    return found
+
+
+class Ended:
+    """Trials that came to an end, by setting and method.
+
+    Attributes:
+        records: those that finished.
+        failed: the runs of the others.
+    """
+
+    def __init__(self, records: Iterable[Finished], failures: Iterable[Trial]) -> None:
+        """Sort them."""
+        self.records: dict[tuple[Setting, Method], list[Finished]] = {}
+        self.failed: dict[tuple[Setting, Method], list[Run]] = {}
+        for record in records:
+            own = record.trial.setting, record.trial.method
+            self.records.setdefault(own, []).append(record)
+        for trial in failures:
+            self.failed.setdefault((trial.setting, trial.method), []).append(trial.run)
+
+    def of(self, group: Group) -> dict[Method, Outcomes]:
+        """Return the runs of each method of a group."""
+        setting = group.setting
+        members = {m: self.records.get((setting, m), []) for m in group.methods}
+        longest = longest_ways(chain.from_iterable(members.values()))
+        return {
+            m: Outcomes(records=own, failed=self.failed.get((setting, m), ()), longest=longest)
+            for m, own in members.items()
+        }
+
+
 def panels(
     records: Iterable[Finished],
     baseline: str = BASELINE,
     limits: Sequence[LimitRuns] = (),
     failures: Iterable[Trial] = (),
+    rule: Rule | None = None,
 ) -> list[Panel]:
     """Split finished trials into panels, in their order, and compare the methods of each.
 
-    A setting has a panel for every value of the numbers of which one localizer has several; a
-    method without such a parameter is in each of them. ``failures`` are the trials that failed.
+    Args:
+        records: the finished trials.
+        baseline: localizer that the others are compared with.
+        limits: what gaps are measured from.
+        failures: the trials that failed.
+        rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
-    failed: dict[tuple[Setting, Method], list[Run]] = {}
-    for trial in failures:
-        failed.setdefault((trial.setting, trial.method), []).append(trial.run)
-    settings: dict[Setting, dict[Method, list[Finished]]] = {}
-    for record in records:
-        methods = settings.setdefault(record.trial.setting, {})
-        methods.setdefault(record.trial.method, []).append(record)
-    titles = _titles(list(settings))
     found: list[Panel] = []
-    for setting, methods in settings.items():
-        named = list(dict.fromkeys(method.name for method in methods))
-        listed = sorted(methods, key=lambda method: named.index(method.name))
-        for swept in _swept(listed):
-            members = {m: methods[m] for m in listed if agree(m.params, swept)}
-            first = next(iter(members.values()))[0]
-            longest = longest_ways(chain.from_iterable(members.values()))
-            whole = {
-                m: Outcomes(records=own, failed=failed.get((setting, m), ()), longest=longest)
-                for m, own in members.items()
-            }
-            rows = compared(members, baseline, whole)
-            best = ranked(rows)
-            filters = [row for row in best if row.method.name != BLIND]
-            found.append(
-                Panel(
-                    number=len(found) + 1,
-                    title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
-                    setting=setting,
-                    swept=swept,
-                    labels=_labels(list(members)),
-                    rows=rows,
-                    gaps=gaps(setting, swept, members, limits),
-                    verdict=verdict(best, members, whole),
-                    of_filters=verdict(filters, members, whole),
-                    rivals=rivals(members, setting.lag),
-                    records=members,
-                    whole=whole,
-                    thresholds=first.thresholds,
-                    unit=first.unit,
-                )
+    ended = Ended(records, failures)
+    split = groups(ended.records)
+    titles = _titles(list(dict.fromkeys(group.setting for group in split)))
+    for group in split:
+        setting, swept, _ = group
+        whole = ended.of(group)
+        members = {method: list(own.records) for method, own in whole.items()}
+        first = next(iter(members.values()))[0]
+        rows = compared(members, baseline, whole, rule)
+        best = ranked(rows)
+        filters = [row for row in best if row.method.name != BLIND]
+        found.append(
+            Panel(
+                number=len(found) + 1,
+                title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
+                setting=setting,
+                swept=swept,
+                labels=_labels(list(members)),
+                rows=rows,
+                gaps=gaps(setting, swept, members, limits),
+                verdict=verdict(best, members, whole, lead=rule is None),
+                of_filters=verdict(filters, members, whole, lead=rule is None),
+                rivals=rivals(members, setting.lag) if rule is None else {},
+                records=members,
+                whole=whole,
+                thresholds=first.thresholds,
+                unit=first.unit,
+                rule=rule,
             )
+        )
     return found
 
 

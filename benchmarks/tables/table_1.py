@@ -8,7 +8,7 @@ from tabulate import tabulate
 
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import PRINTED, fixed, full_name, percent, short_name, state_name
+from benchmarks.tables.text import fixed, percent, short_name, state_name
 
 _VARIANCES = {  # score: words, digits
     "var_x": ("var x", 1),
@@ -46,10 +46,10 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     Args:
         rows: of one panel.
         style: a format of tabulate: "simple" for a terminal, at most 120 columns; "github" for
-            Markdown, with the methods' names as printed and the variances.
+            Markdown, with the variances.
     """
-    named, variances = (_name_as_printed, _VARIANCES) if style == "github" else (short_name, {})
-    baseline = named(rows[0].baseline.name) if rows else ""
+    variances = _VARIANCES if style == "github" else {}
+    baseline = short_name(rows[0].baseline.name) if rows else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
     header += [word for words, _ in variances.values() for word in (words, "paper")]
@@ -57,7 +57,7 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     for row in rows:
         printed = TABLE_1.get(row.method.name) if row.offset <= 0 else None
         line = [
-            named(row.method.name),
+            short_name(row.method.name),
             state_name(row.offset),
             "baseline" if row.is_baseline else _difference(row.diff),
             f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
@@ -104,10 +104,6 @@ def reading(rows: Iterable[Comparison]) -> str:
         f"{blind.method.name} (error {fixed(blind.error.mean)} at x[t]) is worse than the "
         f"best filter ({theirs})."
     )
-
-
-def _name_as_printed(localizer: str) -> str:
-    return PRINTED.get(localizer, full_name(localizer))
 
 
 def _difference(diff: Estimate) -> str:

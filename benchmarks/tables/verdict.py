@@ -41,6 +41,8 @@ def verdict(
     ranked: Sequence[Comparison],
     methods: Mapping[Method, Sequence[Finished]],
     whole: Mapping[Method, Outcomes],
+    *,
+    lead: bool = True,
 ) -> Verdict | None:
     """Return the verdict on methods; None if nothing is known of the first.
 
@@ -48,6 +50,7 @@ def verdict(
         ranked: rows at x_t, the best first.
         methods: their trials.
         whole: their whole runs.
+        lead: whether to tell it; not where the results say how many worlds there are.
     """
     if not ranked or math.isinf(ranked[0].worse):
         return None
@@ -56,14 +59,14 @@ def verdict(
     others = [row for row in ranked if row.errors != winner.errors and row is not ranked[0]]
     behind = (row for row in others if winner.worse <= row.worse < math.inf)
     following = next(behind, None)
-    lead = Estimate()
-    if following and winner.aim is None:
+    found = Estimate()
+    if lead and following and winner.aim is None:
         ours, theirs = (runs_of(methods[row.method], "error") for row in (winner, following))
-        lead = estimate(differences(theirs, ours))
-    elif following and winner.aim:
+        found = estimate(differences(theirs, ours))
+    elif lead and following and winner.aim:
         ours, theirs = (whole[row.method].runs(winner.aim) for row in (winner, following))
-        lead = estimate(differences(ours, theirs))
-    return Verdict(first=ranked[0], best=best, following=following, lead=lead)
+        found = estimate(differences(ours, theirs))
+    return Verdict(first=ranked[0], best=best, following=following, lead=found)
 
 
 _NOW = ("mcl", "mcl-map", "deq-mcl")

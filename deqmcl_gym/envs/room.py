@@ -70,7 +70,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         driver: follows that path from the true pose and replans at every step; "none" removes the
             preset's.
         route: a start and a goal, drawn in each episode, instead of the lap.
-        horizon: number of planned actions shown; None shows all that are left.
+        horizon: number of planned actions shown; None shows all that are left. Routes differ in
+            length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress and clock.
         render_mode: None or "rgb_array".

@@ -76,14 +76,6 @@ def test_of_several_settings_the_first_table_is_all_of_them_and_captions_are_sho
     assert [len(one.split()) < 40 for one in captions] == [True] * 3
 
 
-def test_every_figure_of_the_folder_is_in_the_document():
-    given_results = results(trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0]))
-    files = pdf_files(given_results)
-    shown = re.findall(r"includegraphics\{(.*)\}", files.pop("figures.tex").decode("ascii"))
-    assert shown == list(files)
-    assert r"\input{figures}" in latex_files(given_results)["document.tex"].decode()
-
-
 def test_the_bibliography_is_that_of_the_citation_file(latex):
     text = re.sub("[{}]", "", latex["references.bib"])
     paper = CITATION["references"][0]
@@ -95,12 +87,16 @@ def test_the_bibliography_is_that_of_the_citation_file(latex):
     assert cited == set(re.findall(r"^@\w+\{([^,]*),", latex["references.bib"], re.MULTILINE))
 
 
-def test_the_figures_are_pdf_of_which_the_same_results_give_the_same_bytes():
-    given_results = results(trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0]))
+def test_the_figures_of_the_document_are_pdf_of_which_the_same_results_give_the_same_bytes():
+    made = trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0], offsets=(0, -20))
+    given_results = results(made + trials("far", [90.0, 91.0], offsets=(0, -20)))
     files = pdf_files(given_results)
     assert {"figures/points-1.pdf", "figures/time-1-2.pdf"} <= files.keys()
     assert pdf_files(given_results) == files
-    del files["figures.tex"]
+    shown = files.pop("figures.tex").decode("ascii")
+    assert re.findall(r"includegraphics\{(.*)\}", shown) == list(files)
+    assert r"\caption{Along the queue. Left out, above 3 times the median: far.}" in shown
+    assert r"\input{figures}" in latex_files(given_results)["document.tex"].decode()
     assert all(content.startswith(b"%PDF-") for content in files.values())
     assert b"/Subtype /Image" not in b"".join(files.values())  # vectors
 

@@ -139,7 +139,7 @@ def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
     assert [line[0] for line in table.lines] == ["mcl-plan", "mcl-map"]  # the largest share first
     assert table.lines[1][1:5] == ["50 % (15 % to 85 %)", "baseline", "–", "never"]
     (chart,) = journey_charts(panel, looks(panel.labels.values()))
-    assert chart.alt.endswith("At the end: mcl-map 50%, mcl-plan 75%.")
+    assert chart.alt.endswith("At the end: mcl-map 50 %, mcl-plan 75 %.")
     (plain,) = panels([finished("mcl", 0, 1.0)])
     assert tables_of(plain) == journey_charts(plain, {}) == []
 

@@ -12,7 +12,7 @@ from benchmarks.report.words import conclusion, findings, power_hint, runner_up,
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
-from benchmarks.tables.text import TITLES
+from benchmarks.tables.text import WORDS
 
 ONE = (0,)
 
@@ -230,7 +230,7 @@ def test_of_one_method_in_several_settings_the_ends_are_told_and_nothing_is_comp
 
 
 def test_a_plug_in_is_in_the_verdict_whoever_is_best():
-    assert set(localizers.names()) == set(TITLES)  # all others are plug-ins
+    assert set(localizers.names()) == set(WORDS)  # all others are plug-ins
     own = "./file.py:Mine"
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
     assert " Plug-in Mine: 24.0 px, larger error than mcl." in spoken(panel_of(records)).text

@@ -236,6 +236,7 @@ def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
     ("content", "words"),
     [
         (b"a = " + b"[" * 10**5, "nested too deeply"),
+        (b"world" + b".a" * 5000 + b" = 1", "nested too deeply"),
         (b"a = " + b"1" * 5000, "valid TOML: Exceeds the limit (4300 digits)"),
         (b"a = 1\0", "zero bytes"),
     ],

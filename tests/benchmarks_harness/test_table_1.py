@@ -7,7 +7,7 @@ from report_cases import changed, comparisons, finished, paired, parsed, trials
 
 from benchmarks.tables.csv_files import timings_csv, trials_csv
 from benchmarks.tables.table_1 import reading, table_1
-from benchmarks.tables.text import TITLES, csv_text
+from benchmarks.tables.text import WORDS, csv_text
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
     "deq-mcl": ("20.95 (17.66)", "7.82", "419.92", "290.04", "0.09", "0.07"),
@@ -39,10 +39,9 @@ def test_our_values_are_rounded_and_named():
     scores = {"entropy": 9.876, "var_x": 1000.04, "var_cos": 0.1234, "wall_share": 0.0456}
     made = trials("mcl", [1.0, 2.0, 6.0], scores=scores)
     mcl, _, past = lines(*made, *trials("mcl-map", [2.0, 3.0, 7.0], offsets=(0, -20)))
-    assert mcl[:4] == ["MCL", "x[t]", "baseline", "3.00 (2.65)"]
+    assert mcl[:4] == ["mcl", "x[t]", "baseline", "3.00 (2.65)"]
     assert (mcl[5], mcl[7], mcl[8], mcl[12]) == ("9.88", "4.6 %", "1000.0", "0.123")
-    title = "MCL with map-based motion model"
-    assert past[:3] == [title, "x[t-20]", "+1.00 [+1.00, +1.00]"]
+    assert past[:3] == ["mcl-map", "x[t-20]", "+1.00 [+1.00, +1.00]"]
 
 
 def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone():
@@ -55,7 +54,7 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
 
 
 def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns():
-    rows = comparisons(paired(dict.fromkeys(("mcl", *TITLES), (1234.5, (0, -20, 20)))))
+    rows = comparisons(paired(dict.fromkeys(("mcl", *WORDS), (1234.5, (0, -20, 20)))))
     for line in table_1(rows, "simple").splitlines():
         assert len(line) <= 120
     header = table_1(rows, "simple").splitlines()[0]

@@ -185,6 +185,7 @@ BAD = [
     ),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
+    ("use_sim_time: True", "use_sim_time: " + "[" * 9000, "is nested too deeply"),
 ]
 
 

@@ -352,7 +352,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
     assert row.middle.seed == 2
     assert row.worst.track.lost == (5, 5.0)
     assert "lost after 5.0 m, 5.0 s" in told(row.worst)
-    assert "50% of its records" in told(row.worst)
+    assert "50 % of its records" in told(row.worst)
     assert "the largest error is 6.00 m" in told(row.worst)
     assert row.middle.track.lost is None
 

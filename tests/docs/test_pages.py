@@ -11,7 +11,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, lines, process, python
+from deqmcl_command import exit_code, lines, process
 from test_links import ROOT
 
 from benchmarks.sweeps.sweepfile import sweep_of
@@ -20,6 +20,7 @@ from deqmcl_gym import logs
 from localizers import template
 from localizers.checks import LAWS, check_localizer
 
+FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
 LOCALIZER, LOG = ((ROOT / "docs" / f"{name}.md").read_text() for name in
                   ("write-a-localizer", "your-map-your-log"))  # fmt: skip
@@ -39,7 +40,8 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_
     said = []
     for command in commands.splitlines():
         assert command.startswith("deqmcl ")
-        done = process(*command.split(), cwd=tmp_path, env=os.environ | {"PATH": path})
+        fewer = ["--trials", "2"] if command.startswith("deqmcl sweep") else []
+        done = process(*command.split(), *fewer, cwd=tmp_path, env=os.environ | {"PATH": path})
         assert done.returncode == 0, f"{command}: {done.stderr}"
         said.append(done.stdout)
     _, *then = commands.splitlines()
@@ -61,12 +63,11 @@ def test_the_code_shown_is_the_file_that_new_localizer_writes():
     assert Path(template.__file__).read_text() in blocks(LOCALIZER, "python")
 
 
-def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(tmp_path):
-    assert exit_code("new-localizer", tmp_path / "my_localizer.py") == 0
-    (shown,) = blocks(LOCALIZER, "python notest")
-    (tmp_path / "test_mine.py").write_text(shown)
-    said = python("-m", "pytest", "-q", "-p", "no:cacheprovider", ".", cwd=tmp_path)
-    assert f"{len(LAWS)} passed" in said
+def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(pytester):
+    assert exit_code("new-localizer", "my_localizer.py") == 0
+    pytester.makepyfile(*blocks(LOCALIZER, "python notest"))
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done.assert_outcomes(passed=len(LAWS))
 
 
 def test_the_table_names_all_laws_in_their_order():
@@ -86,7 +87,8 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     exec(compile(RECORD, "record", "exec"), {})
     (commands,) = blocks(LOG, "sh")
-    for command in commands.splitlines():
+    assert FEWER[0] in commands
+    for command in commands.replace(*FEWER).splitlines():
         words = shlex.split(command)
         assert words[0] == "deqmcl"
         assert exit_code(*words[1:], "--jobs", "1") == 0, capsys.readouterr().err

@@ -1,8 +1,6 @@
 """Every law can fail, each on an example that breaks nothing else; who is right passes all."""
 
 import random
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,9 +67,10 @@ def test_every_built_in_localizer_keeps_all_laws(name):
     "name",
     [pytest.param(n, marks=[pytest.mark.slow] * (n != "deq-mcl")) for n in localizers.names()],
 )
-def test_every_built_in_localizer_keeps_all_laws_in_a_process_too(name):
-    report = check_localizer(name, **coarse(name))
-    assert report.passed, str(report)
+def test_every_built_in_localizer_keeps_the_laws_of_a_process_too(name):
+    examination = Examination(Here(subject_of(name, **coarse(name))))
+    verdicts = [examination.verdict(BY_NAME[law]) for law in IN_A_PROCESS]
+    assert [verdict.status for verdict in verdicts] == ["ok", "ok"], [*map(str, verdicts)]
 
 
 @parametrize_with_laws(MyLocalizer, particles=50)
@@ -253,6 +252,7 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
 
 SUITE = f"""
 from localizers.checks import parametrize_with_laws
+from localizers.template import MyLocalizer
 
 MINE = {example("weights sum to one")!r}
 
@@ -264,23 +264,21 @@ def test_declared(law):
 def test_undeclared(law):
     law()
 
-@parametrize_with_laws("localizers.template:MyLocalizer", expected_failures={{"finite": "?"}})
+@parametrize_with_laws(MyLocalizer, expected_failures={{"finite": "?"}})
 def test_mended(law):
     law()
 """
 
 
-def test_expected_failures_are_strict_xfails(tmp_path):
-    (tmp_path / "test_mine.py").write_text(SUITE)
+def test_expected_failures_are_strict_xfails(pytester):
+    pytester.makepyfile(test_mine=SUITE)
     chosen = "mended and finite or weights and not mended"
-    command = [sys.executable, "-m", "pytest", "-rfx", "-k", chosen, "-p", "no:cacheprovider", "."]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "XFAIL"))]
-    assert [line.split(" - ")[0] for line in lines] == [
+    done = pytester.runpytest_inprocess("-rfx", "-k", chosen, "-p", "no:cacheprovider")
+    assert [line.split(" - ")[0] for line in done.outlines if line[:5] in ("FAILE", "XFAIL")] == [
         "FAILED test_mine.py::test_undeclared[weights sum to one]",
         "FAILED test_mine.py::test_mended[finite]",
         "XFAIL test_mine.py::test_declared[weights sum to one]",
-    ], done.stdout
+    ]
 
 
 def test_an_expected_failure_of_no_law_is_refused():

@@ -43,6 +43,11 @@ def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
         ('{"outer": [[0, 0]], "walls": 3}', "unknown key 'walls'"),
         ('{"outer": [[0, 0], [1, 0]], "unit": "m"}', "has 2 corners"),
         ('{"outer": [], "file": "a.json"}', "unknown key 'file'"),
+        ('{"outer": [[0, 0], [9, 0], [9, 9]], "outer": []}', "has the name 'outer' twice"),
+        ('{"outer": [[0, 0], [9, 0], [9, NaN]]}', "NaN"),
+        ('{"outer": [[0, 0], [9, 0], [9, 1e999]]}', "inf"),
+        ('{"outer": ' + "[" * 10**5, "is nested too deeply"),
+        ('{"outer": [[0, 0], [9, 0], [9, ' + "9" * 5000, "is truncated, or not JSON"),
         ("\xff", "is not UTF-8"),
     ],
 )

@@ -13,6 +13,8 @@ from refusals import refused
 from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
 from deqmcl_gym.maps import GridMap, Map, PolygonMap, drive_kernels
+from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.course import Course
 
 BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 EVERYTHING = pymunk.ShapeFilter()
@@ -90,11 +92,11 @@ def test_what_is_given_is_not_kept_by_reference():
 MAPS = [PLANS["room"], GridMap(occupancy=np.zeros((9, 9), int), resolution=1.0)]
 
 
-@pytest.mark.parametrize("plan", MAPS)
-def test_what_a_map_hands_out_cannot_be_changed(plan):
-    for name in {"walls", "solid", "occupied"} & {*dir(plan)}:
+@pytest.mark.parametrize("owner", [*MAPS, Course.of(WORLDS["paper"])])
+def test_what_a_map_or_course_hands_out_cannot_be_changed(owner):
+    for name in {"walls", "solid", "occupied", "actions"} & {*dir(owner)}:
         with pytest.raises(ValueError, match="read-only"):
-            getattr(plan, name)[0] = 1
+            getattr(owner, name)[0] = 1
 
 
 @pytest.mark.parametrize("plan", MAPS)

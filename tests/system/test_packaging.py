@@ -59,7 +59,8 @@ def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
         path.relative_to(ROOT)
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix in (".bib", ".css", ".jinja", ".py", ".toml") or path.name == "py.typed"
+        if path.suffix in (".bib", ".css", ".csv", ".jinja", ".py", ".toml")
+        or path.name == "py.typed"
     }
     assert built == expected
 

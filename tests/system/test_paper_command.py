@@ -74,7 +74,7 @@ def test_what_is_printed_is_the_table_with_the_papers_values_and_the_honest_sent
     written = (out / "table.md").read_text()
     (said,) = re.findall(r"^dead-reckoning.*\.$", done.stdout, re.MULTILINE)
     assert said in written
-    assert "| DEQ-MCL" in written
+    assert "| deq-mcl" in written
     assert "20.95 (17.66)" in written
 
 

@@ -22,7 +22,7 @@ def test_it_leaves_a_figure_its_data_and_a_page_and_nothing_else(drawn):
     assert set(files(out)) == WRITTEN
     page = (out / "phase.md").read_text()
     assert "\ndeqmcl phase --particles 20 --lag 5 --seed 3 --out new/out\n" in page
-    for title in ("Perfect queue", "MCL with smoother", "Rejuvenated DEQ-MCL"):
+    for title in ("perfect queue", "mcl-smoother", "deq-mcl-rejuvenated"):
         assert title in page
         assert title in done.stdout
 

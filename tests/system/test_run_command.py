@@ -93,7 +93,7 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     assert sum(errors) / 204 == pytest.approx(row["error"], rel=1e-12)  # a sum of 204 floats
     (said,) = re.findall(r"x\[t\]: error +([\d.]+), position RMSE", done.stdout)
     assert float(said) == pytest.approx(row["error"], abs=0.005)  # two decimals
-    assert done.stdout.startswith("MCL, scenario paper, seed 3: 204 steps\n")
+    assert done.stdout.startswith("mcl, scenario paper, seed 3: 204 steps\n")
 
 
 def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):
@@ -101,7 +101,7 @@ def test_a_guided_lap_is_as_long_as_the_driver_took(tmp_path, capsys):
     assert exit_code("run", *arguments, "--scenario", "guided", "--out", tmp_path) == 0
     present, future = (curve(tmp_path)[offset] for offset in (0, 40))
     steps = present[-1]["state"]
-    assert f"DEQ-MCL, scenario guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
+    assert f"deq-mcl, scenario guided, seed 0: {steps:.0f} steps\n" in capsys.readouterr().out
     assert [row["state"] for row in present] == [*range(int(steps) + 1)]
     # far from the end the whole lag is planned ahead; past it nothing is
     assert [row["state"] for row in future][:100] == [*range(40, 140)]

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -178,3 +179,56 @@ def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
     monkeypatch.setattr(dry_run, "_times", lambda trials, *_: [(6.0, True)] * len(trials))
     assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
     assert f"About {time} with {where[1]} job" in capsys.readouterr().out
+
+
+UNTIL = ("--until-decided", "--max-worlds", "22")
+
+
+def counts(out):
+    """Worlds that each method was run on."""
+    return Counter(line["method"] for line in lines(out) if line["offset"] == "0")
+
+
+@pytest.fixture(scope="module")
+def decided(tmp_path_factory):
+    """A sweep of three methods until that is decided, and its file."""
+    folder = tmp_path_factory.mktemp("decided")
+    file = write_small(folder, others=["mcl-map"])
+    assert sweep(file, folder / "out", *UNTIL) == 0
+    return file, folder / "out"
+
+
+def test_a_method_stops_when_it_is_decided_and_its_baseline_goes_on_for_the_others(decided):
+    _, out = decided
+    assert counts(out) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 20}
+    last = {line["method"]: line for line in lines(out, "decisions.csv") if line["verdict"]}
+    assert {name: line["verdict"] for name, line in last.items()} == {
+        "mcl-map": "open",
+        "dead-reckoning": "better",
+    }
+    for line in lines(out, "results.csv"):
+        assert (line["diff_low"], line["p"]) == ("", "")  # nothing for a fixed number of worlds
+
+
+def test_what_is_run_until_decided_depends_neither_on_jobs_nor_on_an_interruption(
+    decided, tmp_path, ran
+):
+    file, out = decided
+    other = tmp_path / "out"
+    assert sweep(file, other, "--max-worlds", "20", "--until-decided", "--jobs", "2") == 0
+    for path in sorted((other / "trials").iterdir())[::6]:
+        path.unlink()
+    assert sweep(file, other, *UNTIL) == 0
+    assert trial_files(other) == trial_files(out)
+    assert tables(other) == tables(out)
+
+
+def test_a_folder_goes_on_from_decided_to_all_worlds_and_back(decided, tmp_path, capsys):
+    file, out = decided
+    whole = shutil.copytree(out, tmp_path / "whole")
+    assert sweep(file, whole, "--trials", "22") == 0
+    assert counts(whole) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 22}
+    assert not (whole / "decisions.csv").exists()
+    assert sweep(file, whole, *UNTIL) == 0
+    assert lines(whole, "decisions.csv") == lines(out, "decisions.csv")
+    assert "2 comparisons: 1 better, 1 open" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from tabulate import tabulate
 
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures.figures import require_plots
-from benchmarks.studies.phase.cycles import Cycles, PlaceFields, cycles_of, perfect_cycles, title_of
+from benchmarks.studies.phase.cycles import Cycles, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text, fixed
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -107,7 +107,7 @@ def _table(cycles: Mapping[str, Cycles], fields: PlaceFields, style: str) -> str
         slope = "none" if math.isnan(row.slope) else f"{row.slope:#.3g}"
         late = "n/a" if math.isnan(row.late) else f"{row.late:+.{fields.decimals}f}"
         right = map(fixed, (row.past, row.present, row.future))
-        body.append([title_of(name), phases, slope, fixed(row.correlation), late, *right])
+        body.append([name, phases, slope, fixed(row.correlation), late, *right])
     align = ("left", "left", *["right"] * 6)
     return tabulate(body, header, tablefmt=style, disable_numparse=True, colalign=align)
 

@@ -10,17 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from benchmarks.tables.text import TITLES
 from benchmarks.trials import metrics
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.world.course import Path
 from localizers import Belief
-
-
-def title_of(name: str) -> str:
-    """Return what a lap is called, by the name of its localizer."""
-    title = TITLES.get(name, name)
-    return title[:1].upper() + title[1:]
 
 
 @dataclass(frozen=True)

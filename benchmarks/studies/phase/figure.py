@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.studies.phase.cycles import Cycles, PlaceFields, Precession, title_of
+from benchmarks.studies.phase.cycles import Cycles, PlaceFields, Precession
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.numerics.types import Floats
 
@@ -27,8 +27,6 @@ _CELLS = 41  # bins of position, and rows of the table
 _NUMBERED = 24  # more fields are too small for their numbers
 _STYLE: Any = {
     "text.parse_math": False,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9,
     "axes.titlesize": 9.5,
     "axes.linewidth": 0.8,
@@ -50,7 +48,7 @@ def phase_figure(
         farthest = float(np.quantile(off, 0.98)) if off.size else 1.0  # 2 % are farther
         for row, (name, own) in zip(axes[:-1], laps.items(), strict=True):
             _draw_cycles(row[0], own)
-            words = f"{title_of(name)}: {_words(own.precession)}"
+            words = f"{name}: {_words(own.precession)}"
             row[0].set_title(words, loc="left", fontweight="bold")
             mass = _draw_precession(row[1], own, perfect.precession, extent, unit)
         for row, own in zip(axes[1:-1], others, strict=True):

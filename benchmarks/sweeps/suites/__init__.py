@@ -1,9 +1,12 @@
 """The named experiments: the sweep files of this folder, by name; and the paper's, with options."""
 
+import csv
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from msgspec import Struct, convert
 
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
@@ -36,6 +39,43 @@ def _suite(name: str) -> Sweep:
 SUITES: Mapping[str, Sweep] = _Suites()
 # suites that are run one after the other under one name
 FAMILIES = {"study": tuple(name for name in SUITES if name.startswith("study-"))}
+TIMES = Path(__file__).with_name("times.csv")
+
+
+class Time(Struct, frozen=True):
+    """How long a suite takes on two cores: that of a run, or as one trial of its cells tells.
+
+    Attributes:
+        minutes: of all its trials.
+        trials: how many it had then.
+        by: "run" or "trials".
+    """
+
+    minutes: float
+    trials: int
+    by: Literal["run", "trials"]
+
+
+def times() -> dict[str, Time]:
+    """Return the times of the suites that were measured; ``make reports`` adds those of runs."""
+    with TIMES.open(newline="", encoding="utf-8") as file:
+        return {row.pop("suite"): convert(row, Time, strict=False) for row in csv.DictReader(file)}
+
+
+def minutes(name: str) -> float | None:
+    """Return about how long a suite or a family takes on two cores; None: it was not measured."""
+    if name in FAMILIES:
+        parts = [minutes(own) for own in FAMILIES[name]]
+        return None if None in parts else sum(filter(None, parts))
+    time = times().get(name)
+    return None if time is None else time.minutes * SUITES[name].planned / time.trials
+
+
+def in_words(minutes: float | None) -> str:
+    """Say how long something takes."""
+    if minutes is None:
+        return "never timed"
+    return f"about {minutes:.0f} min" if minutes >= 1 else "less than 1 min"
 
 
 def sweeps_named(name: str, added: Sequence[str] = ()) -> dict[str, Sweep]:

@@ -1,0 +1,100 @@
+"""Intervals that hold at every number of worlds at once, so that one may look after each.
+
+A confidence sequence covers what it is of at all looks together with probability 1 - α, whatever
+one does after a look (Darling & Robbins 1967). A bootstrap interval does not: whoever stops when it
+excludes 0 is wrong far more often than in 5 % of cases.
+"""
+
+import math
+
+import numpy as np
+
+from benchmarks.tables.stats import UNKNOWN, Estimate
+from deqmcl_gym.numerics.types import Floats
+
+TIGHT = 20  # worlds at which the interval of a ratio is as short as it can be
+_STEP = 1e-3  # between the means that are tried for an interval of shares
+_MOST = 0.75  # of the capital that is bet at once
+
+
+def ratio(apart: Floats, reference: Floats, alpha: float) -> Estimate:
+    """Mean difference over mean reference, E[d] / E[b], from paired values of the same worlds.
+
+    The ratios r for which the mixture t-test of E[d - r b] = 0 is below 1 / α, as Fieller (1954)
+    inverts a t-test: (d̄ - r b̄)² ≤ K (s_dd - 2 r s_db + r² s_bb) / n, K of ``_reach``. Its coverage
+    is exact at all n together where d - r b is normal, and that of large samples elsewhere.
+
+    Args:
+        apart: d, differences of two methods, one per world, (n,).
+        reference: b, what they are the share of, (n,); its mean is above 0.
+        alpha: of not covering at some n.
+
+    Returns:
+        Ends are infinite where no ratio can be excluded; ``UNKNOWN`` if a value is NaN, or if there
+        are fewer than two.
+    """
+    n = apart.size
+    if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
+        return UNKNOWN
+    d, b = float(apart.mean()), float(reference.mean())
+    if not (reach := _reach(n, alpha) / n) < math.inf:
+        return Estimate(d / b, -math.inf, math.inf)
+    (dd, db), (_, bb) = np.cov(apart, reference)
+    square, linear, constant = b * b - reach * bb, d * b - reach * db, d * d - reach * dd
+    if square <= 0:
+        return Estimate(d / b, -math.inf, math.inf)
+    half = math.sqrt(max(0.0, linear * linear - square * constant))  # d / b is one of the ratios
+    return Estimate(d / b, (linear - half) / square, (linear + half) / square)
+
+
+def _reach(n: int, alpha: float) -> float:
+    """Return K, the t² up to which the mixture t-test of n values stays below 1 / α.
+
+    M_n = √k ((1 + t²/ν) / (1 + k t²/ν))^(n/2), k = c² / (n + c²), ν = n - 1: the likelihood ratio
+    with a N(0, 1/c²) mixture over the mean in SDs (Lai 1976; Wang & Ramdas 2024, *Anytime-valid
+    t-tests*), a martingale if the mean is 0. Infinite where n is too small for any t.
+    """
+    reach = -2 * math.log(alpha)
+    c2 = TIGHT / (reach + math.log(reach + 1))
+    k = c2 / (n + c2)
+    bound = (alpha * math.sqrt(k)) ** (-2 / n)
+    return (n - 1) * (bound - 1) / (1 - bound * k) if bound * k < 1 else math.inf
+
+
+def shares(apart: Floats, alpha: float) -> list[Estimate]:
+    """Mean of differences of shares, from -1 to 1, after each of them: by betting.
+
+    The means m at which nobody who bets against m, with a stake that depends on former values only,
+    has ever multiplied his capital by 1 / α: hedged capital with the predictable plug-in
+    (Waudby-Smith & Ramdas 2024, *Estimating means of bounded random variables by betting*). Its
+    coverage is exact for every distribution.
+
+    Args:
+        apart: one per world, in the order in which they are seen, (n,).
+        alpha: of not covering at some n.
+
+    Returns:
+        An interval after each, none wider than the one before; ends are multiples of 0.001,
+        rounded outwards.
+    """
+    n = apart.size
+    if not n or np.isnan(apart).any():
+        return [UNKNOWN] * n
+    seen = (apart + 1) / 2
+    count = np.arange(1, n + 1)
+    guess = (0.5 + np.cumsum(seen)) / (count + 1)
+    spread = (0.25 + np.cumsum((seen - guess) ** 2)) / (count + 1)
+    before = np.concatenate([[0.25], spread[:-1]])
+    stake = np.sqrt(2 * math.log(2 / alpha) / (before * count * np.log(count + 1)))[:, None]
+    tried = np.arange(_STEP / 2, 1, _STEP / 2)
+    gain = seen[:, None] - tried
+    up = np.log1p(np.minimum(stake, _MOST / tried) * gain).cumsum(axis=0)
+    down = np.log1p(-np.minimum(stake, _MOST / (1 - tried)) * gain).cumsum(axis=0)
+    capital = np.maximum.accumulate(np.maximum(up, down), axis=0) - math.log(2)
+    means, found = np.cumsum(apart) / count, []
+    for mean, held in zip(means, capital < -math.log(alpha), strict=True):
+        left = np.flatnonzero(held)
+        ends = (left[0], left[-1] + 2) if left.size else (0, tried.size + 1)
+        low, high = (round(float(end * _STEP - 1), 3) for end in ends)
+        found.append(Estimate(float(mean), low, high))
+    return found

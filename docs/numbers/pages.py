@@ -1,0 +1,115 @@
+"""The tables and sentences of README and docs whose numbers come from ``docs/reports``.
+
+``make docs-numbers`` writes each table below its marker, ``<!-- numbers: NAME -->``, and names each
+sentence that the text does not have; a test fails if either differs. A cell is a template, empty if
+the report has no such number. A row of a report is found by scenario and method; of those with the
+parameters asked for, the one with the fewest.
+"""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from docs.numbers import hedge, journeys, made, rooms
+from docs.numbers.reading import DRAWS, INTERVAL, ROOT, Number, filled, plain, read, row
+
+MARKER = re.compile(r"^(<!-- numbers: (.+) -->\n)((?:\|.*\n)*)", re.MULTILINE)
+TABLES = rooms.TABLES | journeys.TABLES | hedge.TABLES | made.TABLES
+
+
+def sentences() -> Iterable[tuple[str, str]]:
+    """Yield pages and what they must say, word for word."""
+
+    def n(
+        field: str, report: str, scenario: str, method: str, many: int | None = None, **p: object
+    ):
+        return Number(row(report, scenario, method, many, **p)[field])
+
+    def building(name: str, field: str) -> Number:
+        return Number(next(r for r in read(f"buildings/{name}") if r["localizer"] == "mcl")[field])
+
+    sensor, kidnapped = "plan-sensor/results", "kidnapped/results"
+    base, plan = (n("error", sensor, "paper", name, 300) for name in ("mcl-map", "mcl-plan"))
+    deq = n("error", sensor, "paper", "deq-mcl", 300)
+    yield "README.md", f"has the same {n('error', 'amcl/rooms', 'guided', 'mcl-map'):.1f} px"
+    yield "README.md", f"{plan:.1f} px, `mcl-map` {base:.1f}, the paper's filter {deq:.1f} (N"
+    yield "README.md", f"with 1,000 has {n('error', sensor, 'guided', 'mcl-plan', 1000):.1f}"
+    gained = [-n("diff", sensor, "paper", "mcl-plan", many) for many in (300, 1000)]
+    yield (
+        "docs/reports/paper-200.md",
+        f"`mcl-plan` is better by {gained[0]:.1f} and {gained[1]:.1f}.",
+    )
+    shares = [
+        -n("diff", sensor, "paper", method, many)
+        for method in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
+        for many in (300, 1000)
+    ]
+    yield (
+        "docs/reports/paper-200.md",
+        f"`mcl-map` by {min(shares):.1f} to {max(shares):.1f}, at N = 300",
+    )
+    over_200 = filled(INTERVAL, row("paper-200/paper", "paper", "deq-mcl"))
+    yield "README.md", plain(f"than MCL ({over_200})").replace("+", "")
+    yield "README.md", f"has the same {n('success_1m', 'amcl/lost', 'lost', 'mcl-map'):.0p} %"
+    new, none = (n("recovered", kidnapped, "kidnapped", "mcl-map", 2000, **p) for p in (DRAWS, {}))
+    yield "README.md", f"recovers in {new:.0p} % of 100 worlds instead of {none:.0p} % (N = 2,000)"
+    late = n("metres_to_recover_diff", kidnapped, "kidnapped-stale", "mcl-plan", 2000)
+    yield "README.md", f"needs {late:.0f} m more than without a route"
+    medians, inside = (
+        [building(name, field) for name in ("freiburg-079", "intel")]
+        for field in ("position_median", "coverage_95")
+    )
+    yield "README.md", f"median error of {medians[0]:.3f} and {medians[1]:.3f} m and is never lost"
+    yield "README.md", f"region covers {inside[0]:.0p} and {inside[1]:.0p} % of the reference"
+    starts = [Number(r["success_1m"]) for r in read("buildings/starts")]
+    yield (
+        "README.md",
+        f"{starts[0]:.0p} and {starts[2]:.0p} % are localized without the plan, "
+        f"{starts[1]:.0p} and {starts[3]:.0p} % if it is used once",
+    )
+    yield (
+        "docs/lost.md",
+        f"{starts[1]:.0p} % instead of {starts[0]:.0p} % and {starts[3]:.0p} % instead of "
+        f"{starts[2]:.0p} %",
+    )
+    yield "docs/lost.md", f"has the same {n('success', 'amcl/driving', 'driving', 'mcl-map'):.0p} %"
+    weak = [n("success_1m", "lost-hard/results", "lost-weak", m) for m in ("mcl-plan", "mcl-map")]
+    yield "docs/lost.md", f"{weak[0]:.0p} % localized instead of {weak[1]:.0p} %"
+    yield from hedge.sentences()
+    speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/speed") if r["ratio"]}
+    many = [
+        (speed[f"{name}_vs_map_step1k"], speed[f"{name}_vs_map_step10k"])
+        for name in ("plan", "replanned_pilots", "replanned_deq", "replanned_h")
+    ]
+    words = [f"{a:.1f} and {b:.1f}" if a < 10 else f"{a:.0f} and {b:.0f}" for a, b in many]
+    names = ("`mcl-plan`", "`mcl-pilots`", "DEQ-MCL", "`mcl-h`")
+    yield (
+        "docs/plan-sensor.md",
+        ", ".join(f"{name} {ratio}" for name, ratio in zip(names, words, strict=True)),
+    )
+
+
+def renewed(text: str) -> str:
+    """Return a text with the table below each of its markers made anew."""
+    return MARKER.sub(lambda found: found[1] + TABLES[found[2]](), text)
+
+
+def pages() -> list[Path]:
+    """Return the pages that may have markers."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def main() -> None:
+    """Write the tables; name the sentences that the pages lack."""
+    for page in pages():
+        before = page.read_text(encoding="utf-8")
+        if (text := renewed(before)) != before:
+            page.write_text(text, encoding="utf-8")
+            print(f"written: {page.relative_to(ROOT)}")
+    for page, sentence in sentences():
+        if sentence not in (ROOT / page).read_text(encoding="utf-8"):
+            print(f"{page} should say: {sentence}")
+
+
+if __name__ == "__main__":
+    main()

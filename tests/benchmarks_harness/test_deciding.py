@@ -1,0 +1,145 @@
+"""Sweeps that stop when they are decided: intervals at every look, decisions, what is run."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from report_cases import finished, trials, whole
+
+from benchmarks.tables import sequential
+from benchmarks.tables.deciding import FIRST, Rule, decide
+from benchmarks.tables.journeys import JOURNEY_SCORES, Outcomes
+from benchmarks.tables.sequential import ratio, shares
+from benchmarks.tables.stats import wilson
+
+
+@pytest.mark.parametrize("n", [20, 57, 400])
+def test_a_ratio_is_excluded_exactly_where_the_mixture_t_test_of_its_differences_rejects(n):
+    rng = np.random.default_rng(n)
+    reference = rng.gamma(4, 5, n)
+    apart = -0.4 * reference + rng.normal(0, 6, n)
+    found = ratio(apart, reference, 0.01)
+    c2 = sequential.TIGHT / (-2 * math.log(0.01) + math.log(1 - 2 * math.log(0.01)))
+    for end in (found.low, found.high):
+        left = apart - end * reference
+        t2 = n * left.mean() ** 2 / left.var(ddof=1) / (n - 1)
+        k = c2 / (n + c2)
+        bayes = math.sqrt(k) * ((1 + t2) / (1 + k * t2)) ** (n / 2)  # Lai 1976, mixed by N(0, 1/c²)
+        assert bayes == pytest.approx(1 / 0.01, rel=1e-6)
+    assert found.low < found.mean < found.high
+
+
+def test_bets_exclude_the_true_mean_at_some_look_with_at_most_alpha_enumerated():
+    chances = {-1.0: 0.3, 0.0: 0.2, 1.0: 0.5}
+    alpha, missed = 0.3, 0.0
+    for seen in itertools.product(chances, repeat=6):
+        looks = shares(np.array(seen), alpha)
+        if any(not look.low <= 0.2 <= look.high for look in looks):
+            missed += math.prod(chances[one] for one in seen)
+    assert 0.02 < missed <= alpha
+
+
+def outcomes(errors, name="mcl"):
+    return Outcomes(records=trials(name, errors), failed=(), longest={})
+
+
+def verdict_of(apart, reference, *, margin, family, worlds):
+    """Who is better and after how many worlds, of differences as they come; and the interval."""
+    for n in Rule(margin=margin, family=family, worlds=worlds).looks:
+        found = ratio(apart[:n], reference[:n], 0.05 / family)
+        if found.high < -margin or found.low > margin:
+            return n, found
+        if -margin < found.low and found.high < margin:
+            break
+    return None, found
+
+
+def null_sweeps(draw, margin, worlds=200, family=1, sweeps=2000):
+    """How many of so many sweeps of methods that do not differ say that one does."""
+    rng, wrong = np.random.default_rng(5), 0
+    for _ in range(sweeps):
+        reference = rng.gamma(16, 1.25, worlds)  # mean 20, SD 5
+        found = [
+            verdict_of(draw(rng, worlds), reference, margin=margin, family=family, worlds=worlds)
+            for _ in range(family)
+        ]
+        wrong += any(n is not None for n, _ in found)
+    return wrong / sweeps
+
+
+def test_of_2000_sweeps_of_equal_methods_at_most_5_percent_are_ever_decided():
+    share = null_sweeps(lambda rng, n: rng.normal(0, 8, n), margin=0.0)
+    low, high = wilson(share, 2000)
+    assert 0 < low < high <= 0.05
+
+
+def test_so_it_is_where_differences_are_as_skewed_as_ours_and_a_margin_is_allowed():
+    # the gain of a plan on scenario guided has skewness -2.5 and an SD of half the error
+    def skewed(rng, n):
+        return 10 * (0.8 - rng.gamma(0.64, 1.25, n))
+
+    assert null_sweeps(skewed, margin=0.05, sweeps=500) <= 0.05
+
+
+def test_at_the_stop_the_interval_covers_and_what_200_worlds_see_with_80_percent_is_seen():
+    rng, sweeps, gain = np.random.default_rng(6), 400, 1.6  # SD 8: t of 200 worlds is 2.8
+    stops, covered = [], 0
+    for _ in range(sweeps):
+        reference = rng.gamma(16, 1.25, 1000)
+        apart = rng.normal(-gain, 8, 1000)
+        n, found = verdict_of(apart, reference, margin=0.0, family=1, worlds=1000)
+        covered += found.low <= -gain / 20 <= found.high
+        stops.append(n)
+    assert covered / sweeps >= 0.95
+    assert sum(n is not None and n <= 1000 for n in stops) / sweeps > 0.95
+    assert 150 < np.median([n or 1000 for n in stops]) < 350  # the price of looking
+
+
+def test_a_decision_depends_on_nothing_but_the_worlds_up_to_its_look():
+    rng = np.random.default_rng(7)
+    base = rng.gamma(16, 1.25, 60)
+    ours = 0.6 * base + rng.normal(0, 4, 60)
+    rule = Rule(margin=0.05, family=3, worlds=60)
+    all_of = decide(outcomes(ours), outcomes(base), None, rule)
+    assert all_of.verdict == "better"
+    assert all_of.worlds < 60
+    n = all_of.worlds
+    assert decide(outcomes(ours[:n]), outcomes(base), None, rule) == all_of
+    shuffled = outcomes(ours)
+    rng.shuffle(shuffled.records)
+    assert decide(shuffled, outcomes(base), None, rule) == all_of
+    early = decide(outcomes(ours[: n - 1]), outcomes(base), None, rule)
+    assert (early.verdict, early.wanted) == ("open", n)
+
+
+def test_a_world_that_failed_is_left_out_and_where_none_can_be_compared_nobody_looks_on():
+    base = outcomes([20.0 + i % 3 for i in range(40)])
+    rule = Rule(margin=0.05, family=1, worlds=40)
+    half = Outcomes(
+        records=[finished("mcl", i, 10.0 + i % 2) for i in range(40) if i % 4],
+        failed=[(i, 0) for i in range(0, 40, 4)],
+        longest={},
+    )
+    assert decide(half, base, None, rule).verdict == "better"
+    none = Outcomes(records=[], failed=[(i, 0) for i in range(FIRST)], longest={})
+    found = decide(none, base, None, rule)
+    assert (found.verdict, found.worlds, found.wanted) == ("open", FIRST, FIRST)
+
+
+def test_shares_of_runs_are_decided_by_points_and_a_larger_one_is_better():
+    aim = JOURNEY_SCORES["success_1m"]
+
+    def runs(found):
+        records = [
+            whole(finished("mcl", i, 1.0), {aim.name: float(one)}, 5.0)
+            for i, one in enumerate(found)
+        ]
+        return Outcomes(records=records, failed=(), longest={})
+
+    rule = Rule(margin=0.05, family=1, worlds=200)
+    often, rarely = ([i % 10 < k for i in range(200)] for k in (9, 3))
+    assert decide(runs(often), runs(rarely), aim, rule).verdict == "better"
+    assert decide(runs(rarely), runs(often), aim, rule).verdict == "worse"
+    same = decide(runs(often), runs(often), aim, rule)
+    assert same.verdict == "equivalent"
