@@ -37,9 +37,9 @@ class Rooms:
         self._rules = rules
         ground = world.floor_plan
         cells = ground.cells if isinstance(ground, GridMap) else NO_CELLS
-        noise, most = world.noise, len(course.actions)
+        most = len(course.actions)
         numbers = kernels.Rules(
-            noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
+            noise=rules.noise,
             walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
             cells=cells, radius=world.body, skin=world.skin, reach=world.reach,
             edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,

@@ -34,6 +34,19 @@ class ScanModel(Protocol):
         """Log-density of the observation at each state, up to one common constant, (n,)."""
 
 
+class BeamFilter(Protocol):
+    """Which beams of a scan a belief uses."""
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return a scan without the beams that the belief before it leaves out.
+
+        Args:
+            states: of the particles, moved, (d, n).
+            log_weights: before the scan, (n,).
+            scan: o_t.
+        """
+
+
 class Feasibility(Protocol):
     """g(x', x), how feasible the step x' → x is on the map."""
 

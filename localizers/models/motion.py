@@ -142,7 +142,7 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        moves = self.moves(increments(action)[None], rng.random((1, states.shape[1])))
+        moves = self.moves(np.asarray(action)[None], rng.random((1, states.shape[1])))
         after = np.empty_like(states)
         drive_poses(states, moves[0], after)
         return after
