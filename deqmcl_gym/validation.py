@@ -94,8 +94,8 @@ def number(
 
     Magnitudes above ``LARGEST`` are refused too, unless ``finite`` is False.
     """
-    allowed = _interval(low, high, above, finite)
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
+        allowed = _interval(low, high, above, finite)
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     try:
         given = float(value)
@@ -106,9 +106,9 @@ def number(
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     if above and 0.0 <= low < given < SMALLEST:
         low, above = SMALLEST, False
-        allowed = _interval(low, high, above, finite)
     inside = low < given if above else low <= given
     if not (inside and given <= high):
+        allowed = _interval(low, high, above, finite)
         raise InputError(f"{what} is {digits(given)}, but must be a number {allowed}.")
     return given
 

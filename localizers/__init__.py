@@ -15,7 +15,7 @@ from localizers.beliefs import (
     quality_of,
 )
 from localizers.inference.hedge import hedged
-from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 from localizers.models.plan_sensor import PlanSensor
@@ -40,6 +40,7 @@ __all__ = [
     "DifferentialMotion",
     "GaussianPrior",
     "GaussianUniform",
+    "LatentShare",
     "Localizer",
     "OdometryMotion",
     "OmniMotion",

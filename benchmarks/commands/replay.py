@@ -84,6 +84,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "power is fitted to the first part of the log)",
     )
     add(
+        "--fit-beams",
+        action="store_true",
+        help="assume the four-part beam model that fits scans from reference poses in the first "
+        "part of the log, and print it",
+    )
+    add(
         "--nav2",
         type=Path,
         metavar="PARAMS.yaml",
@@ -99,7 +105,7 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
-    from benchmarks.replay.calibration import calibrated
+    from benchmarks.replay.calibration import calibrated, with_fitted_beams
     from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import reading_of, replay_of
@@ -112,13 +118,17 @@ def run(options: argparse.Namespace) -> str:
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
     told = {name: value for name in _SAID if (value := getattr(options, name)) is not None}
     if nav2 is not None:
-        scan = ",".join([nav2.options["scan"], *filter(None, [options.scan])])
+        its_scan = None if options.fit_beams else nav2.options["scan"]
+        scan = ",".join(filter(None, [its_scan, options.scan]))
         told = {**nav2.options, **told, "scan": scan}
     with doing("reading the log and the map"), shared.log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
         replay = replay_of(
             options.log, options.map, reference=options.reference, reading=reading, **told
         )
+    if options.fit_beams:
+        with doing("fitting the beam model to the first part of the log"):
+            replay = with_fitted_beams(replay)
     if "scan.power" not in replay.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
             replay = calibrated(replay)

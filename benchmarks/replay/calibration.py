@@ -1,6 +1,7 @@
-"""How much the beams of one scan tell: the power of their likelihood, fitted to part of a log.
+"""What beams read, and how much those of one scan tell together: fitted to part of a log.
 
-Beams are not independent: neighbours hit the same wall, and an error of the map is in all of them
+The parts of the beam model are fitted to scans from reference poses. Then its power: beams are not
+independent: neighbours hit the same wall, and an error of the map is in all of them
 and in many scans. A filter that multiplies their likelihoods is far too sure. p(o | x, m)^power
 with a power below 1 is the usual remedy (Thrun, Burgard & Fox 2005, section 6.3.4); here it is the
 one with which the belief's 95 % region covers the reference about as often as it says.
@@ -19,6 +20,9 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.validation import InputError
+from localizers.models.beam_fit import BeamFit, fitted
 
 LEVEL = 95
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges
@@ -27,7 +31,68 @@ _LEAST = 100  # records with a reference, fewer say nothing of 95 %
 _PARTICLES = 1000
 _POWERS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 _NEAR = 1.0  # m: a filter farther off follows nothing
+_PARTS = ("hit", "short", "max", "rand", "sigma", "decay")  # of the beam model
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
+
+
+def beams_of(log: Log, floor_plan: Map) -> BeamFit:
+    """Return the beam model that fits the scans of a log best, seen from its reference poses.
+
+    Only those at a record's own time: an interpolated pose is off, and σ would hold its error.
+
+    Raises:
+        InputError: no reference, or too few readings at its poses.
+    """
+    at = log.referenced
+    if log.reference is None or at.size == 0:
+        raise InputError(f"{log.source} has no reference, from which beams could be fitted.")
+    if log.interpolated is not None:
+        at = at[~log.interpolated[at]]
+    origins = log.scanner.origins(log.reference[at].T).T
+    expected = floor_plan.ranges(origins, log.scanner.bearings)
+    ranges = log.ranges[at].astype(np.float64)
+    try:
+        return fitted(ranges.ravel(), expected.ravel(), log.scanner.max_range)
+    except InputError as error:
+        raise InputError(f"{log.source}: {error}") from None
+
+
+def with_fitted_beams(replay: Replay) -> Replay:
+    """Return what is played with the beam model that is fitted to its first part.
+
+    Raises:
+        InputError: there is too little of a reference, or the parts of a beam are given.
+    """
+    given = [name for name in replay.assumed if name.startswith("scan.") and name != "scan.power"]
+    if given:
+        raise InputError(
+            f"--fit-beams is given with {', '.join(given)}, which it would fit: leave one out; of "
+            "--scan only power goes with it."
+        )
+    log, floor_plan = replay.scenario.recording()
+    count = _part(log)
+    if count is None:
+        raise InputError(
+            f"--fit-beams needs {_LEAST} records with a reference in the first {PART:.0%} of "
+            f"{log.source}, at most {_MOST}: leave it out, or give --scan."
+        )
+    first = int(log.referenced[0])
+    fit = beams_of(log.of_records(np.arange(first, first + count)), floor_plan)
+    parts = {name: float(f"{getattr(fit.model, name):.4g}") for name in _PARTS}
+    parts["hit"] = round(1 - parts["short"] - parts["max"] - parts["rand"], 12)
+    words = ",".join(f"{name}={value:.12g}" for name, value in parts.items())
+    gained = fit.log_likelihoods[0], fit.log_likelihoods[-1]
+    return replace(
+        replay,
+        world=replay.world | {"judged": first + count},
+        assumed=replay.assumed
+        | {"scan.kind": "beam-model", **{f"scan.{name}": value for name, value in parts.items()}},
+        beams=f"Beam model, by expectation maximization on {fit.readings:,} readings from "
+        f"reference poses in the first {count:,} records: --scan kind=beam-model,{words} "
+        f"(sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
+        f"{gained[0]:.3f} at the start, {gained[1]:.3f} after {len(fit.log_likelihoods) - 1} "
+        "rounds).",
+    )
 
 
 def calibrated(replay: Replay) -> Replay:
@@ -41,7 +106,8 @@ def calibrated(replay: Replay) -> Replay:
     if count is None:
         return replay
     here = {name: own for name, own in replay.assumed.items() if not name.startswith("prior.")}
-    world = replay.world | {"start": _first(replay)}
+    own = {name: value for name, value in replay.world.items() if name != "judged"}
+    world = Changes({**own, "start": _first(replay)})
     begun = replace(replay, assumed=Changes(here), world=world)
     tried: list[tuple[float, float]] = []
     for power in _POWERS:

@@ -44,6 +44,7 @@ class Replay:
         world, assumed: the changes, by dotted name.
         noise: where that of the motion is from.
         reference: where the true poses are from, in words; "" without any.
+        beams: how the beam model was fitted, in words; "" if it was not.
         calibration: how the power of the scan model was fitted, in words; "" if it was not.
     """
 
@@ -51,6 +52,7 @@ class Replay:
     assumed: Changes
     noise: str
     reference: str
+    beams: str = ""
     calibration: str = ""
 
     @property
@@ -88,6 +90,7 @@ class Replay:
         told = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
+            self.beams,
             self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             self._changed,

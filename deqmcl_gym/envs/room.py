@@ -75,18 +75,14 @@ class RoomEnv(gym.Env[Any, Singles]):
         driver: follows that path from the true pose and replans at every step; "none" removes the
             preset's.
         route: a start and a goal, drawn in each episode, instead of the lap.
-    <<<<<<< HEAD
         clutter: boxes and pillars that are not on the map. This and the following three are drawn
             anew in each episode; scans, contacts and a driver meet what is there, and
             ``floor_plan`` stays the map.
         changed_walls: inner walls removed, added or shifted.
         people: who walk about.
         glass: inner walls that do not reflect all beams.
-        horizon: number of planned actions shown; None shows all that are left.
-    =======
         horizon: number of planned actions shown; None shows all that are left. Routes differ in
             length, so several envs with routes in one ``gym.make_vec`` need a number.
-    >>>>>>> 14c41ea6ad0c769e1b4a023b0b0af1bfe2fa6456
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress and clock.
         render_mode: None or "rgb_array".

@@ -42,11 +42,11 @@ class Rooms:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
         world, course = rules.world, rules.course
         self._rules = rules
-        noise, most = world.noise, len(course.actions)
+        most = len(course.actions)
         walls, cells = _obstacles(world.floor_plan)
         numbers = kernels.Rules(
-            noise=(float(noise.drive), float(noise.turn), float(noise.drift)),
-            walls=walls, cells=cells, radius=world.body, skin=world.skin, reach=world.reach,
+            noise=rules.noise, walls=walls, cells=cells,
+            radius=world.body, skin=world.skin, reach=world.reach,
             edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,
             limit=limit,
         )  # fmt: skip

@@ -12,12 +12,11 @@ import pymunk
 
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import Point, Pose, wrapped
+from deqmcl_gym.world.course import Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.path_kernels import judged
+from deqmcl_gym.world.path_kernels import drawn, judged
 from deqmcl_gym.world.people import Crowded
 from deqmcl_gym.world.reality import Reality
 from deqmcl_gym.world.rules import RoomRules
@@ -114,24 +113,22 @@ class Physics:
         self.position = position
         self._gap = 0.0  # least distance that it can drive without touching a wall
 
-    def drive(self, distance: float, heading: float) -> bool:
-        """Drive straight ahead; stop just before the first contact. Return whether there was one.
+    def drive(self, way: float, dx: float, dy: float) -> bool:
+        """Drive along (dx, dy), of length ``way``; stop just before the first contact.
+
+        Return whether there was one.
 
         A gap of 40 to the nearest wall allows 40 of driving in any direction: the gap is measured
         only when that is used up, and a contact is computed only if a wall is within reach. A robot
         that overlaps a wall stays there.
         """
-        way = abs(distance)
         if way == 0.0:
             return False
-        if way > self.walls.reach:  # beyond every wall; a longer drive would lose precision
-            way, distance = self.walls.reach, math.copysign(self.walls.reach, distance)
         if way >= self._gap - self.walls.skin:
             self._gap = self.walls.gap(self.position)
             if self._gap < 0.0:
                 return True
         x, y = start = self.position
-        dx, dy = distance * cos64(heading), distance * sin64(heading)
         end = (x + dx, y + dy)
         if way < self._gap - self.walls.skin:
             self.position = end
@@ -180,7 +177,6 @@ class Episode:
         self._rules = rules
         self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
-        self._noise = rules.world.noise
         self._motion = self.stream(Stream.MOTION)
         self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
         world = self._reality.world
@@ -251,16 +247,23 @@ class Episode:
         Returns:
             The reward; whether a wall stopped the robot.
         """
-        before = self._physics.position
-        collided = self._move(distance, turn)
+        rules, physics, path = self._rules, self._physics, self.course.path
+        x, y, heading = self.pose
+        of_drive, of_turn = self._motion.standard_normal(2).tolist()
+        heading, *drive = drawn(
+            heading, distance, turn, (of_drive, of_turn), rules.noise, physics.walls.reach
+        )
+        collided = physics.drive(*drive)
+        self.pose = (*physics.position, heading)
         self.step += 1
-        self.arc, progress = self.course.path.follow(before, self._physics.position, self.arc)
-        self.way += progress
-        self.progress += progress
-        rewards = self._rules.rewards
-        reward, self.done = judged(progress, self.progress, collided, *rewards)
+        self.arc, gained, reward, self.done = judged(
+            (x, y, *physics.position), self.arc, self.progress, collided,
+            path.edges, path.period, rules.rewards,
+        )  # fmt: skip
+        self.way += gained
+        self.progress += gained
         if self._is_at_goal():
-            reward, self.done = reward + rewards[1], True
+            reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
             self._physics.place(self.pose[:2])  # who walks may be in the way now
@@ -274,13 +277,3 @@ class Episode:
             return False
         dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
         return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)
-
-    def _move(self, distance: float, turn: float) -> bool:
-        noise = self._noise
-        noise_distance, noise_turn = self._motion.standard_normal(2).tolist()
-        sd_turn = noise.turn * abs(turn) + noise.drift * distance
-        heading = wrapped(self.pose[2] + turn + sd_turn * noise_turn)
-        driven = distance * (1 + noise.drive * noise_distance)
-        collided = self._physics.drive(driven, heading)
-        self.pose = (*self._physics.position, heading)
-        return collided

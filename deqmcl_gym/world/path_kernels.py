@@ -1,4 +1,4 @@
-"""The compiled geometry of a path, of driving along it, and of the task on it, in float64.
+"""The compiled rules of a drive: its noise, the geometry of a path, the task on it, in float64.
 
 A path is given by its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
 period: its length if it is closed, else ∞.
@@ -11,6 +11,34 @@ from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin
 from deqmcl_gym.numerics.types import Floats, Singles
 
 Actions = Singles
+
+
+@compiled
+def drawn(
+    heading: float,
+    distance: float,
+    turn: float,
+    normals: tuple[float, float],
+    noise: tuple[float, float, float],
+    reach: float,
+) -> tuple[float, float, float, float]:
+    """Return the heading, and the drive's length and vector, that a command brings about.
+
+    Args:
+        heading: before, in [-π, π).
+        distance, turn: the command.
+        normals: N(0, 1) for the drive and the turn.
+        noise: σ_dd, σ_φφ, σ_φd.
+        reach: a length that no drive can have without contact; a longer one would lose precision.
+    """
+    of_drive, of_turn, of_drift = noise
+    sd_turn = of_turn * abs(turn) + of_drift * distance
+    after = centred64(heading + turn + sd_turn * normals[1], TURN)
+    driven = distance * (1 + of_drive * normals[0])
+    way = abs(driven)
+    if way > reach:
+        way, driven = reach, np.copysign(reach, driven)
+    return after, way, driven * cos64(after), driven * sin64(after)
 
 
 @compiled
@@ -146,22 +174,33 @@ def once_round(length: float, radius: float) -> float:
 
 @compiled
 def judged(
-    gained: float, progress: float, collided: bool, goal: float, bonus: float, penalty: float
-) -> tuple[float, bool]:
-    """Return the reward of a step, and whether the task is done.
+    drive: tuple[float, float, float, float],
+    before: float,
+    progress: float,
+    collided: bool,
+    edges: Floats,
+    period: float,
+    rewards: tuple[float, float, float],
+) -> tuple[float, float, float, bool]:
+    """Return arc length and progress of a step, its reward, and whether the task is done.
 
     Progress beyond the goal does not count: the return of an episode is goal + bonus if it reaches
     the goal without contact, and less otherwise.
 
     Args:
-        gained: progress of the step.
-        progress: since reset, the step included.
+        drive: from (x, y) to (x, y).
+        before: arc length before it.
+        progress: since reset, until then.
         collided: whether a wall stopped the robot.
-        goal: progress at which the task is done; inf if it never is.
-        bonus: reward for being done.
-        penalty: for a contact.
+        edges, period: of the path.
+        rewards: progress at which the task is done, inf if it never is; the reward for that; the
+            penalty for a contact.
     """
+    from_x, from_y, x, y = drive
+    arc, gained = follow(from_x, from_y, x, y, before, edges, period)
+    goal, bonus, penalty = rewards
     reward = gained - penalty * collided
+    progress += gained
     if progress < goal:
-        return reward, False
-    return reward - (progress - goal) + bonus, True
+        return arc, gained, reward, False
+    return arc, gained, reward - (progress - goal) + bonus, True

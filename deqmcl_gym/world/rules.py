@@ -253,6 +253,12 @@ class RoomRules:
         return Commands(self.world.robot, self.world.floor_plan.unit)
 
     @cached_property
+    def noise(self) -> tuple[float, float, float]:
+        """σ_dd, σ_φφ and σ_φd of the motion."""
+        noise = self.world.noise
+        return float(noise.drive), float(noise.turn), float(noise.drift)
+
+    @cached_property
     def rewards(self) -> tuple[float, float, float]:
         """Progress at the goal, bonus there, and penalty for a contact, all as progress."""
         px, goal = self.world.pixel, math.inf  # a route is done at its goal instead

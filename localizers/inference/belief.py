@@ -52,6 +52,17 @@ class Events:
         return self.plus(skipped_beams=unusable, blind_scans=int(scan.beams == 0))
 
 
+@dataclass(frozen=True)
+class FilteredEvents(Events):
+    """Counts of a filter that chooses beams.
+
+    Attributes:
+        dropped_beams: usable beams that were left out.
+    """
+
+    dropped_beams: int = 0
+
+
 @dataclass(frozen=True, eq=False)
 class PlanReading(Memory):
     """What the latest plan said about the present.

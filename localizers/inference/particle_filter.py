@@ -8,10 +8,18 @@ import numpy as np
 
 from deqmcl_gym.validation import InputError
 from localizers.api import Motion
-from localizers.inference.belief import ParticleBelief, PlanReading
+from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
 from localizers.inference.futures import Move, Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import Action, Actions, Feasibility, Initial, Resampling, ScanModel
+from localizers.inference.parts import (
+    Action,
+    Actions,
+    BeamFilter,
+    Feasibility,
+    Initial,
+    Resampling,
+    ScanModel,
+)
 from localizers.inference.plan_evidence import Lookahead
 from localizers.inference.resampling import KeepsSampleSize, Selection, by_own_weight
 from localizers.inference.start import InformedStart, Injection, drawn
@@ -40,6 +48,7 @@ class ParticleFilter:
         lookahead: what the plan says about the present, where the future is not queued; None: the
             plan is not looked at.
         start: chooses the first particles among draws from the prior; None: all are taken.
+        beams: chooses the beams of a scan that are used; None: all are.
         tempering: sets the exponent of a scan's likelihood; None: 1, Bayes' rule.
         injection: mixes random poses into the belief, needs ``future`` = 0; None: none.
         detector: evidence for and against its beliefs at t = 0; None: none is kept.
@@ -59,6 +68,7 @@ class ParticleFilter:
     move: Move | None = None
     lookahead: Lookahead | None = None
     start: InformedStart | None = None
+    beams: BeamFilter | None = None
     tempering: KeepsSampleSize | None = None
     injection: Injection | None = None
     detector: LossDetector | None = None
@@ -88,6 +98,8 @@ class ParticleFilter:
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
         belief = drawn(prior, draws, self.dtype, plan, stream)
+        if self.beams is not None:
+            belief = belief._replace(events=FilteredEvents())
         if self.detector is not None:
             belief = belief.remembering(self.detector)
         if self.start is not None:
@@ -129,6 +141,10 @@ class ParticleFilter:
         if self.injection is not None:
             belief = self.injection(belief, plan, rng)
         # Reweight by the scan, and by what the plan says of the present
+        if self.beams is not None:
+            kept = self.beams.kept(belief.present, belief.log_weights, scan)
+            events = belief.events.plus(dropped_beams=scan.beams - kept.beams)
+            belief, scan = belief._replace(events=events), kept
         log_likelihood, power = self.scan.log_likelihood(belief.present, scan), 1.0
         if self.tempering is not None:
             power = self.tempering(belief.log_weights, log_likelihood)

@@ -25,7 +25,7 @@ from localizers.inference.bayes_filter import (
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import Memory, States
+from localizers.inference.parts import BeamFilter, Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
 from localizers.inference.start import Averages
@@ -39,7 +39,7 @@ from localizers.models.nav2_scan import (
 )
 from localizers.models.prior import random_poses
 from localizers.models.robot import RobotModel
-from localizers.models.scan import LidarScan, Scan
+from localizers.models.scan import LidarScan
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
@@ -159,7 +159,7 @@ class AdaptiveLocalizer:
         averages: WeightAverages,
         resampling: ResamplingTime,
         gate: UpdateGate,
-        skipping: BeamSkipping | None = None,
+        skipping: BeamFilter | None = None,
     ) -> None:
         """Make a localizer for ``robot`` from its parts; None: no beam is skipped."""
         self.robot = robot
@@ -192,9 +192,7 @@ class AdaptiveLocalizer:
         cloud = self._motion.sample(belief.present, since, now.rng)
         used = scan
         if now.converged and self._skipping is not None:
-            assert isinstance(self._scan, LikelihoodFieldProb)
-            kept = self._skipping.kept(self._scan, cloud, scan.ranges)
-            used = Scan.of(kept, self.robot.lidar.max_range)
+            used = self._skipping.kept(cloud, belief.log_weights, scan)
         weighed = belief._replace(queue=Queue((cloud,))).scanned(
             used, self._scan.log_likelihood(cloud, used), most=cloud.shape[1]
         )
@@ -311,6 +309,9 @@ def amcl(
         number(name, weight, low=0)
     if z_hit + z_rand <= 0:
         raise InputError(f"z_hit is {z_hit:g} and z_rand is {z_rand:g}: one must be above 0.")
+    number("beam_skip_distance", beam_skip_distance, low=0)
+    number("beam_skip_threshold", beam_skip_threshold, low=0, high=1)
+    number("beam_skip_error_threshold", beam_skip_error_threshold, low=0, high=1)
     plan, lidar = robot.floor_plan, robot.lidar
     metre = pixel(plan.unit) / pixel("m")  # in the map's unit
     alphas = {"alpha1": alpha1, "alpha2": alpha2, "alpha3": alpha3, "alpha4": alpha4}
@@ -319,11 +320,6 @@ def amcl(
         OMNI: scaled(OmniMotion(**alphas, alpha5=alpha5), metre),
         "robot": robot.motion,
     }
-    skipping = BeamSkipping(
-        distance=number("beam_skip_distance", beam_skip_distance, low=0) * metre,
-        threshold=beam_skip_threshold,
-        error_threshold=beam_skip_error_threshold,
-    )
     sigma = number("sigma_hit", sigma_hit, low=0, above=True) * metre
     scan: Nav2Scan
     if laser_model_type == "robot":
@@ -342,6 +338,12 @@ def amcl(
             rand=z_rand, max_beams=max_beams,
             cell=number("field_cell", field_cell, low=0, above=True) * metre,
         )  # fmt: skip
+    skipping = None
+    if do_beamskip and isinstance(scan, LikelihoodFieldProb):
+        skipping = BeamSkipping(
+            field=scan, distance=beam_skip_distance * metre, threshold=beam_skip_threshold,
+            error_threshold=beam_skip_error_threshold,
+        )  # fmt: skip
     return AdaptiveLocalizer(
         robot,
         motion=motions[robot_model_type],
@@ -358,7 +360,7 @@ def amcl(
         gate=UpdateGate(
             distance=number("update_min_d", update_min_d, low=0) * metre, angle=update_min_a
         ),
-        skipping=skipping if do_beamskip and laser_model_type == "likelihood_field_prob" else None,
+        skipping=skipping,
     )
 
 

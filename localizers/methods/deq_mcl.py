@@ -21,6 +21,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from deqmcl_gym.validation import integer, one_of
+from localizers.inference.beam_filters import beam_filter
 from localizers.inference.futures import Move, RenewedFuture, Sometimes, WhenResampled
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import ParticleFilter
@@ -30,7 +31,7 @@ from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan
 
 
-@method("particles", "resampler", "ess_threshold")
+@method("particles", "resampler", "ess_threshold", "beam_filter")
 def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL, of which all other members of the family are variations."""
     scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
@@ -39,6 +40,7 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
         scan=scan,
         resampling=shared.resampling,
         particles=shared.particles,
+        beams=beam_filter(shared.beam_filter, scan),
         detector=LossDetector.of(scan, robot.floor_plan),
     )
 

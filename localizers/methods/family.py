@@ -33,6 +33,8 @@ class Shared:
         particles: N.
         lag: L, how many past steps are smoothed, and how many planned steps are read.
         beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright.
+        beam_filter: which beams of a scan are used: "none", of the filters, all of them;
+            "distance", see ``DistanceFilter``; "entropy", see ``EntropyFilter``.
         resampler: "systematic", "stratified" or "multinomial".
         ess_threshold: resample only when the effective sample size is below this share of N;
             None resamples at every step, as the paper does.
@@ -50,6 +52,7 @@ class Shared:
     particles: int = 1000
     lag: int = 20
     beta: float = 10.0
+    beam_filter: str = "none"
     resampler: str = "systematic"
     ess_threshold: float | None = None
     plan_beta: float = 10.0

@@ -110,7 +110,8 @@ def mcl_plan(
     return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
 
 
-@method(*mcl_plan.takes)
+# without beam_filter: the two would be judged by different beams
+@method(*(name for name in mcl_plan.takes if name != "beam_filter"))
 def mcl_plan_hedged(
     robot: RobotModel,
     shared: Shared,

@@ -15,6 +15,8 @@ from deqmcl_gym.numerics.types import Floats, Singles
 
 Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
+_FEW = 64  # the same where much is kept for each
+_MOST_CUT = 512  # beams of which small shares are left out: 2^512 is 1e154
 _FOLD = 16  # beams multiplied before a logarithm is taken, …
 _LEAST, _MOST = 1e-19, 1e19  # … where densities lie between: so the product is a normal float64
 _FARTHEST = 39.0  # standard deviations: from there on the normal density is 0
@@ -151,6 +153,141 @@ def four_parts(
             logs64(product[:count], value[:count])
             for i in range(count):
                 total[i] += value[i]
+
+
+@compiled
+def latent_share(
+    ranges: Floats,
+    expected: Singles,
+    sigma: float,
+    counts: tuple[float, float],
+    floor: float,
+    low: float,
+    high: float,
+    atom: float,
+    out: Floats,
+) -> None:
+    """Fill in log ∫ Beta(u; a, b) Π_b ((1 - u) p_hit + u p_any) du for each pose.
+
+    Pólya's urn: after j beams of which k were unexplained, the next is with probability
+    (a + k) / (a + b + j). The probabilities of all k are carried from beam to beam.
+
+    Args:
+        ranges: o, (B,).
+        expected: ô, (B, n).
+        sigma: of p_hit, a normal density, and its mass beyond the ends of the range.
+        counts: a, b.
+        floor, low, high, atom: of p_any; see ``gaussian_uniform``.
+        out: (n,).
+    """
+    a, b = counts
+    beams, n = ranges.size, expected.shape[1]
+    rarest = min(a, b) / (a + b + beams)  # of an urn's draws
+    together = fold(rarest, 1.0)
+    # Left out are shares that no later beam can raise to 1e-40 of the whole, E[u^B] being at least
+    # rarest / 2^B: subnormal numbers would take ten times as long.
+    tiny, least = 1e-40 * rarest, 1e-200 if together > 1 and beams <= _MOST_CUT else 0.0
+    few = min(n, _FEW)
+    urn = np.empty((beams + 1, few))
+    hit, miss, part, power = np.empty(few), np.empty(few), np.empty(few), np.empty(few)
+    for start in range(0, n, few):
+        end = min(start + few, n)
+        found = out[start:end]
+        found[:] = 0.0
+        urn[:] = 0.0
+        urn[0] = 1.0
+        for j in range(beams):
+            measured, row = ranges[j], expected[j, start:end]
+            if (measured <= low) | (measured >= high):
+                at_low = measured <= low
+                _mass_beyond(row, low if at_low else high, at_low, sigma, part, power, hit)
+                _shares(atom, tiny, hit, miss, part, found)
+            else:
+                _bell(row, measured, sigma, part, power, hit)
+                for i in range(end - start):
+                    hit[i] = _scaled(hit[i], power[i]) / (sigma * _SQRT_2PI)
+                _shares(floor, tiny, hit, miss, part, found)
+            _drawn(a, b, j, hit, miss, urn)
+            if (j + 1) % together == 0 or j + 1 == beams:
+                _emptied(urn[: j + 2], least, miss, part, found)
+
+
+@compiled
+def _shares(
+    other: float, tiny: float, hit: Floats, miss: Floats, part: Floats, total: Floats
+) -> None:
+    """Divide p_hit by p_hit + p_any, whose log is added to ``total``; fill in p_any so divided.
+
+    Quotients of p_hit below ``tiny`` become 0.
+    """
+    count = total.size
+    for i in range(count):
+        miss[i] = hit[i] + other
+    logs64(miss[:count], part[:count])
+    for i in range(count):
+        total[i] += part[i]
+        share = hit[i] / miss[i]
+        hit[i] = 0.0 if share < tiny else share
+        miss[i] = other / miss[i]
+
+
+@compiled
+def _drawn(a: float, b: float, j: int, hit: Floats, miss: Floats, urn: Floats) -> None:
+    """Turn probabilities of k unexplained of j beams, the rows, into those of j + 1 beams."""
+    each, count = 1.0 / (a + b + j), hit.size
+    for k in range(j + 1, 0, -1):
+        here, before = urn[k], urn[k - 1]
+        stays, turns = (b + (j - k)) * each, (a + (k - 1)) * each
+        for i in range(count):
+            here[i] = here[i] * stays * hit[i] + before[i] * turns * miss[i]
+    for i in range(count):
+        urn[0, i] *= (b + j) * each * hit[i]
+
+
+@compiled
+def _emptied(urn: Floats, least: float, sums: Floats, part: Floats, total: Floats) -> None:
+    """Divide probabilities of all k, (K, n), by their sums, whose logs are added to ``total``.
+
+    Quotients below ``least`` become 0.
+    """
+    count = total.size
+    sums[:] = 0.0
+    for k in range(urn.shape[0]):
+        for i in range(count):
+            sums[i] += urn[k, i]
+    logs64(sums[:count], part[:count])
+    for i in range(count):
+        total[i] += part[i]
+        sums[i] = 1.0 if sums[i] == 0.0 else 1.0 / sums[i]
+    for k in range(urn.shape[0]):
+        for i in range(count):
+            share = urn[k, i] * sums[i]
+            urn[k, i] = 0.0 if share < least else share
+
+
+@compiled
+def shorter(
+    ranges: Floats, expected: Singles, weights: Floats, sigma: float, max_range: float, out: Floats
+) -> None:
+    """Fill in Σ w Φ((ô - o_b) / σ) for each beam, ô at most ``max_range``.
+
+    Args:
+        ranges: o, (B,).
+        expected: ô, no NaN, (B, n).
+        weights: with sum 1, (n,).
+        sigma, max_range: see above.
+        out: (B,).
+    """
+    n = weights.size
+    seen, value, part, power = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for beam in range(ranges.size):
+        for i in range(n):
+            ahead = np.float64(expected[beam, i])
+            seen[i] = max_range if ahead > max_range else ahead
+        _mass_beyond(seen, ranges[beam], False, sigma, part, power, value)
+        out[beam] = 0.0
+        for i in range(n):
+            out[beam] += weights[i] * value[i]
 
 
 @compiled

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Protocol, final
 
@@ -78,17 +79,17 @@ class _HitOrAnything(_Tempered):
 
     def least_density(self, max_range: float) -> float:
         """Return the least density or mass of a beam far from its expected range."""
-        floor, *_, atom = self._anything(max_range)
+        floor, *_, atom = self.anything(max_range)
         return float(min(floor, atom) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         out = np.empty(len(expected))
-        hit, anything = 1 - self.uniform, self._anything(max_range)
+        hit, anything = 1 - self.uniform, self.anything(max_range)
         beam_kernels.gaussian_uniform(ranges, expected.T, self.sigma, hit, *anything, out)
         return self.power * out
 
-    def _anything(self, max_range: float) -> tuple[float, float, float, float]:
+    def anything(self, max_range: float) -> tuple[float, float, float, float]:
         """Return the uniform share's density, the ends of the range, and its mass at either.
 
         -inf, inf and inf where the ends have no mass.
@@ -138,11 +139,12 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        floor, *_, atom = self._anything(max_range)
+        floor, *_, atom = self.anything(max_range)
         density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
         return density**self.power
 
-    def _anything(self, max_range: float) -> tuple[float, float, float, float]:
+    def anything(self, max_range: float) -> tuple[float, float, float, float]:
+        """As ``_HitOrAnything`` has it, with masses."""
         step = max_range / _STEPS
         floor = self.uniform / (max_range + 2 * step)
         return floor, 0.0, max_range, step * floor
@@ -240,12 +242,64 @@ class BeamModel(_Tempered):
         return seen + sigma * shift, sigma**2 * spread / self.power
 
 
-AnyBeamModel = GaussianUniform | CensoredGaussianUniform | BeamModel
+@final
+@dataclass(frozen=True, kw_only=True)
+class LatentShare(_Tempered):
+    """The CensoredGaussianUniform of a scan whose share of unexplained beams is unknown.
+
+    p(o | ô) = ∫ Beta(u) Π_b ((1 - u) p_hit(o_b | ô_b) + u p_any(o_b)) du: a crowd hides many beams
+    of one scan and none of the next. u is summed out exactly. Of one beam it is a
+    ``CensoredGaussianUniform``; of several, each unexplained beam makes the next one likelier.
+
+    Attributes:
+        sigma: σ > 0, in the map's unit.
+        uniform: E[u], the mean share of beams that read any range.
+        concentration: c > 0: u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike are scans,
+            and in the limit u is E[u] in all.
+    """
+
+    sigma: float = field(default=100.0, metadata=LENGTH)
+    uniform: float = 0.05
+    concentration: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self._beam  # which checks sigma and uniform
+        number("scan.concentration", self.concentration, low=0, above=True)
+
+    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
+        """Density of each measured range by itself; a scan's is not their product, (n, B)."""
+        return self._beam.density(ranges, expected, max_range)
+
+    def least_density(self, max_range: float) -> float:
+        """Return a bound: E[u^B] ≥ E[u]^B, so B beams are never below its B-th power."""
+        return self._beam.least_density(max_range)
+
+    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
+        """Mean and variance of a beam that hits the expected wall, (n, B) each."""
+        return self._beam.hit_moments(expected, max_range)
+
+    def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
+        """Log p(o | ô) of the whole scan for each pose, (n,)."""
+        out = np.empty(len(expected))
+        c, u = float(self.concentration), float(self.uniform)
+        counts = c * u, c * (1 - u)
+        anything = replace(self._beam, uniform=1.0).anything(max_range)
+        beam_kernels.latent_share(ranges, expected.T, self.sigma, counts, *anything, out)
+        return self.power * out
+
+    @cached_property
+    def _beam(self) -> CensoredGaussianUniform:
+        return CensoredGaussianUniform(sigma=self.sigma, uniform=self.uniform, power=self.power)
+
+
+AnyBeamModel = GaussianUniform | CensoredGaussianUniform | BeamModel | LatentShare
 BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
     {
         "gaussian-uniform": GaussianUniform,
         "censored-gaussian-uniform": CensoredGaussianUniform,
         "beam-model": BeamModel,
+        "latent-share": LatentShare,
     }
 )
 

@@ -306,29 +306,27 @@ class BeamSkipping:
     Source: likelihood_field_model_prob.cpp.
 
     Attributes:
+        field: where beams end.
         distance: in the map's unit.
         threshold, error_threshold: shares of the particles and of the beams.
     """
 
+    field: LikelihoodFieldProb
     distance: float
     threshold: float
     error_threshold: float
 
-    def __post_init__(self) -> None:
-        number("beam_skip_distance", self.distance, low=0)
-        number("beam_skip_threshold", self.threshold, low=0, high=1)
-        number("beam_skip_error_threshold", self.error_threshold, low=0, high=1)
-
-    def kept(self, field: _Field, states: Singles, ranges: Floats) -> Floats:
-        """Return the scan (B,) with NaN for the beams that the cloud (3, n) leaves out."""
-        counted = np.flatnonzero(field.informative(ranges))
-        near = field.squares(states, ranges) < (self.distance / field.table.frame[-1]) ** 2
+    def kept(self, states: Singles, log_weights: Floats, scan: Scan) -> Scan:
+        """Return the scan without the beams that the cloud (3, n), by its numbers, leaves out."""
+        field = self.field
+        counted = field.informative(scan.ranges)
+        near = field.squares(states, scan.ranges) < (self.distance / field.table.frame[-1]) ** 2
         agreeing = near.sum(axis=1) / states.shape[1] > self.threshold
         if field.max_beams - int(agreeing.sum()) >= field.max_beams * self.error_threshold:
-            return ranges
-        kept = ranges.copy()
-        kept[counted[~agreeing]] = np.nan
-        return kept
+            return scan
+        left_out = np.zeros(counted.size, np.bool_)
+        left_out[counted] = ~agreeing
+        return scan.without(left_out)
 
 
 @final

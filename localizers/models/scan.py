@@ -43,6 +43,11 @@ class Scan(NamedTuple):
         usable = np.empty(ranges.size, np.bool_)
         return cls(ranges, usable, _mark_usable(ranges, max_range, usable))
 
+    def without(self, left_out: Bools) -> "Scan":
+        """Return this scan with no measurement by the beams left out, (B,)."""
+        usable = self.usable & ~left_out
+        return Scan(np.where(left_out, np.nan, self.ranges), usable, int(usable.sum()))
+
 
 @compiled
 def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
@@ -87,13 +92,17 @@ class LidarScan:
             return np.concatenate([self.log_likelihood(block, scan) for block in blocks])
         if scan.beams == 0:
             return np.zeros(n)
+        return self.weighed(*self.compared(states, scan))
+
+    def compared(self, states: Singles, scan: Scan) -> tuple[Floats, Singles]:
+        """Usable ranges, (B,), and the exact ones at each pose (3, n), NaN outside, (B, n)."""
         measured, bearings = scan.ranges, self._bearings
         if scan.beams < measured.size:
             measured, bearings = measured[scan.usable], bearings[scan.usable]
-        expected = np.empty((measured.size, n), np.float32)
+        expected = np.empty((measured.size, states.shape[1]), np.float32)
         poses = np.ascontiguousarray(self.lidar.origins(states), dtype=np.float32)
         self.floor_plan.caster.cast(poses, bearings, expected)
-        return self.weighed(measured, expected)
+        return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
         """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""

@@ -1,12 +1,14 @@
-"""The power of the scan model: beams that are wrong together tell less than they seem to."""
+"""What is fitted to part of a log: the parts of the beam model, and the power of scans."""
 
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import test_yardstick
+from refusals import refused
 
-from benchmarks.replay.calibration import LEVEL, PART, calibrated
+from benchmarks.replay.calibration import LEVEL, PART, beams_of, calibrated, with_fitted_beams
 from benchmarks.replay.command import sweep_of
 from benchmarks.replay.options import replay_of
 from benchmarks.trials.attempt import attempt
@@ -56,3 +58,39 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
     told = {"every": "0.1m,5deg", "start": "1.5,1.6,0"}
     blind = replay_of(folder / "blind.npz", folder / "hall.yaml", **told)
     assert calibrated(blind) == blind
+
+
+def test_fitted_beams_are_those_that_made_the_log_and_are_told_as_they_can_be_given_again(folder):
+    """Short readings in a tenth of the beams; shares are right to √(z (1 - z) / k), σ to σ / √(2k).
+
+    At 5 standard errors; beyond the hall's walls nothing is seen, so the largest range is not.
+    """
+    rng, log = np.random.default_rng(3), test_yardstick.recorded(0, laps=2)
+    people = rng.random(log.ranges.shape) < 0.1
+    ranges = np.where(people, log.ranges * rng.uniform(0.0, 0.9, people.shape), log.ranges)
+    logs.write(replace(log, ranges=ranges), folder / "people.npz")
+    told = {"every": "0.1m,5deg"}
+    replay = replay_of(folder / "people.npz", folder / "hall.yaml", **told)
+    found = with_fitted_beams(replay)
+    beam, count = found.scenario.scan, math.ceil(PART * len(replay.log))
+    k = count * replay.log.scanner.beams
+    # a tenth of the hits' width on either side of a wall is in reach of what stands before it
+    assert beam.hit == pytest.approx(0.9, abs=5 * math.sqrt(0.09 / k) + 0.005)
+    assert beam.sigma == pytest.approx(0.03, rel=5 / math.sqrt(2 * 0.9 * k) + 0.02)
+    words = found.beams.partition("--scan ")[2].partition(" ")[0]
+    again = replay_of(folder / "people.npz", folder / "hall.yaml", scan=words, **told)
+    assert again.scenario.scan == beam
+    assert found.scenario.judged == count
+    assert beams_of(replay.log, replay.scenario.recording()[1]).readings > 3 * k
+    powered = calibrated(found)  # by the same part of the log
+    assert powered.scenario.scan == replace(beam, power=powered.scenario.scan.power)
+    with refused("--fit-beams is given with scan.decay, scan.hit"):
+        with_fitted_beams(again)
+
+
+def test_beams_cannot_be_fitted_without_enough_of_a_reference(replay, folder):
+    few = replace(replay, world=replay.world | {"length": 250})
+    with refused("--fit-beams needs 100 records with a reference"):
+        with_fitted_beams(few)
+    with refused("has no reference, from which beams could be fitted"):
+        beams_of(replace(replay.log, reference=None), replay.scenario.recording()[1])

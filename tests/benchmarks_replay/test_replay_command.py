@@ -376,6 +376,8 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--motion", "alpha1=-1"), "alpha1 is -1"),
         (("--scan", "power=0"), "scan.power"),
         (("--scan", "kind=sonar"), "kind of scan"),
+        (("--fit-beams", "--scan", "sigma=0.1"), "given with scan.sigma"),
+        (("--fit-beams",), "--fit-beams needs 100 records"),
         (("--max-beams", "0"), "max_beams"),
         (("--particles", "0"), "--particles"),
         (("--seeds", "0"), "--seeds"),

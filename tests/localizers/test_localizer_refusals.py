@@ -16,6 +16,7 @@ from localizers import (
     CensoredGaussianUniform,
     GaussianPrior,
     GaussianUniform,
+    LatentShare,
     OdometryMotion,
     RobotModel,
     UniformPrior,
@@ -23,7 +24,7 @@ from localizers import (
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 NAN, INF = math.nan, math.inf
-SCANS = (GaussianUniform, CensoredGaussianUniform, BeamModel)
+SCANS = (GaussianUniform, CensoredGaussianUniform, BeamModel, LatentShare)
 CLOSED_FORM = ("ekf", "grid", "mcl-h")
 NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
 RNG = np.random.default_rng
@@ -82,6 +83,7 @@ RNG = np.random.default_rng
         ("amcl", {"max_beams": 1}, "max_beams is 1"),
         ("amcl", {"do_beamskip": 1}, "do_beamskip is 1"),
         ("amcl", {"beam_skip_threshold": 1.5}, "beam_skip_threshold is 1.5"),
+        ("mcl", {"beam_filter": "distances"}, "did you mean 'distance'"),
         ("mcl-map", {"scan_keep": 1.5}, "scan_keep"),
         ("mcl-map", {"recovery_alpha_fast": 2.0}, "recovery_alpha_fast"),
         ("mcl-map", {"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
@@ -109,6 +111,8 @@ BAD_MODELS = [
     *((model, {"sigma": 0}, ("scan.sigma is 0", "above 0.")) for model in SCANS),
     (GaussianUniform, {"uniform": 1.1}, ("scan.uniform is ", "from 0 to 1.")),
     (CensoredGaussianUniform, {"uniform": -0.1}, ("scan.uniform is ", "from 0 to 1.")),
+    (LatentShare, {"uniform": 1.1}, ("scan.uniform is ", "from 0 to 1.")),
+    (LatentShare, {"concentration": 0}, ("scan.concentration is 0", "above 0.")),
     *((GaussianUniform, {"power": bad}, ("scan.power is ",)) for bad in (0, 1.1, -1, NAN)),
     (BeamModel, {"hit": 0.9}, ("must add up to 1",)),
     (BeamModel, {"rand": -0.1}, ("scan.rand is -0.1",)),

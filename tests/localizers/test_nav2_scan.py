@@ -205,27 +205,59 @@ def skipping_case(error_threshold: float):
     scan[[2, 5, 7]] = 0.3
     states = np.zeros((3, 20), np.float32)
     states[0], states[1] = 2.025, 2.0
-    skipping = BeamSkipping(distance=0.5, threshold=0.3, error_threshold=error_threshold)
-    return field, skipping, states, scan
+    skipping = BeamSkipping(
+        field=field, distance=0.5, threshold=0.3, error_threshold=error_threshold
+    )
+    return skipping, states, scan
+
+
+def kept(skipping, states, ranges):
+    """The ranges that are left of a scan."""
+    scan = Scan.of(ranges, skipping.field.lidar.max_range)
+    left = skipping.kept(states, np.zeros(states.shape[1]), scan)
+    assert left.beams == np.isfinite(left.ranges).sum() == left.usable.sum()
+    return left.ranges
 
 
 def test_beams_with_which_few_particles_agree_are_skipped_unless_too_many_would_be():
-    field, skipping, states, scan = skipping_case(0.4)
+    skipping, states, scan = skipping_case(0.4)
     expected = scan.copy()
     expected[[2, 5, 7]] = np.nan
-    np.testing.assert_array_equal(skipping.kept(field, states, scan), expected)
+    np.testing.assert_array_equal(kept(skipping, states, scan), expected)
     states[0, :6] = 2.725  # 6 of 20, not more than 30 %, agree with the short beams
-    np.testing.assert_array_equal(skipping.kept(field, states, scan), expected)
+    np.testing.assert_array_equal(kept(skipping, states, scan), expected)
     states[0, 6] = 2.725  # 7 of 20 do
-    np.testing.assert_array_equal(skipping.kept(field, states, scan), scan)
-    field, skipping, states, scan = skipping_case(0.3)  # 3 of 10 are as many as may be lost
-    np.testing.assert_array_equal(skipping.kept(field, states, scan), scan)
+    np.testing.assert_array_equal(kept(skipping, states, scan), scan)
+    skipping, states, scan = skipping_case(0.3)  # 3 of 10 are as many as may be lost
+    np.testing.assert_array_equal(kept(skipping, states, scan), scan)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_beams_are_skipped_as_a_plain_transcription_of_the_definition_has_it(seed):
+    rng = np.random.default_rng(seed)
+    threshold, error_threshold = rng.uniform(0, 1, 2)
+    skipping, _, scan = skipping_case(error_threshold)
+    skipping = replace(skipping, threshold=threshold, distance=rng.choice([0.1, 0.5, 1.0]))
+    scan[rng.integers(10, size=3)] = rng.choice([0.3, 0.8, np.nan, 10.0], 3)
+    states = np.zeros((3, 20), np.float32)
+    states[0], states[1] = rng.uniform(1.2, 2.8, 20), rng.uniform(1.5, 2.5, 20)
+    wall = 3.025  # the centres of the column of occupied cells, of 0.05 m
+    agreed = []
+    for range_, bearing in zip(scan, skipping.field.lidar.bearings, strict=True):
+        agreeing = 0
+        for x in states[0].astype(float):
+            end = math.floor((x + range_ * math.cos(bearing)) / 0.05) if range_ < 10.0 else -999
+            agreeing += abs(0.05 * (end + 0.5) - wall) < skipping.distance - 1e-9
+        agreed.append(range_ < 10.0 and agreeing / 20 > threshold)
+    too_many = 10 - sum(agreed) >= 10 * error_threshold
+    expected = scan if too_many else np.where(np.array(agreed) | ~(scan < 10.0), scan, np.nan)
+    np.testing.assert_array_equal(kept(skipping, states, scan), expected)
 
 
 def test_a_beam_without_a_return_counts_as_skipped():
-    field, skipping, states, scan = skipping_case(0.4)
+    skipping, states, scan = skipping_case(0.4)
     scan[0] = np.nan  # three disagree, one is lost: four of ten
-    np.testing.assert_array_equal(skipping.kept(field, states, scan), scan)
+    np.testing.assert_array_equal(kept(skipping, states, scan), scan)
 
 
 @pytest.mark.parametrize("model", [LikelihoodField, LikelihoodFieldProb, BeamCubes])

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import LARGEST, InputError
-from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform
+from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
 from localizers.models.beams import beam_model
 from localizers.models.scan import LidarScan, Scan, ScanTable
 
 MAX = 400.0
-MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]
+MODELS = [GaussianUniform, CensoredGaussianUniform, BeamModel]  # products over beams
+ALL = [*MODELS, LatentShare]
 
 
 def phi(z: float) -> float:
@@ -44,7 +45,7 @@ def integral(model, expected: float) -> float:
     return total
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", ALL)
 def test_a_beam_with_nothing_in_its_way_is_one_whose_wall_is_far_beyond_the_limit(model):
     """At 1e6 px, 1e5 standard deviations beyond the limit, no normal is left in float64."""
     ranges, nothing = np.array([0.0, 3.0, 200.0, MAX]), np.full((2, 4), np.inf)
@@ -121,6 +122,7 @@ def test_beam_models_are_made_by_name():
     assert beam_model("gaussian-uniform") == GaussianUniform()
     assert beam_model("censored-gaussian-uniform", sigma=5) == CensoredGaussianUniform(sigma=5)
     assert beam_model("beam-model", hit=0.7, max=0.15) == BeamModel(hit=0.7, max=0.15)
+    assert beam_model("latent-share", concentration=9) == LatentShare(concentration=9)
     with pytest.raises(InputError, match=r"unknown beam model 'beam': did you mean 'beam-model'\?"):
         beam_model("beam")
     with pytest.raises(
@@ -129,7 +131,7 @@ def test_beam_models_are_made_by_name():
         beam_model("beam-model", sigm=3.0)
 
 
-@pytest.mark.parametrize("model", [model() for model in MODELS])
+@pytest.mark.parametrize("model", [model() for model in ALL])
 def test_lengths_in_another_unit_are_the_same_model(model):
     measured, expected = np.array([0.0, 90.0, 399.0, 400.0]), np.array([[20, 100, 250, 500]])
     in_px = model.density(measured, expected.astype(float), MAX)
@@ -141,7 +143,7 @@ def test_lengths_in_another_unit_are_the_same_model(model):
         assert in_m[:, :3] * 0.02 == pytest.approx(in_px[:, :3], rel=1e-12)
 
 
-@pytest.mark.parametrize("model", [model() for model in MODELS])
+@pytest.mark.parametrize("model", [model() for model in ALL])
 def test_nan_in_a_scan_or_among_the_exact_ranges_is_no_likelihood(model):
     expected = np.array([[100.0, 50.0], [100.0, np.nan], [np.nan, 50.0]], np.float32)
     told = model.log_likelihood(np.array([90.0, 60.0]), expected, MAX)
@@ -285,14 +287,14 @@ def scan_models(draw) -> LidarScan:
     floor_plan, max_range = draw(maps()), draw(sizes(1e-3, 400.0, LARGEST))
     lidar = Lidar(beams=draw(st.integers(1, 80)), field_of_view=6.0, max_range=max_range)
     sigma, share = draw(sizes(1e-30, 1.0, 100.0, LARGEST)), draw(SHARES)
-    kind = draw(st.sampled_from(["gaussian", "censored", "beam"]))
+    kind = draw(st.sampled_from(["gaussian", "censored", "beam", "latent"]))
     if kind == "beam":
         short, largest = share * draw(SHARES), draw(st.sampled_from([0.0, 0.5])) * (1 - share)
         rest = {"short": short, "max": largest, "rand": share - short}
         beam = BeamModel(sigma=sigma, hit=1 - sum(rest.values()), **rest)
     else:
-        model = GaussianUniform if kind == "gaussian" else CensoredGaussianUniform
-        beam = model(sigma=sigma, uniform=share)
+        own = {"gaussian": GaussianUniform, "censored": CensoredGaussianUniform}
+        beam = own.get(kind, LatentShare)(sigma=sigma, uniform=share)
     return LidarScan(floor_plan=floor_plan, lidar=lidar, beam=beam)
 
 
@@ -331,7 +333,7 @@ def test_no_pose_outside_is_likelier_than_one_inside_whatever_model_scan_and_num
     assert (within >= beyond[0] - 1e-12 * abs(np.nan_to_num(beyond[0], neginf=0.0))).all()
 
 
-@pytest.mark.parametrize("beam", [GaussianUniform(), CensoredGaussianUniform(), BeamModel()])
+@pytest.mark.parametrize("beam", [model() for model in ALL])
 @given(used=st.integers(0, 80), lost=st.integers(0, 80))
 def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
     room, beam, used, lost

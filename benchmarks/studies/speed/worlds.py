@@ -122,7 +122,7 @@ def _trial(name: str) -> Figure:
     what = f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time"
     ours = Side("world, localizer and scores", partial(trial_job, name, localizer_only=False))
     share = Side("its localizer's share", partial(trial_job, name, localizer_only=True))
-    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share, 2.0)
+    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share)
 
 
 _STEPS = "environment steps, resets included"
@@ -136,15 +136,8 @@ _CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CA
 FIGURES = (
     _trial("mcl"),
     _trial("deq-mcl"),
-    Figure("env_vs_cartpole", _STEPS, "steps/s", _SINGLE, _CARTPOLE, 0.5),
-    Figure(
-        "env_40_people",
-        "environment steps in an office, without resets",
-        "µs/step",
-        _PEOPLE,
-        _NOBODY,
-        2.0,
-    ),
-    Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES, 1.2),
+    Figure("env_vs_cartpole", _STEPS, "steps/s", _SINGLE, _CARTPOLE),
+    Figure("env_40_people", _IN_OFFICE, "µs/step", _PEOPLE, _NOBODY, 2.0),
+    Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES),
     Figure("vector1024_vs_single", _STEPS, "steps/s", _rooms(MANY), _SINGLE),
 )

@@ -1,0 +1,222 @@
+"""Which beams of a scan a belief uses, where the world is not its map: people, moved furniture.
+
+Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments" (before:
+Fox, Burgard, Thrun & Cremers 1998): two filters that judge each beam by the belief before the scan.
+A filter that drops what the belief does not expect cannot find out that the belief is wrong: the
+robot must be localized when it starts, and what is counted as evidence (quality, recovery) is that
+of the beams kept.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import exp64, log64
+from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.validation import InputError, number, one_of
+from localizers.beliefs import best_cluster
+from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
+from localizers.inference.weights import largest, normalized
+from localizers.models import beam_kernels
+from localizers.models.scan import LidarScan, Scan
+
+JUDGES = 512  # particles, evenly spaced, by which beams are judged
+
+
+def judging(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
+    """Return at most ``JUDGES`` of the particles, evenly spaced, and their weights, with sum 1.
+
+    Of particles that all weigh 0 the weights are equal.
+    """
+    stride = (log_weights.size - 1) // JUDGES + 1
+    some = np.ascontiguousarray(log_weights[::stride])
+    if not some.max() > -np.inf:
+        some = np.zeros(some.size)
+    return states[:, ::stride], normalized(some)
+
+
+def left_out(scan: Scan, dropped: Any) -> Scan:
+    """Return the scan without the usable beams that are dropped, (b,)."""
+    beams = np.zeros(scan.ranges.size, np.bool_)
+    beams[scan.usable] = dropped
+    return scan.without(beams)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistanceFilter:
+    """Drop a beam if P(o is shorter than the map says) > γ under the belief.
+
+    P = Σ w Φ((ô - o) / σ), ô at most the largest range: people and what is new stand in front of
+    the walls. Longer readings, as of removed walls, are never dropped. While the belief is spread
+    over several places nothing is, as what is short from one place is not from another.
+
+    Fox, Burgard & Thrun 1999; in 1998 the novelty filter.
+
+    Attributes:
+        scan: p(o | x, m), whose beams have a σ.
+        share: γ.
+        localized: the least share of the belief in its ``best_cluster`` for beams to be dropped.
+    """
+
+    scan: LidarScan
+    share: float = 0.99
+    localized: float = 0.9
+
+    def __post_init__(self) -> None:
+        number("share", self.share, low=0, high=1)
+        number("localized", self.localized, low=0, high=1)
+        if not hasattr(self.scan.beam, "sigma"):
+            kind = type(self.scan.beam).__name__
+            raise InputError(
+                f"the beam model is of type {kind}, without sigma, but the distance filter "
+                "compares ranges by it: give another beam model or another filter."
+            )
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return the scan without the beams that are too short; see ``BeamFilter``."""
+        poses, weights = judging(states, log_weights)
+        unit = self.scan.floor_plan.unit
+        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < self.localized:
+            return scan
+        dropped = self.shorter(poses, weights, scan) > self.share
+        return left_out(scan, dropped) if dropped.any() else scan
+
+    def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
+        """P(o is shorter than the map says) of each usable beam under weighted poses (3, n), (b,).
+
+        Poses outside say nothing; if all are, it is 0.
+        """
+        sigma: float = self.scan.beam.sigma  # type: ignore[attr-defined]
+        measured, expected = self.scan.compared(poses, scan)
+        inside = ~np.isnan(expected[0])
+        total = float(weights[inside].sum())
+        if total == 0.0:
+            return np.zeros(measured.size)
+        chance, shares = np.empty(measured.size), weights[inside] / total
+        max_range = self.scan.lidar.max_range
+        beam_kernels.shorter(measured, expected[:, inside], shares, sigma, max_range, chance)
+        return chance
+
+
+Places = Callable[[States], Indices]  # the place of each state, as a number from 0
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Places are cells of size × size × turn.
+
+    Attributes:
+        size: in the map's unit.
+        turn: rad, a whole part of the circle.
+    """
+
+    size: float
+    turn: float = 2 * np.pi / 72
+
+    def __call__(self, poses: States) -> Indices:
+        """Return the cell of each pose (3, n), numbered from 0, (n,)."""
+        x, y = (np.floor(np.asarray(poses[i], np.float64) / self.size) for i in (0, 1))
+        sector = np.floor((arrays.wrapped(poses[2]) + np.pi) / self.turn)
+        sectors = round(2 * np.pi / self.turn)
+        x, y = x - x.min(), y - y.min()
+        cell = (x * (y.max() + 1) + y) * sectors + sector % sectors  # whole, as float64
+        return np.unique(cell, return_inverse=True)[1].reshape(-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EntropyFilter:
+    """Drop a beam if it raises the belief's entropy: what does not confirm the belief.
+
+    H = -Σ p log p over places, before and after the one beam. Each is judged by itself. Where the
+    belief is one place, no beam changes it and all are kept.
+
+    Fox, Burgard & Thrun 1999, whose places are the cells of a grid.
+
+    Attributes:
+        scan: p(o | x, m).
+        places: of the states.
+    """
+
+    scan: LidarScan
+    places: Places
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return the scan without the beams that raise the entropy; see ``BeamFilter``."""
+        if scan.beams == 0:
+            return scan
+        poses, weights = judging(states, log_weights)
+        dropped = self.raises(poses, weights, scan)
+        return left_out(scan, dropped) if dropped.any() else scan
+
+    def raises(self, poses: States, weights: Weights, scan: Scan) -> Any:
+        """Whether each usable beam raises the entropy of weighted poses (3, n), (b,)."""
+        measured, expected = self.scan.compared(poses, scan)
+        logs = np.empty((measured.size + 1, weights.size))
+        logs[0] = 0.0  # no beam
+        for beam in range(measured.size):
+            one = slice(beam, beam + 1)
+            logs[1 + beam] = self.scan.weighed(measured[one], expected[one])
+        found = np.empty(len(logs))
+        place = self.places(poses)
+        entropies(logs, weights, place, np.zeros(int(place.max()) + 1), found)
+        return ~(found[1:] <= found[0] + _EQUAL)
+
+
+_EQUAL = 1e-12  # nats: entropies of different sums of the same
+
+
+@compiled
+def entropies(
+    log_factors: Floats, weights: Floats, places: Indices, masses: Floats, out: Floats
+) -> None:
+    """Fill in -Σ p log p over places for each row of factors; inf if no weight is left by it.
+
+    Args:
+        log_factors: of the weights, (k, n).
+        weights: (n,).
+        places: numbers from 0, (n,).
+        masses: overwritten, one for each place.
+        out: (k,).
+    """
+    for row in range(out.size):
+        top = largest(log_factors[row])
+        masses[:] = 0.0
+        total, logs = 0.0, 0.0
+        for i in range(weights.size if top > -np.inf else 0):
+            mass = weights[i] * exp64(log_factors[row, i] - top)
+            masses[places[i]] += mass
+            total += mass
+        for place in range(masses.size):
+            if masses[place] > 0.0:
+                logs += masses[place] * log64(masses[place])
+        out[row] = log64(total) - logs / total if total > 0.0 else np.inf
+
+
+def _distance(scan: LidarScan) -> BeamFilter:
+    return DistanceFilter(scan=scan)
+
+
+def _entropy(scan: LidarScan) -> BeamFilter:
+    return EntropyFilter(scan=scan, places=Cells(5 * pixel(scan.floor_plan.unit)))
+
+
+_FILTERS: dict[str, Callable[[LidarScan], BeamFilter] | None] = {
+    "none": None,
+    "distance": _distance,
+    "entropy": _entropy,
+}
+
+
+def beam_filter(name: str, scan: LidarScan) -> BeamFilter | None:
+    """Return the filter of a name for a scan model; None for "none".
+
+    Raises:
+        InputError: no such filter, or it needs what the beam model lacks.
+    """
+    made = _FILTERS[one_of("beam_filter", name, _FILTERS)]
+    return None if made is None else made(scan)
