@@ -120,6 +120,40 @@ def _paper_200(scenario: str) -> str:
     return table(f"{head}in walls:{more}", rows)
 
 
+def _paper_words() -> str:
+    columns = ("{wall_share:.2p} %", "{wall_step_share:.2p} %", "{outlier_share:.1p} %")
+    rows = [
+        [
+            f"`{found['method']}`",
+            OFFSETS[int(found["offset"])],
+            *(filled(c, found) for c in columns),
+        ]
+        for found in read("paper-200/paper")
+        if int(found["offset"]) <= 0 and found["method"] != "dead-reckoning"
+    ]
+    return table("method | of | in walls: | came through walls: | more than 50 px off:", rows)
+
+
+COSTS = {  # R, k
+    "collisions only": {},
+    "20 px, 0.2 / px": {"inflation_radius": 20.0, "cost_scaling_factor": 0.2},
+    "40 px, 0.2 / px": {"inflation_radius": 40.0, "cost_scaling_factor": 0.2},
+    "40 px, 0.05 / px": {"inflation_radius": 40.0, "cost_scaling_factor": 0.05},
+}
+
+
+def _graded_map() -> str:
+    places = [(r, s) for r in ("graded-map/rooms", "graded-map/wall") for s in ("guided", "paper")]
+    error = "{error:.1f} [{error_low:.1f}, {error_high:.1f}]"
+    rows = [
+        [f"`{method}`", label, *(filled(error, row(r, s, method, 300, **c)) for r, s in places)]
+        for method in ("mcl-map", "deq-mcl", "mcl-plan")
+        for label, c in COSTS.items()
+    ]
+    head = "method | a step costs up to $R$, falls by $k$ | `guided`, in the middle: | `paper`:"
+    return table(f"{head} | `guided`, along the wall: | `paper`:", rows)
+
+
 def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object]]]) -> str:
     inside = ["{coverage_50:.0p} %", "{coverage_95:.0p} %"]
     late = [*inside, "{nees:.1f} ({nees_low:.1f} to {nees_high:.1f})"]
@@ -241,6 +275,8 @@ TABLES = {
     "paper-200, paper": lambda: _paper_200("paper"),
     "paper-200, matched": lambda: _paper_200("matched"),
     "paper-200, sharp": lambda: _paper_200("sharp"),
+    "paper-200, words": _paper_words,
+    "graded-map": _graded_map,
     "plan-sensor, guided": lambda: _every_method("guided", IN_GUIDED),
     "plan-sensor, paper": lambda: _every_method("paper", IN_PAPER),
     "matched-sharp": _no_harm,
