@@ -5,7 +5,7 @@ poses; those of a lost one are everywhere. So a place counts only where beams fr
 contradict the map, and more of them than agree with it. Unknown cells say nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -55,7 +55,8 @@ class Fit:
 
     def _share(self, which: Bools) -> Floats:
         with np.errstate(invalid="ignore"):
-            return (which & self.returned).sum(axis=1) / self.returned.sum(axis=1)
+            found = (which & self.returned).sum(axis=1) / self.returned.sum(axis=1)
+        return np.asarray(found)
 
 
 def known_part(floor_plan: Map) -> Map:
@@ -79,7 +80,7 @@ def fit_of(floor_plan: Map, lidar: Lidar, poses: Reals, ranges: Reals) -> Fit:
     """
     near, turn = _NEARBY[0] * metre(floor_plan.unit), _NEARBY[1]
     steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
-    expected = np.stack([_cast(floor_plan, lidar, poses + step) for step in steps])
+    expected = np.stack([cast(floor_plan, lidar, poses + step) for step in steps])
     returned = np.isfinite(ranges) & (ranges < lidar.max_range)
     clear = CLEAR * metre(floor_plan.unit)
     short = returned & (ranges < expected.min(axis=0) - clear)
@@ -88,7 +89,8 @@ def fit_of(floor_plan: Map, lidar: Lidar, poses: Reals, ranges: Reals) -> Fit:
     return Fit(expected[0], returned, short, long)
 
 
-def _cast(floor_plan: Map, lidar: Lidar, poses: Reals) -> Reals:
+def cast(floor_plan: Map, lidar: Lidar, poses: Reals) -> Reals:
+    """Return the ranges of a robot's lidar by a map, (n, B)."""
     return floor_plan.ranges(lidar.origins(poses.T).T, lidar.bearings)
 
 
@@ -140,7 +142,7 @@ class Lattice:
         """Return which cells have one of four points inside at which this holds, (k,)."""
         centres = self.centres(np.arange(self.size))
         quarters = 0.25 * self.cell * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-        return np.any([holds(centres + off) for off in quarters], axis=0)
+        return np.asarray(np.any([holds(centres + off) for off in quarters], axis=0))
 
     def groups(self, marked: Bools) -> Ints:
         """Number groups of marked cells, at most one cell apart, from 1 on; 0: not marked."""
@@ -169,7 +171,7 @@ class Evidence:
     def share(self, kind: str) -> Floats:
         """Share of the beams at each cell that contradict the map, (k,)."""
         both = self.against[kind] + self.agreed[kind]
-        return self.against[kind] / np.maximum(both, 1)
+        return np.asarray(self.against[kind] / np.maximum(both, 1))
 
     def wrong(self, kind: str) -> Bools:
         """Whether several beams contradict the map at a cell, and no more agree, (k,)."""
@@ -360,69 +362,3 @@ def _place(evidence: Evidence, kind: str, at: Indices, poses: int) -> Place:
     width, height = (np.ptp(centres, axis=0) + lattice.cell).tolist()
     beams, agreed = int(evidence.against[kind][at].sum()), int(evidence.agreed[kind][at].sum())
     return Place(kind, x, y, width, height, at.size, beams, poses, beams / (beams + agreed), at)
-
-
-@dataclass(frozen=True)
-class Recovered:
-    """How well places tell changes of a map that are known.
-
-    Attributes:
-        changes: groups of cells at which the maps differ.
-        in_view: of them, those that exact scans of the true map, from the same poses, contradict
-            from as many poses as a place needs.
-        found: of these, those with a place of their kind within 0.3 m.
-        places: all places.
-        right: of them, those within 0.3 m of a change of their kind.
-    """
-
-    changes: int
-    in_view: int
-    found: int
-    places: int
-    right: int
-
-
-def recovered(scans: Scans, places: Sequence[Place], true: Map) -> Recovered:
-    """Return how well the places found tell where the map differs from the true one.
-
-    Args:
-        scans: compared with the map that is wrong.
-        places: found by them.
-        true: the map as it is there.
-    """
-    given, lattice = scans.known, scans.evidence.lattice
-    own = replace(
-        scans, poses=(poses := scans.poses[scans.used]), ranges=_seen(scans, true, poses)
-    )
-    changed = {
-        HIT: lattice.any_of(lambda points: given.free(points) & _is_wall(true, points)),
-        THROUGH: lattice.any_of(lambda points: _is_wall(given, points) & ~_is_wall(true, points)),
-    }
-    wide = np.ones((7, 7), np.uint8)  # 0.3 m on all sides
-    totals = np.zeros(5, np.intp)
-    for kind, marked in changed.items():
-        labels = lattice.groups(marked)
-        around = cv2.dilate(labels.reshape(lattice.shape).astype(np.float32), wide).ravel()
-        cell, pose = own.evidence.seen[kind].T
-        pairs = np.unique(np.column_stack([around[cell], pose])[cell >= 0], axis=0)
-        poses_of = np.bincount(pairs[:, 0].astype(np.intp), minlength=labels.max() + 1)
-        visible = set(np.flatnonzero(poses_of >= LEAST_POSES).tolist()) - {0}
-        ours = [set(around[place.at].astype(int)) - {0} for place in places if place.kind == kind]
-        met = set().union(*ours)
-        numbers = np.unique(labels[labels > 0])
-        totals += (numbers.size, len(visible), len(visible & met), len(ours), sum(map(bool, ours)))
-    return Recovered(*totals.tolist())
-
-
-def _is_wall(floor_plan: Map, points: Floats) -> Bools:
-    """Whether points are known to be no free space, (n,)."""
-    if isinstance(floor_plan, GridMap):
-        floor_plan = replace(floor_plan, unknown="free")
-    return ~floor_plan.free(points)
-
-
-def _seen(scans: Scans, true: Map, poses: Reals) -> Reals:
-    """Return exact scans of the true map, of the beams that had a return."""
-    exact = _cast(known_part(true), scans.lidar, poses)
-    return np.where(scans.fit.returned[scans.used], exact, np.inf)
-
