@@ -140,10 +140,10 @@ class Residuals:
                 *lattice.centres(cells).T,
                 _MARKS[kind],
                 color=colors[_COLORS[kind]],
-                markersize=max(lattice.cell * per_length, 1.8),
+                markersize=max(lattice.cell * per_length, 2.2),
                 markeredgewidth=0,
-                label=kind,
             )
+            axes.plot([], [], _MARKS[kind], color=colors[_COLORS[kind]], label=kind)
         for number, place in enumerate(self.places[:_LISTED], 1):
             axes.annotate(
                 str(number), (place.x, place.y), (5, 5), textcoords="offset points", size=8
@@ -158,7 +158,7 @@ class Residuals:
             name="residuals",
             title=HEADING,
             caption=f"Numbers: the {min(len(self.places), _LISTED)} largest places, as in the "
-            "table below."
+            "table."
             if self.places
             else "No place was found.",
             alt="The map, with the cells that were hit in free space or seen through",
