@@ -5,6 +5,7 @@ poses; those of a lost one are everywhere. So a place counts only where beams fr
 contradict the map, and more of them than agree with it. Unknown cells say nothing.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +26,8 @@ _APART = 0.5  # m between poses that count as different ones
 LEAST_POSES = 3
 LEAST_SHARE = 0.5  # of the beams that reach a cell, those that contradict the map
 _LEAST_BEAMS, _LEAST_CELLS = 2, 2
-EXPLAINED = 0.5  # of a scan's returns, in scans that are used: the robot is not lost
+EXPLAINED = 0.75  # of the returns of a scan and most scans around it: the robot is not lost
+_AROUND = 10  # scans before and after
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,7 @@ class Scans:
     Attributes:
         floor_plan: the map; its unknown cells are left out of all.
         lidar: that took the scans.
-        poses: of the robot, (n, 3).
+        poses: of the robot, one after the other, (n, 3).
         ranges: (n, B).
     """
 
@@ -232,9 +234,16 @@ class Scans:
 
     @cached_property
     def used(self) -> Bools:
-        """Whether so many returns of a scan are explained that the robot is not lost, (n,)."""
-        with np.errstate(invalid="ignore"):
-            return self.fit.explained >= EXPLAINED
+        """Whether so much is explained around a scan that the robot is not lost, (n,).
+
+        By the median of 21 scans: the robot passes a place where the map is wrong, but stays lost.
+        """
+        own = self.fit.explained
+        padded = np.pad(own, _AROUND, constant_values=np.nan)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # no return in any of them
+            return np.asarray(np.nanmedian(windows, axis=1) >= EXPLAINED)
 
     @cached_property
     def evidence(self) -> Evidence:
