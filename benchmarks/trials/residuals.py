@@ -20,9 +20,10 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Reals
 
 HIT, THROUGH = "hit in free space", "seen through"
 CLEAR = 0.2  # m by which a reading differs from all that the map says from poses nearby
+_SIGMAS = 3.0  # of the lidar's noise, if that is more
 _NEARBY = (0.1, np.radians(2.0))  # m, rad: how far off a pose of a robot that is localized may be
 _CELL = 0.1  # m, or a cell of the map if that is larger
-_APART = 0.5  # m between poses that count as different ones
+APART = 0.5  # m between poses that count as different ones
 LEAST_POSES = 3
 LEAST_SHARE = 0.5  # of the beams that reach a cell, those that contradict the map
 _LEAST_BEAMS, _LEAST_CELLS = 2, 2
@@ -68,27 +69,39 @@ def known_part(floor_plan: Map) -> Map:
     return floor_plan
 
 
-def fit_of(floor_plan: Map, lidar: Lidar, poses: Reals, ranges: Reals) -> Fit:
-    """Return how scans fit a map.
+class Expected(NamedTuple):
+    """What a map says that a robot sees from poses, and from poses near them, (n, B) each.
 
-    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: it is
-    compared with what the map says from there, too.
+    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside.
 
-    Args:
-        floor_plan: the map, as of ``known_part``.
-        lidar: that took the scans.
-        poses: of the robot, (n, 3).
-        ranges: (n, B); those at the largest range or without a number are no returns.
+    Attributes:
+        here: the ranges from the poses; ∞ where only unknown cells or nothing is met.
+        least, most: from all poses nearby.
+        clear: by how much a reading must be outside to contradict the map.
+        farthest: ranges from here on are no returns.
     """
-    near, turn = _NEARBY[0] * metre(floor_plan.unit), _NEARBY[1]
-    steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
-    expected = np.stack([cast(floor_plan, lidar, poses + step) for step in steps])
-    returned = np.isfinite(ranges) & (ranges < lidar.max_range)
-    clear = CLEAR * metre(floor_plan.unit)
-    short = returned & (ranges < expected.min(axis=0) - clear)
-    with np.errstate(invalid="ignore"):
-        long = returned & (ranges > expected.max(axis=0) + clear)
-    return Fit(expected[0], returned, short, long)
+
+    here: Reals
+    least: Reals
+    most: Reals
+    clear: float
+    farthest: float
+
+    @classmethod
+    def of(cls, floor_plan: Map, lidar: Lidar, poses: Reals) -> "Expected":
+        """Return what is expected at poses (n, 3) on a map, as of ``known_part``."""
+        length = metre(floor_plan.unit)
+        near, turn = _NEARBY[0] * length, _NEARBY[1]
+        steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
+        seen = np.stack([cast(floor_plan, lidar, poses + step) for step in steps])
+        clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
+        return cls(seen[0], seen.min(axis=0), seen.max(axis=0), clear, lidar.max_range)
+
+    def fit(self, ranges: Reals) -> Fit:
+        """Return how scans, (n, B) or one, (B,), fit; readings without a number are no returns."""
+        returned = np.broadcast_to(np.isfinite(ranges) & (ranges < self.farthest), self.here.shape)
+        short = returned & (ranges < self.least - self.clear)
+        return Fit(self.here, returned, short, returned & (ranges > self.most + self.clear))
 
 
 def cast(floor_plan: Map, lidar: Lidar, poses: Reals) -> Reals:
@@ -112,9 +125,9 @@ class Lattice:
     shape: tuple[int, int]
 
     @classmethod
-    def over(cls, floor_plan: Map) -> "Lattice":
-        """Return cells of 0.1 m, or of the map's resolution if that is coarser."""
-        cell = _CELL * metre(floor_plan.unit)
+    def over(cls, floor_plan: Map, metres: float = _CELL) -> "Lattice":
+        """Return cells of so many m, or of the map's resolution if that is coarser."""
+        cell = metres * metre(floor_plan.unit)
         if isinstance(floor_plan, GridMap):
             cell = max(cell, floor_plan.resolution)
         x0, y0, x1, y1 = floor_plan.bounds
@@ -162,7 +175,7 @@ class Evidence:
         lattice: the cells.
         against: by kind, ``HIT`` and ``THROUGH``: beams that contradict the map at a cell, (k,).
         agreed: by kind, those that agree: passed a free cell, ended at a wall, (k,).
-        seen: by kind, the cell and the pose (one of those ``_APART``) of each beam against, (j, 2).
+        seen: by kind, the cell and the pose (one of those ``APART``) of each beam against, (j, 2).
     """
 
     lattice: Lattice
@@ -230,7 +243,7 @@ class Scans:
     @cached_property
     def fit(self) -> Fit:
         """How each beam fits it."""
-        return fit_of(self.known, self.lidar, self.poses, self.ranges)
+        return Expected.of(self.known, self.lidar, self.poses).fit(self.ranges)
 
     @cached_property
     def used(self) -> Bools:
@@ -249,13 +262,11 @@ class Scans:
     def evidence(self) -> Evidence:
         """What the scans that are used say of each cell."""
         lattice, used, fit = Lattice.over(self.floor_plan), self.used, self.fit
-        origins = self.lidar.origins(self.poses[used].T)
-        angles = np.add.outer(origins[2].astype(np.float64), self.lidar.bearings)
-        rays = _Rays(lattice, origins[0], origins[1], angles)
+        rays = Rays.of(lattice, self.lidar, self.poses[used])
         ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
         returned, short, long = fit.returned[used], fit.short[used], fit.long[used]
         clear = CLEAR * metre(self.floor_plan.unit)
-        pose = _poses_apart(self.poses[used], _APART * metre(self.floor_plan.unit))[:, None]
+        pose = _poses_apart(self.poses[used], APART * metre(self.floor_plan.unit))[:, None]
         ends = rays.points(ranges)
         inside = short & self.known.free(np.column_stack([p.ravel() for p in ends])).reshape(
             short.shape
@@ -284,8 +295,8 @@ class Scans:
         )
 
 
-class _Rays(NamedTuple):
-    """Rays over cells.
+class Rays(NamedTuple):
+    """Rays over cells, of a scan from each of n poses.
 
     Attributes:
         lattice: the cells.
@@ -297,6 +308,12 @@ class _Rays(NamedTuple):
     x: Reals
     y: Reals
     angles: Floats
+
+    @classmethod
+    def of(cls, lattice: Lattice, lidar: Lidar, poses: Reals) -> "Rays":
+        """Return the rays of a robot's lidar at poses (n, 3)."""
+        x, y, heading = lidar.origins(poses.T)
+        return cls(lattice, x, y, np.add.outer(heading.astype(np.float64), lidar.bearings))
 
     def points(self, ranges: Reals) -> tuple[Floats, Floats]:
         """Return the point on each ray so far away, (n, B) each; NaN for ∞."""

@@ -10,7 +10,7 @@ from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
 from benchmarks.trials.known_changes import recovered
-from benchmarks.trials.residuals import CLEAR, HIT, THROUGH, Scans, fit_of, known_part, places_of
+from benchmarks.trials.residuals import CLEAR, HIT, THROUGH, Expected, Scans, known_part, places_of
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 
@@ -77,7 +77,7 @@ def test_what_is_wrong_on_the_true_map_too_is_no_change_but_told_apart(lap, wron
 
 
 def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
-    hall, log = lap
+    _, log = lap
     assert places_of(scans_of(wrong, log).evidence)
     still = log.of_records(np.full(200, 30))
     assert places_of(scans_of(wrong, still).evidence) == []
@@ -103,29 +103,31 @@ def test_a_reading_is_short_or_long_beyond_what_all_poses_nearby_see_and_else_ex
     hall, log = lap
     known = known_part(hall)
     pose, lidar = log.reference[:1], log.scanner
-    own = fit_of(known, lidar, pose, known.ranges(lidar.origins(pose.T).T, lidar.bearings))
-    assert own.explained[0] == 1
-    exact = own.expected
+    expected = Expected.of(known, lidar, pose)
+    exact = expected.here
+    np.testing.assert_array_equal(
+        exact, known.ranges(lidar.origins(pose.T).T, lidar.bearings), strict=True
+    )
+    assert expected.fit(exact).explained[0] == 1
     # beyond what any pose 0.1 m off sees along a wall that is met head on
     least, most = exact - CLEAR - 0.1 - 1e-3, exact + CLEAR + 0.1 + 1e-3
     ahead = int(np.argmin(exact))  # the nearest wall is met head on
-    assert fit_of(known, lidar, pose, least).short[0, ahead]
-    assert fit_of(known, lidar, pose, most).long[0, ahead]
-    nothing = fit_of(known, lidar, pose, np.full_like(exact, np.inf))
+    assert expected.fit(least).short[0, ahead]
+    assert expected.fit(most).long[0, ahead]
+    nothing = expected.fit(np.full_like(exact, np.inf))
     assert not nothing.returned.any()
     assert np.isnan(nothing.explained[0])
 
 
 def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    hall, log = lap
+    _, log = lap
     wrong.save("wrong.yaml")
     logs.Trajectory(log.times, log.reference).write("lap.tum")
     logs.write(replace(log, reference=None), "lap.csv")
-    words = (
-        "replay lap.csv --map wrong.yaml --reference lap.tum --every 0.1m,5deg --localizers mcl "
-        "--scan sigma=0.05 --particles 1000 --seeds 1 --jobs 1 --out o"
-    ).split()
+    log_and_map = ["lap.csv", "--map", "wrong.yaml", "--reference", "lap.tum", "--out", "o"]
+    how = ["--every", "0.1m,5deg", "--scan", "sigma=0.05", "--seeds", "1", "--jobs", "1"]
+    words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
     assert main([*words, "--residuals"]) == 0
     said = capsys.readouterr().out
     lines = list(csv.DictReader((tmp_path / "o/residuals.csv").open(encoding="utf-8")))
