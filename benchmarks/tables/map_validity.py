@@ -19,6 +19,7 @@ WRONG = 0.1  # of the returns: if more contradict the map at the true pose, it i
 QUESTIONS = {
     "lost": "lost, against all other steps",
     "wrong": "the map is wrong here, against all other steps",
+    "wrong_localized": "the map is wrong here, of localized steps",
     "which": "lost, against steps that are localized where the map is wrong",
 }
 _RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large in trouble
@@ -74,5 +75,7 @@ def _steps(runs: Sequence[Mapping[str, Floats]], question: str, name: str) -> St
     known = ~np.isnan(values) & ~np.isnan(wrong) & ~np.isnan(off)
     if question == "which":
         known &= (off > 0) | (wrong > WRONG)
-    yes = wrong > WRONG if question == "wrong" else off > 0
+    if question == "wrong_localized":
+        known &= off == 0
+    yes = wrong > WRONG if question.startswith("wrong") else off > 0
     return (-values if name in _RISING else values)[known], yes[known]

@@ -16,9 +16,10 @@ from benchmarks.trials.residuals import (
     Scans,
     cast,
     known_part,
+    occupied_part,
     places_of,
 )
-from deqmcl_gym.maps import GridMap, Map
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
 _WIDE = np.ones((7, 7), np.uint8)  # 0.3 m on all sides
@@ -92,9 +93,7 @@ def _marked(lattice: Lattice, points: Sequence[Floats]) -> NDArray[np.uint8]:
 
 def _is_wall(floor_plan: Map, points: Floats) -> Bools:
     """Whether points are known to be no free space, (n,)."""
-    if isinstance(floor_plan, GridMap):
-        floor_plan = replace(floor_plan, unknown="free")
-    return ~floor_plan.free(points)
+    return ~occupied_part(floor_plan).free(points)
 
 
 def _seen(scans: Scans, true: Map, poses: Reals) -> Reals:

@@ -69,6 +69,11 @@ def known_part(floor_plan: Map) -> Map:
     return floor_plan
 
 
+def occupied_part(floor_plan: Map) -> Map:
+    """Return a map whose unknown cells are free: all solid ones are known to be."""
+    return replace(floor_plan, unknown="free") if isinstance(floor_plan, GridMap) else floor_plan
+
+
 class Expected(NamedTuple):
     """What a map says that a robot sees from poses, and from poses near them, (n, B) each.
 
@@ -271,7 +276,9 @@ class Scans:
         inside = short & self.known.free(np.column_stack([p.ravel() for p in ends])).reshape(
             short.shape
         )
-        off_walls = self.known.distance(np.column_stack([p[inside] for p in ends]))
+        off_walls = occupied_part(self.floor_plan).distance(
+            np.column_stack([p[inside] for p in ends])
+        )
         inside[inside] = off_walls > clear
         hits = rays.cells(ranges)
         walls = rays.cells(expected + 0.25 * lattice.cell)  # just inside the wall
