@@ -29,8 +29,7 @@ _ROOT = 30  # of the randomness: the poses are the same for every trial on a map
 def differs(room: Any) -> bool:
     """Whether an env's world is made to differ from its map."""
     world = getattr(room, "world", None)
-    parts = ("clutter", "changed_walls", "people", "glass")
-    return any(getattr(world, part, None) is not None for part in parts)
+    return world is not None and bool(world.differs_from_map)
 
 
 class MapSignals:

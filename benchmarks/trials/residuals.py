@@ -98,7 +98,8 @@ class Expected(NamedTuple):
         length = metre(floor_plan.unit)
         near, turn = _NEARBY[0] * length, _NEARBY[1]
         steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
-        seen = np.stack([cast(floor_plan, lidar, poses + step) for step in steps])
+        around = (steps[:, None] + poses).reshape(-1, 3)  # one call: a step of a trial has one pose
+        seen = cast(floor_plan, lidar, around).reshape(len(steps), len(poses), -1)
         clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
         return cls(seen[0], seen.min(axis=0), seen.max(axis=0), clear, lidar.max_range)
 
