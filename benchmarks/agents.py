@@ -24,6 +24,7 @@ _AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
 _LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
 _STEP = 10.0  # px: 0.2 m
 _OFF = 25.0  # px: so far from its way a robot plans another one
+_LOOK_ROUND = np.array([0.0, math.radians(15)], np.float32)  # where nothing is believed
 _BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it drives on
 
 
@@ -177,7 +178,9 @@ class OnEstimate:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action of a plan from the mean pose, and the rest of that plan."""
-        self.pose = mean_pose(*_points(belief))
+        if (seen := _points(belief)) is None:
+            return _LOOK_ROUND, None
+        self.pose = mean_pose(*seen)
         self.arc = self._plan.course.path.arc(self.pose[:2])
         planned, count = self._plan.after(self)
         return planned[0], planned[1 : max(count, 1)]
@@ -220,7 +223,9 @@ class ToGoal:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action towards the goal, and those after it."""
-        self.pose = best_cluster(*_points(belief), unit=self._map.unit).mean
+        if (seen := _points(belief)) is None:
+            return _LOOK_ROUND, None
+        self.pose = best_cluster(*seen, unit=self._map.unit).mean
         if info["collided"]:
             turn, step = self._world.lap.turn, self._world.lap.step
             turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
@@ -292,10 +297,10 @@ def _in_the_building(robot: RobotModel) -> World:
     )
 
 
-def _points(belief: Belief) -> tuple[Reals, Floats]:
+def _points(belief: Belief) -> tuple[Reals, Floats] | None:
+    """Return the poses and weights of the present; None if there is nothing to plan from."""
     points = belief.points()
-    assert points is not None, "a belief has points of the present"
-    return points
+    return None if points is None or len(points[0]) == 0 else points
 
 
 AGENTS: Mapping[str, Callable[..., Agent]] = MappingProxyType(
