@@ -239,6 +239,11 @@ class World:
     people: People | None = None
     glass: Glass | None = None
 
+    @property
+    def differs_from_map(self) -> bool:
+        """Whether anything is there, or may be, that is not on the map."""
+        return any((self.clutter, self.changed_walls, self.people, self.glass))
+
     def __post_init__(self) -> None:
         if self.route is not None and self.lap.waypoints is not None:
             raise InputError(
