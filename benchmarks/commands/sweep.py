@@ -73,7 +73,7 @@ def _share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
-def _stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
+def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
     """Return the sweeps with what the options say of when they stop.
 
     Raises:
@@ -144,7 +144,7 @@ def _swept(options: argparse.Namespace) -> str:
     with shared.checking():
         named = sweeps_named(options.suite, added)
         driven = {part: shared.with_agents(own, options.agents) for part, own in named.items()}
-        sweeps = _stopping(options, shared.changed(options, driven))
+        sweeps = stopping(options, shared.changed(options, driven))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():

@@ -121,7 +121,7 @@ def sweep_of(
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
         "assumed": Changes.told("assumed", given.get("assumed", {})),
-        "params": Changes.told("params", given.get("params", {})),
+        "params": _params(Changes.told("params", given.get("params", {})), folder),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         "limits": tuple(_limit(one, folder) for one in limits),
@@ -147,7 +147,7 @@ def _refuse_idle(sweep: Sweep) -> None:
 def _method(entry: Any, folder: Path | None, what: str = "an entry of localizers") -> Method:
     named = Named.told(what, entry)
     name = _localizer("name of a localizer", named.name, folder)
-    return Method(name=name, params=named.params)
+    return Method(name=name, params=_params(named.params, folder))
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
@@ -173,6 +173,10 @@ def _until_decided(table: Any) -> UntilDecided | None:
     return UntilDecided(**known)
 
 
+def _params(given: Changes, folder: Path | None) -> Changes:
+    return given if folder is None else given.beside(folder, changes.OF_LOCALIZERS)
+
+
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
     """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
     name = changes.text(what, value)
@@ -196,10 +200,13 @@ def _axis(table: Any, folder: Path | None) -> Axis:
             return absolute_scenario(value, folder or Path())
         if name == "agent":
             return absolute_agent(Named.told(name, value), folder or Path()).json()
-        if name.startswith("agent."):
+        if folder is None or name.startswith("agent."):
             return value
+        if name.startswith("params."):
+            key = name.removeprefix("params.")
+            return _params(Changes({key: value}), folder)[key]
         key = name.removeprefix("world.")
-        return value if folder is None else Changes({key: value}).beside(folder)[key]
+        return Changes({key: value}).beside(folder)[key]
 
     listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
     return Axis(

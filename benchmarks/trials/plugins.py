@@ -46,7 +46,7 @@ def provenance_of(
         digests[trial.scenario] = setup(trial.scenario)
         if trial.agent is not None:
             digests[trial.agent.name] = agent_digest(trial.agent.name)
-        digests |= {path: file_digest(path) for path in trial.world.files}
+        digests |= {path: file_digest(path) for path in trial.files}
     plug_ins = {name: digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 

@@ -33,7 +33,7 @@ class Provenance(Struct, frozen=True, dict=True):
         code: see ``code_digest``.
         libraries: versions by name.
         plug_ins: digests by name of localizers, scenarios and agents that are not ours, and of
-            the files of worlds.
+            the files of worlds and localizers.
     """
 
     code: str
@@ -43,7 +43,7 @@ class Provenance(Struct, frozen=True, dict=True):
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
         agent = () if trial.agent is None else (trial.agent.name,)
-        names = (trial.localizer, trial.scenario, *trial.world.files, *agent)
+        names = (trial.localizer, trial.scenario, *trial.files, *agent)
         used = [self.plug_ins.get(name, "") for name in names]
         return trial.key("".join([self._shared, *used]))
 
